@@ -1,7 +1,5 @@
 """From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import suppress

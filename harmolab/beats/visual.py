@@ -1,7 +1,5 @@
 """Motion to visual beats: turning points of the joint speed (Eq. 7-9), its valleys or peaks, and motion SD."""
 
-from __future__ import annotations
-
 from weakref import WeakKeyDictionary
 
 import numpy as np

@@ -3,8 +3,6 @@
 Nothing here fails on a file: one that cannot be read becomes a row that says why.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`harmolab play`: a motion and its music as one page that plays anywhere."""
 
-from __future__ import annotations
-
 import webbrowser
 from dataclasses import replace
 from pathlib import Path

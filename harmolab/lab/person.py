@@ -8,8 +8,6 @@ and Contini 1966, in Winter, "Biomechanics and motor control"). Skeletons withou
 drawn as sticks, those without bones as dots.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -20,8 +20,6 @@ the pelvis, y from the floor, in the body's frame that faces +z (63); their 6-D 
 The vectors hold no rate. HumanML3D itself is at 20 frames per second, other data written this way is not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

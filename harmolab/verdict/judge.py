@@ -23,8 +23,6 @@ The doors of scoring: a motion or a clip in, its score by the settings out, with
 The paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from textwrap import shorten

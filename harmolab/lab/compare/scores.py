@@ -15,8 +15,6 @@ sphere). A clip's score is how high its beats rank among all its moments by w f:
 mean of f at the beats alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -94,8 +92,8 @@ class ScoreTable:
     sizes: IntArray
     hits: dict[str, FloatArray]
     other_hits: dict[str, FloatArray]
-    fitted: dict[str, FittedScore]
-    lags: PeakLags
+    fitted: dict[str, "FittedScore"]
+    lags: "PeakLags"
 
     def at(self, origins: IntArray) -> dict[str, Scores]:
         """Every score with true and with wrong music where the music of each clip begins so many tenths of a beat late.
@@ -156,7 +154,7 @@ class FittedScore:
     is_placed : (n,) bool array: the place of "one" is known
     """
 
-    parts: tuple[PatternScores, ...]
+    parts: tuple["PatternScores", ...]
     sequences: IntArray
     is_placed: BoolArray
 
@@ -383,7 +381,7 @@ class DiscriminantLessons:
     usable: BoolArray
 
     @classmethod
-    def of(cls, batch: FitBatch, usable: BoolArray) -> DiscriminantLessons:
+    def of(cls, batch: FitBatch, usable: BoolArray) -> "DiscriminantLessons":
         """The lessons of the m clips of a batch; one without moments teaches nothing."""
         lags, features = TENTHS * batch.cycle, batch.fits.shape[1]
         sums = np.zeros((batch.sizes.size, lags, features))

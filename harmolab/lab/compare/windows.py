@@ -11,8 +11,6 @@ pattern's coefficients, so the correlations with each harmonic are kept and a ne
 begins elsewhere multiplies a clip's Fourier sums by a phase, so patterns are learnt anew by addition.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -98,7 +96,7 @@ class FitBatch:
     sizes: IntArray
 
     @classmethod
-    def of(cls, curves: Sequence[FloatArray], cycle: int) -> FitBatch:
+    def of(cls, curves: Sequence[FloatArray], cycle: int) -> "FitBatch":
         """The batch of n curves of `cycle_curve`, of one signal."""
         sizes = np.array([curve.size for curve in curves], np.int64)
         fits = np.zeros((sizes.size, 2 * cycle, max(sizes.max(initial=0), cycle * MOMENTS)))
@@ -179,7 +177,7 @@ class Lessons:
     usable: BoolArray
 
     @classmethod
-    def of(cls, sums: Sequence[PatternSums | None], usable: BoolArray, cycle: int) -> Lessons:
+    def of(cls, sums: Sequence[PatternSums | None], usable: BoolArray, cycle: int) -> "Lessons":
         """The lessons of m clips; one without sums teaches nothing."""
         rows = [np.zeros(cycle, complex) if one is None else one.sums for one in sums]
         both = np.stack([np.real(rows), -np.imag(rows)], axis=-1)

@@ -1,7 +1,5 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

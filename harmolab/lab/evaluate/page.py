@@ -1,7 +1,5 @@
 """The page of an evaluation, and all its files written in one go."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Pictures of strong and weak beats and of the meter units they are grouped into (Fig. 6, Eq. 22)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import MappingProxyType
 

@@ -1,7 +1,5 @@
 """The corpus lab: the scores of many clips with their own and with wrong music, and the AUC, while sliders move."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
@@ -117,7 +115,7 @@ class Corpus:
         return np.array([np.median(np.diff(track.times)) if len(track) > 1 else 0.0 for track in self.music])
 
     @classmethod
-    def of(cls, clips: Sequence[Clip]) -> Corpus:
+    def of(cls, clips: Sequence[Clip]) -> "Corpus":
         """Beats and movement of clips with motion, read once for every mode.
 
         Raises

@@ -1,7 +1,5 @@
 """The beat-detector lab: the moments that are visual beats, and the curve from which they are read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -4,8 +4,6 @@ Python reads the evidence (beats, strengths, curves) once; the script beside thi
 move of a slider. In JupyterLab, Python learns of the settings afterwards, so that they can be read and copied.
 """
 
-from __future__ import annotations
-
 import base64
 import html
 import json
@@ -493,7 +491,7 @@ class Stage:
     source: str = ""
 
     @classmethod
-    def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
+    def of(cls, clip: Clip, pattern: BarPattern | None = None) -> "Stage":
         """The segment that a clip's music and motion share, with its `music_beats`.
 
         Raises

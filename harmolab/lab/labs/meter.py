@@ -1,7 +1,5 @@
 """The meter lab: strong beats, and the meter units they are grouped into (Sec. 4.1, Eq. 22)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

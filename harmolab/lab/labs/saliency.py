@@ -1,7 +1,5 @@
 """The saliency lab: which beats a listener or viewer would notice (Eq. 10-13)."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

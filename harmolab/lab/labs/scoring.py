@@ -1,7 +1,5 @@
 """The scoring lab: every choice of the harmony score at work on one clip, beats that can be dragged, and the sound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -10,8 +10,6 @@ beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its met
 last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, Self
 

@@ -11,8 +11,6 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 ==========================  ==================================================================
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle, islice
 from math import prod

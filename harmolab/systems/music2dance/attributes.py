@@ -3,8 +3,6 @@
 Its classes are dances, or groups of dances: no one sorted songs by mood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, Self
@@ -92,12 +90,12 @@ class AttributeParams:
             raise ValueError("rate, window and hop must be of a size that a song can be heard in")
 
     @classmethod
-    def paper(cls) -> AttributeParams:
+    def paper(cls) -> "AttributeParams":
         """As printed."""
         return cls()
 
     @classmethod
-    def recommended(cls) -> AttributeParams:
+    def recommended(cls) -> "AttributeParams":
         """Batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates an epoch."""
         return cls(batch_size=8)
 
@@ -197,13 +195,13 @@ class SongWindows:
     def __len__(self) -> int:
         return len(self.music)
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> SongWindows:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "SongWindows":
         """The windows at `indices` that fall to process `rank` of `world`."""
         rows = indices[rank::world].to(self.music.device)
         return SongWindows(self.music[rows], self.label[rows])
 
     @classmethod
-    def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> SongWindows:
+    def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> "SongWindows":
         """All windows of some songs."""
         parts = [song_windows(song.music, params) for song in songs]
         labels = [song.label for song, part in zip(songs, parts, strict=True) for _ in part]

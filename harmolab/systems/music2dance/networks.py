@@ -4,8 +4,6 @@ Both predict the next frame from all frames before it: a Gaussian for each chann
 each foot stands. Motion is in standard deviations of the training split, contacts are 0 or 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, NamedTuple, Self

@@ -4,8 +4,6 @@ Each is trained into a folder of its own inside the run of a dancer, RUN/feet an
 it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

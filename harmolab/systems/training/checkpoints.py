@@ -5,8 +5,6 @@ publishes both. Nothing is ever unpickled. A run is resumed only with the settin
 of ``split.json``.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

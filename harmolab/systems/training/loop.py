@@ -10,8 +10,6 @@ Gradients and means are added up over all shards of a batch in the order of the 
 result to the last bit, whether one process computes them one after the other or each process some of them.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -59,12 +57,12 @@ class Tensors(Batch[Tensor]):
         return len(self.audio)
 
     @classmethod
-    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> Tensors:
+    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> "Tensors":
         """All units of a set as one padded batch on `device`."""
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
 
-    def continued_from(self, motion: Tensor, mask: Tensor) -> Tensors:
+    def continued_from(self, motion: Tensor, mask: Tensor) -> "Tensors":
         """These units with V_f of Eq. 23 from the last frames of another motion instead of the recorded one.
 
         So a song is danced, meter by meter (Fig. 7b). There is no recording of it to compare with; but harmony needs
@@ -83,7 +81,7 @@ class Tensors(Batch[Tensor]):
         mean = (tail * index).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
         return Tensors(**vars(self) | {"initial": torch.where(index > 0, tail, mean)})
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "Tensors":
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.
 
         Padding thus never depends on how a batch is shared among processes.
