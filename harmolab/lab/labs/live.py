@@ -296,6 +296,19 @@ class Preset:
     note: str
 
 
+def lab_texts(kind: str, **computed: float) -> tuple[str, tuple[Preset, ...]]:
+    """The explanation and the presets of a kind of lab, of presets.json.
+
+    A value that is a name in `computed`, as "loud", stands for what was computed of the music.
+    """
+    content = json.loads((FOLDER / "presets.json").read_text("utf-8"))[kind]
+    rows = content["presets"]
+    presets = (
+        Preset(one, {key: computed.get(value, value) for key, value in row.items()}, note) for one, row, note in rows
+    )
+    return content["about"], tuple(presets)
+
+
 @dataclass(frozen=True, eq=False)
 class LabContent:
     """All that the browser needs for one lab, and the functions by which Python answers for it.
