@@ -1,7 +1,5 @@
 """From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import suppress
@@ -13,15 +11,6 @@ from pathlib import Path
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import with_one
 from harmolab.data import recordings
-from harmolab.data.recordings import (
-    Problem,
-    ReadingReport,
-    RecordingFolders,
-    find_recordings,
-    iter_recordings,
-    load_any_motion,
-    recorded_offset,
-)
 from harmolab.files import PathLike, Progress, named_faults, silent
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.readers.audio import load_sound, resampled
@@ -85,7 +74,7 @@ def load_clip(
     smpl: PathLike | None = None,
     up: str = "",
     sample_rate: float | None = TRACKED_AT,
-    report: ReadingReport = lambda path, file: None,
+    report: recordings.ReadingReport = lambda path, file: None,
 ) -> Clip:
     """A song and a motion as a clip with its music beats, read or tracked once.
 
@@ -116,11 +105,11 @@ def load_clip(
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
     if offset is None:
-        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
+        offset = (None if isinstance(motion, Motion) else recordings.recorded_offset(motion)) or 0.0
     movement = (
         motion
         if isinstance(motion, Motion)
-        else load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
+        else recordings.load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
     )
     if seconds is not None:
         movement = movement.span(0.0, seconds)
@@ -181,7 +170,7 @@ def corpus_recordings(
     dances: Sequence[str] = (),
     *,
     progress: Progress = silent,
-    report: Callable[[Problem], object] = lambda problem: None,
+    report: Callable[[recordings.Problem], object] = lambda problem: None,
 ) -> Iterator[recordings.Recording]:
     """The recordings at or below a folder that can be read, one in memory at a time.
 
@@ -202,8 +191,8 @@ def corpus_recordings(
         return
     recording_folders(corpus)
     names = set()
-    for item in progress(iter_recordings(corpus), Path(corpus).name):
-        if isinstance(item, Problem):
+    for item in progress(recordings.iter_recordings(corpus), Path(corpus).name):
+        if isinstance(item, recordings.Problem):
             report(item)
         else:
             names.add(item.clip.dance)
@@ -212,9 +201,9 @@ def corpus_recordings(
     check_dances(corpus, dances, names)
 
 
-def recording_folders(corpus: PathLike) -> RecordingFolders:
+def recording_folders(corpus: PathLike) -> recordings.RecordingFolders:
     """The folders of recordings at or below a folder; ValueError without one, else errors as `find_recordings`."""
-    complete = find_recordings(corpus)
+    complete = recordings.find_recordings(corpus)
     if not complete.folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
     return complete

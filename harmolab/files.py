@@ -4,8 +4,6 @@ Nothing in a file is trusted: its size is looked at before it is read, and a loa
 FileNotFoundError only, with the file's name first.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Settings of scoring: dances, bar patterns, every choice that a harmony score depends on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
@@ -61,7 +59,7 @@ class BarPattern:
             raise ValueError("a bar pattern's coefficients must be finite")
 
     @classmethod
-    def stop_on_the_beat(cls) -> BarPattern:
+    def stop_on_the_beat(cls) -> "BarPattern":
         """Slowest on every beat, fastest half way between: movements that end on the beat."""
         return cls(1, (-1.0,), (0.0,), "assumed: movements end on the beat")
 
@@ -167,12 +165,12 @@ class HarmonyParams:
                 raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}{GONE.get(value, '')}")
 
     @classmethod
-    def paper(cls) -> HarmonyParams:
+    def paper(cls) -> "HarmonyParams":
         """The paper's settings (Sec. 5.2) under the readings of ``docs/readings.md``."""
         return cls()
 
     @classmethod
-    def recommended(cls, pattern: BarPattern | None = None) -> HarmonyParams:
+    def recommended(cls, pattern: BarPattern | None = None) -> "HarmonyParams":
         """In time, and where: what we advise.
 
         ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab learn`, or one of `HOW_PATTERNS`.
@@ -192,14 +190,14 @@ class HarmonyParams:
         )
 
     @classmethod
-    def valleys(cls) -> HarmonyParams:
+    def valleys(cls) -> "HarmonyParams":
         """Chance-corrected hits of speed valleys within 0.1 s: the simplest score that sees planted beats."""
         return cls(
             visual_threshold=None, reaction_delay=0.1, detector="valleys", fps=None, smoothing=0.05, subframe=True
         )
 
     @classmethod
-    def playing(cls) -> HarmonyParams:
+    def playing(cls) -> "HarmonyParams":
         """Chance-corrected hits within 0.05 s of every onset: for the events of hands at an instrument.
 
         Of a whole motion they are those of its joint speed's valleys: the score of a dance, beside that of the hands.

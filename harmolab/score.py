@@ -4,8 +4,6 @@ The functions stand in the order of the equations. `score_harmony` puts them tog
 `harmolab.verdict.judge` start from a motion and from a clip.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

@@ -14,8 +14,6 @@ fewer joints        nothing: two points have no shape, so their speed in the roo
 ==================  ==================================================================================================
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -35,7 +33,7 @@ FEWEST = 3  # joints; fewer have no shape
 GLITCH, FASTEST_TURN = 0.25, 60.0
 
 # Several questions are asked about one motion: its signal is computed once while the motion is alive.
-_signals: WeakKeyDictionary[Motion, dict[float, ShapeSpeed]] = WeakKeyDictionary()
+_signals: WeakKeyDictionary[Motion, dict[float, "ShapeSpeed"]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)

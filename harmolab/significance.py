@@ -1,7 +1,5 @@
 """Chance and uncertainty: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -7,8 +7,6 @@ counting hits: the soft form of `harmolab.shape_speed` and of `harmolab.verdict.
 back about the vertical, interpolation, smoothing and velocity are linear in them: one convolution does all three.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ Each record checks itself once, on construction, so a function that receives one
 shapes agree, times are seconds. Arrays are stored as read-only copies. Records that hold arrays compare by identity.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from importlib import import_module
 from reprlib import repr as clipped
@@ -91,7 +89,7 @@ class Audio(Display):
         """Length in seconds."""
         return self.samples.size / self.sample_rate
 
-    def span(self, start: float, duration: float) -> Audio:
+    def span(self, start: float, duration: float) -> "Audio":
         """The part from `start`, `duration` seconds long (shorter at the end of the recording)."""
         first = round(start * self.sample_rate)
         last = round((start + duration) * self.sample_rate)
@@ -149,7 +147,7 @@ class Motion(Display):
         """Length in seconds: T / fps."""
         return self.n_frames / self.fps
 
-    def span(self, start: float, duration: float) -> Motion:
+    def span(self, start: float, duration: float) -> "Motion":
         """The frames from `start`, `duration` seconds long (fewer at the end)."""
         first, last = round(start * self.fps), round((start + duration) * self.fps)
         if first < 0 or min(last, self.n_frames) - first < 2:
@@ -222,12 +220,12 @@ class BeatTrack(Display):
         numbers = np.cumsum(np.round(steps / np.median(steps))) if steps.size else steps
         return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0]) if steps.size else float("nan")
 
-    def select(self, mask: BoolArray) -> BeatTrack:
+    def select(self, mask: BoolArray) -> "BeatTrack":
         """The beats where `mask` is True, on the same time line."""
         places = None if self.bar_places is None else self.bar_places[mask]
         return replace(self, times=self.times[mask], strengths=self.strengths[mask], bar_places=places)
 
-    def span(self, start: float, duration: float) -> BeatTrack:
+    def span(self, start: float, duration: float) -> "BeatTrack":
         """The beats in [start, start + duration), counted from `start`."""
         part = self.select((self.times >= start) & (self.times < start + duration))
         return replace(part, times=part.times - start, duration=duration)
@@ -276,11 +274,11 @@ class Notes:
     def __len__(self) -> int:
         return self.onsets.size
 
-    def select(self, mask: BoolArray) -> Notes:
+    def select(self, mask: BoolArray) -> "Notes":
         """The notes where `mask` is True."""
         return Notes(self.onsets[mask], self.offsets[mask], self.pitches[mask], self.loudness[mask], self.hands[mask])
 
-    def span(self, start: float, duration: float) -> Notes:
+    def span(self, start: float, duration: float) -> "Notes":
         """The notes that begin in [start, start + duration), counted from `start`."""
         part = self.select((self.onsets >= start) & (self.onsets < start + duration))
         return replace(part, onsets=part.onsets - start, offsets=part.offsets - start)
@@ -323,7 +321,7 @@ class Clip(Display):
         parts += [f"{len(self.beats)} beats"] if self.beats is not None else []
         return f"Clip({', '.join(parts + [clipped(self.dance)] * bool(self.dance))})"
 
-    def span(self, start: float, seconds: float) -> Clip:
+    def span(self, start: float, seconds: float) -> "Clip":
         """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.
 
         Its motion begins with the first whole frame there; `offset` is what lies before that frame. ValueError if there
@@ -343,7 +341,7 @@ class Clip(Display):
         fps = 1.0 if self.motion is None else self.motion.fps
         return max(0, int(np.ceil(-self.offset * fps / clock - FRAME_EDGE)))
 
-    def shared(self, *, clock: float = 1.0) -> Clip:
+    def shared(self, *, clock: float = 1.0) -> "Clip":
         """The stretch that music and motion have in common, on the motion's time line: its `offset` is 0.
 
         `clock` is seconds of music for each second of the motion. ValueError if the clip has no motion, or motion and

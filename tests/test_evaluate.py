@@ -621,7 +621,7 @@ def test_a_fault_while_writing_leaves_the_table_as_it_was(
     def broken(_: Evaluation) -> str:
         raise ValueError("planted")
 
-    monkeypatch.setattr(evaluation_page, "table_tex", broken)
+    monkeypatch.setattr(evaluation_page.tables, "table_tex", broken)
     refused("planted", write_evaluation, planted / "table", table)
     assert {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()} == files
 

@@ -5,8 +5,6 @@ The tracked beats are laid on one steady grid where the music keeps one, else th
 `harmolab.files`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import os

@@ -17,8 +17,6 @@ itself; in a smooth movement it comes about a tenth of a second before the stand
 valley of the joint speed.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Strong and weak beats, their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22), and "one" of the bar."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -11,8 +11,6 @@ wanders about one tempo, and a free one, for music that changes it. The freer a 
 there is no beat at all; so a fit is judged on the path's smooth course, and a free path has to fit better.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

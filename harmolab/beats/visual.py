@@ -1,23 +1,10 @@
 """Motion to visual beats: turning points of the joint speed (Eq. 7-9), its valleys or peaks, and motion SD."""
 
-from __future__ import annotations
-
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from harmolab.body.kinematics import (
-    direction_spread,
-    joint_speed,
-    peak_frames,
-    refine_extrema,
-    resample_positions,
-    smooth,
-    smooth_positions,
-    turning_points,
-    upsample_positions,
-    valley_frames,
-)
+from harmolab.body import kinematics
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion
@@ -54,15 +41,15 @@ def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, fl
         return shape.speed, shape.fps
     positions, fps = motion.positions, motion.fps
     if params.fps is not None:
-        positions, fps = resample_positions(positions, fps, params.fps), params.fps
+        positions, fps = kinematics.resample_positions(positions, fps, params.fps), params.fps
     elif params.subframe:
-        positions, fps = upsample_positions(positions, fps, RATE), max(fps, RATE)
-    positions = smooth_positions(positions, params.position_smoothing, fps)
+        positions, fps = kinematics.upsample_positions(positions, fps, RATE), max(fps, RATE)
+    positions = kinematics.smooth_positions(positions, params.position_smoothing, fps)
     if params.detector == "direction":
-        curve = direction_spread(positions)
+        curve = kinematics.direction_spread(positions)
     else:
-        curve = joint_speed(positions, fps, reading=params.speed)
-    curve = smooth(curve, params.smoothing, fps)
+        curve = kinematics.joint_speed(positions, fps, reading=params.speed)
+    curve = kinematics.smooth(curve, params.smoothing, fps)
     curve.setflags(write=False)
     return curve, fps
 
@@ -82,9 +69,11 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
     params : HarmonyParams
         ``detector``, ``plateau`` and ``subframe`` are read.
     """
-    find = {"turns": turning_points, "valleys": valley_frames}.get(params.detector, peak_frames)
+    find = {"turns": kinematics.turning_points, "valleys": kinematics.valley_frames}.get(
+        params.detector, kinematics.peak_frames
+    )
     frames = find(curve, plateau=params.plateau)
-    positions = refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
+    positions = kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
     positions -= curve_delay(params)
     # The speed may be signed in one reading; a strength never is.
     return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)

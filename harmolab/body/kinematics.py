@@ -3,8 +3,6 @@
 Kernels take and return plain arrays. Frame indices exist only here and end in ``_frames``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -270,7 +268,7 @@ class Similarity:
         cosine, sine = self.scale * np.cos(self.rotation), self.scale * np.sin(self.rotation)
         return points @ np.array([[cosine, sine], [-sine, cosine]]) + self.shift
 
-    def inverse(self) -> Similarity:
+    def inverse(self) -> "Similarity":
         """The similarity that undoes this one."""
         back = Similarity(1 / self.scale, -self.rotation, np.zeros(2))
         return replace(back, shift=-back.apply(self.shift))

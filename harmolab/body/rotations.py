@@ -4,8 +4,6 @@ A rotation turns column vectors of the parent's frame: a joint's child lies at t
 rotation in the world times the child's offset.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +42,7 @@ class Body:
         lengths: FloatArray = np.linalg.norm(self.offsets, axis=1)
         return lengths
 
-    def resized(self, lengths: FloatArray) -> Body:
+    def resized(self, lengths: FloatArray) -> "Body":
         """The same directions with bones of other lengths (J,), metres."""
         own = np.maximum(self.lengths, np.finfo(float).tiny)
         return Body(self.skeleton, self.offsets * (np.asarray(lengths) / own)[:, None])

@@ -3,8 +3,6 @@
 Positions are (T, J, 3) metres with y up, or (T, J, 2) image coordinates. Heading 0 faces +z, heading pi / 2 faces +x.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,7 +58,7 @@ class Skeleton:
         return tuple((parent, joint) for joint, parent in enumerate(self.parents) if parent >= 0)
 
     @classmethod
-    def unnamed(cls, count: int) -> Skeleton:
+    def unnamed(cls, count: int) -> "Skeleton":
         """`count` joints of which nothing is known: no names, no bones."""
         return cls(tuple(f"joint_{i}" for i in range(count)), (-1,) * count)
 

@@ -1,7 +1,5 @@
 """The `harmolab` command. Thin: every command calls one function of the package and prints."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

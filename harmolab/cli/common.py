@@ -18,17 +18,7 @@ import typer
 from typer.core import TyperCommand
 
 from harmolab import files
-from harmolab.cli.screen import (
-    Quiet,
-    Verbose,
-    detail,
-    is_verbose,
-    note,
-    plain_errors,
-    quiet_decoders,
-    refuse,
-    said_level,
-)
+from harmolab.cli import screen
 
 if TYPE_CHECKING:
     from rich.table import Column
@@ -50,7 +40,7 @@ MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 def _not(suffixes: tuple[str, ...], path: Path | None) -> Path | None:
     """The path of a song or a dance; an end of the command where its name is that of the other."""
     if path is not None and path.suffix.lower() in suffixes:
-        refuse(f"{path}: the order is SONG DANCE, the music first and then the movement")
+        screen.refuse(f"{path}: the order is SONG DANCE, the music first and then the movement")
     return path
 
 
@@ -59,7 +49,7 @@ def renamed(old: str, new: str) -> Any:
 
     def hint(value: str | None) -> None:
         if value is not None:
-            refuse(f"{old} is called {new} now")
+            screen.refuse(f"{old} is called {new} now")
 
     return typer.Option(old, hidden=True, callback=hint)
 
@@ -236,7 +226,7 @@ def recommended(pattern: Path | None, dance: str, how: How | None = None) -> Har
     if pattern is not None:
         return HarmonyParams.recommended(load_pattern(pattern, dance))
     if dance in DANCES and dance not in DANCE_PATTERNS:
-        note(f"{dance}: no usual course of its movement is known, so it is judged as a dance that is not named")
+        screen.note(f"{dance}: no usual course of its movement is known, so it is judged as a dance that is not named")
     return HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
 
 
@@ -246,7 +236,7 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
     With --verbose its details too.
     """
     if judgement is not None:
-        lines = [judgement.verdict, *judgement.remarks, *(judgement.details if is_verbose() else ())]
+        lines = [judgement.verdict, *judgement.remarks, *(judgement.details if screen.is_verbose() else ())]
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
@@ -254,18 +244,18 @@ def print_music(beats: BeatTrack) -> None:
     """With --verbose a line about the beats that a dance was judged by: tempo, steadiness, "one"."""
     from harmolab.beats.meter import describe_beats
 
-    if is_verbose():
+    if screen.is_verbose():
         typer.echo(f"music: {describe_beats(beats)}")
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
     """A line on what was guessed or assumed when a motion file was read; with --verbose on all of it."""
     frames, joints, _ = file.motion.positions.shape
-    detail(f"{Path(path).name}: {file.kind}, {frames} frames of {joints} joints at {file.motion.fps:g} a second")
+    screen.detail(f"{Path(path).name}: {file.kind}, {frames} frames of {joints} joints at {file.motion.fps:g} a second")
     for sentence in file.notes:
-        detail(f"{Path(path).name}: read: {sentence}")
+        screen.detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:
-        note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
+        screen.note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
 
 
 def names_in(text: str) -> tuple[str, ...]:
@@ -275,7 +265,7 @@ def names_in(text: str) -> tuple[str, ...]:
 
 def left_out(problem: Problem) -> None:
     """A line about a recording that cannot be read."""
-    note(f"left out: {problem.message}")
+    screen.note(f"left out: {problem.message}")
 
 
 def check_out(out: Path | None, what: str, suffixes: tuple[str, ...]) -> None:
@@ -374,13 +364,13 @@ class CheckedCommand(TyperCommand):
         except typer.BadParameter as error:
             if type(error) is not typer.BadParameter:  # an argument is missing: the usage says more
                 raise
-            refuse(error.format_message().replace("Value error, ", ""))
+            screen.refuse(error.format_message().replace("Value error, ", ""))
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the command."""
-        with said_level(ctx), quiet_decoders():
-            detail(f"{ctx.command_path}: {_settings(ctx)}")
-            with plain_errors():
+        with screen.said_level(ctx), screen.quiet_decoders():
+            screen.detail(f"{ctx.command_path}: {_settings(ctx)}")
+            with screen.plain_errors():
                 check_numbers(ctx)
                 for name in OUTPUTS:
                     for out in _paths(ctx.params.get(name)):
@@ -402,7 +392,7 @@ def _forced(
     """A command that has the option alone, from which others take it."""
 
 
-def _said(quiet: Quiet = False, verbose: Verbose = False) -> None:
+def _said(quiet: screen.Quiet = False, verbose: screen.Verbose = False) -> None:
     """A command that has these options alone, from which others take them."""
 
 

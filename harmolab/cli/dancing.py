@@ -13,23 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import (
-    PAGES,
-    VIDEOS_OUT,
-    AsJson,
-    Song,
-    check_out,
-    check_output,
-    check_pages,
-    check_place,
-    completed,
-    is_told,
-    plain_name,
-    print_music,
-    print_table,
-    recommended,
-    show,
-)
 from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
 from harmolab.cli.training import TRAIN_HINT
@@ -40,7 +23,7 @@ from harmolab.files import plain
 if TYPE_CHECKING:
     from harmolab.types import Audio
 
-SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
+SUFFIXES = (*common.VIDEOS_OUT, ".html", ".bvh", ".npz")
 UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
 LONGEST_NAME = 200  # bytes: file systems take 255, and a file that is being written has a longer name
 
@@ -63,13 +46,13 @@ def dance_files(out: Path | None, song: Path, seed: int, samples: int) -> dict[i
 def files_to_write(out: Path | None, song: Path, noun: str, unasked: Sequence[str]) -> list[Path]:
     """`out`, or without it files of the `unasked` kinds, named after the song and a noun; errors as `dance_files`."""
     if out is not None:
-        check_out(out, f"a {noun}", SUFFIXES)
+        common.check_out(out, f"a {noun}", SUFFIXES)
         return [out]
     if len(song.stem.encode()) > LONGEST_NAME:
         raise ValueError(f"{song}: its name is too long to add to; choose one with --out")
     paths = [Path(f"{song.stem}_{noun}{suffix}") for suffix in unasked]
     for path in paths:
-        check_place(path)
+        common.check_place(path)
     return paths
 
 
@@ -102,14 +85,14 @@ def written(paths: Iterable[Path], write: Callable[[Path], None], *, is_asked: b
 def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
     """Write the kind of file that a name asks for; a page has everything that is known about the dance."""
     suffix = path.suffix.lower()
-    if suffix not in (*PAGES, *VIDEOS_OUT):
+    if suffix not in (*common.PAGES, *common.VIDEOS_OUT):
         from harmolab.readers.motion import save_motion
 
         save_motion(path, report.motion, offset=report.start)
         return
     part = sound.span(report.start, report.motion.duration)
-    if suffix in PAGES:
-        check_pages(str(path))
+    if suffix in common.PAGES:
+        common.check_pages(str(path))
         from harmolab.lab.player import Dancer, Player
 
         dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
@@ -208,7 +191,7 @@ class DanceReport:
         from harmolab.lab.evaluate.measured import dance_scores
 
         scores = dance_scores(self.motion, self.music, self.score, likeness=self.likeness) | self._rests()
-        return {name: show(value) for name, value in scores.items()} | self._pieces()
+        return {name: common.show(value) for name, value in scores.items()} | self._pieces()
 
     def _rests(self) -> dict[str, float]:
         """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
@@ -277,7 +260,7 @@ MEANINGS = (
 @common.with_options
 def dance(
     context: typer.Context,
-    song: Song,
+    song: common.Song,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -304,13 +287,13 @@ def dance(
         str | None,
         typer.Option(
             help="How, in music2dance: planted (default), model (a network that was trained for it), or none.",
-            autocompletion=completed("planted", "model", "none"),
+            autocompletion=common.completed("planted", "model", "none"),
         ),
     ] = None,
     temperature: Annotated[
         float | None, typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.")
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
 
@@ -329,7 +312,7 @@ def dance(
     with plain_errors():
         files = dance_files(out, song, seed, samples)
         for path in (path for paths in files.values() for path in paths):
-            check_output(context, path)
+            common.check_output(context, path)
         _check_harmonise(harmonise)
         dancer, dance = dancer_of(context, dancer_options), dancer_options.dance
         if pattern is not None and not dancer.knows_bars:
@@ -344,7 +327,7 @@ def dance(
         with finding_beats():
             dancer, dance = dancer.for_music(audio, dance)
             track = song_beats(audio, dance=dance if dance in DANCES else "", one=one)
-        params = recommended(pattern, dance if dancer.knows_bars else "")
+        params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:
             motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
@@ -357,12 +340,12 @@ def dance(
                 knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
             )  # fmt: skip
 
-        is_open = samples == 1 and dancer.choreographer is not None and not is_told(context, "seed")
+        is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
         reports: list[DanceReport] = []
         paths: list[Path] = []
         for number in files:
             reports.append(_likely(danced, number) if is_open else danced(number))
-            title = f"A generated dance to {plain_name(song)}"
+            title = f"A generated dance to {common.plain_name(song)}"
             paths += write_files(files[number], reports[-1], sound, title, is_asked=out is not None)
     if len(reports[0].music) < 2:
         note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
@@ -421,7 +404,7 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
         return
     for report in reports:
         typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
-    print_music(reports[0].music)
+    common.print_music(reports[0].music)
     if is_verbose():
         _print_table({f"seed {report.seed}": report.facts for report in reports})
 
@@ -432,4 +415,4 @@ def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
 
     names = dict.fromkeys(name for column in facts.values() for name in column)
     rows = ([name, *(escape(printable(column.get(name, "-"))) for column in facts.values())] for name in names)
-    print_table(["", *facts], rows, "the dance and its music", MEANINGS)
+    common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)

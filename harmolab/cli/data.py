@@ -1,7 +1,5 @@
 """`harmolab data`: what files hold, and a synthetic corpus."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import asdict

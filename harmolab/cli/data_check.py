@@ -3,8 +3,6 @@
 Nothing here fails on a file: one that cannot be read becomes a row that says why.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -15,14 +13,7 @@ import numpy as np
 from harmolab.data import recordings as tang2018
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion
 from harmolab.files import MissingFrameRate, PathLike
-from harmolab.musician.performances import (
-    ABOUT,
-    Performance,
-    find_performances,
-    load_performance,
-    named_instrument,
-    performance_files,
-)
+from harmolab.musician import performances
 from harmolab.readers.audio import audio_info, load_audio
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.keypoints import FRAME_ENDS
@@ -93,7 +84,7 @@ def check(path: PathLike) -> list[FileSummary]:
         raise FileNotFoundError(f"{path}: no such file or folder")
     if not path.is_dir():
         return [_guarded(_file, path)]
-    players, faults = find_performances(path)
+    players, faults = performances.find_performances(path)
     playing = {folder for folder in (*players, *(fault.folder for fault in faults)) if _has_musician(folder)}
     folders, problems = find_recordings(path)
     dancing = [folder for folder in folders if not _inside(folder, playing)]
@@ -108,7 +99,7 @@ def check(path: PathLike) -> list[FileSummary]:
 
 def _has_musician(folder: Path) -> bool:
     """True where a folder says that it holds a musician's performance, by performance.json or by its name."""
-    return (folder / ABOUT).is_file() or bool(named_instrument(folder))
+    return (folder / performances.ABOUT).is_file() or bool(performances.named_instrument(folder))
 
 
 def _inside(path: Path, folders: set[Path]) -> bool:
@@ -233,10 +224,10 @@ def _recording(folder: Path) -> FileSummary:
 def _performance(folder: Path) -> FileSummary:
     """The row of a folder with a musician's performance."""
     try:
-        performance, has_rate = load_performance(folder, sample_rate=None), True
+        performance, has_rate = performances.load_performance(folder, sample_rate=None), True
     except MissingFrameRate:
-        performance, has_rate = load_performance(folder, sample_rate=None, fps=25.0), False
-    files, row = performance_files(folder), _motion_row(folder, performance.motion)
+        performance, has_rate = performances.load_performance(folder, sample_rate=None, fps=25.0), False
+    files, row = performances.performance_files(folder), _motion_row(folder, performance.motion)
     facts = [performance.instrument, f"points of {', '.join(file.name for file in files.points)}"]
     audio, notes = performance.audio, performance.notes
     facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
@@ -247,7 +238,7 @@ def _performance(folder: Path) -> FileSummary:
     return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))
 
 
-def _odd_hands(performance: Performance) -> Iterator[str]:
+def _odd_hands(performance: performances.Performance) -> Iterator[str]:
     """One sentence for each hand, and for the body, that is missing or not detected in a fifth of the frames."""
     names = performance.motion.skeleton.joints
     groups = {"body": BODY, **{f"{side} hand": hand_joints(side) for side in SIDES}}

@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import (
-    AsJson,
-    check_out,
-    check_pages,
-    completed,
-    left_out,
-    names_in,
-    print_table,
-    processes,
-    show,
-)
+from harmolab.cli.common import left_out
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 
 if TYPE_CHECKING:
@@ -57,7 +47,7 @@ def evaluate(
         str,
         typer.Option(
             help="Also the numbers of a published code: aist++, edge, bailando.",
-            autocompletion=completed("aist++", "edge", "bailando"),
+            autocompletion=common.completed("aist++", "edge", "bailando"),
         ),
     ] = "",
     fps: common.Fps = None,
@@ -98,13 +88,19 @@ def evaluate(
     from harmolab.lab.evaluate.evaluation import evaluate_dances
 
     with plain_errors():
-        check_pages("--out")
+        common.check_pages("--out")
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
-            settings, out, jobs=processes(jobs), scheduler=scheduler, resume=resume, force=force, progress=progress
+            settings,
+            out,
+            jobs=common.processes(jobs),
+            scheduler=scheduler,
+            resume=resume,
+            force=force,
+            progress=progress,
         )
         from harmolab.lab.evaluate.page import write_evaluation
 
@@ -166,7 +162,7 @@ def _print_table(records: list[dict[str, Any]]) -> None:
     for name in (name for name in KEY if name in records[0]):
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
         rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])
-    print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
+    common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
 
 
 # `harmolab compare` and `harmolab learn`: scores over a corpus.
@@ -193,7 +189,7 @@ def compare(
     scheduler: common.Scheduler = "",
     resume: common.Resume = False,
     force: common.Force = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Which score tells true music from wrong?
 
@@ -213,12 +209,12 @@ def compare(
     with plain_errors():
         if resume and out is None:
             raise ValueError("--resume goes on with the rows in a folder; name it by --out")
-        if names := names_in(dances):
+        if names := common.names_in(dances):
             check_dances(corpus, names, corpus_dances(corpus))
         result = run(
             corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
             beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
-            processes=Processes(processes(jobs), scheduler, out, resume, force),
+            processes=Processes(common.processes(jobs), scheduler, out, resume, force),
         )  # fmt: skip
     if as_json:
         typer.echo(json.dumps(result.summary, indent=2))
@@ -237,12 +233,19 @@ def print_comparison(summary: dict[str, Any]) -> None:
     def cells(name: str, row: dict[str, Any]) -> list[str]:
         low, high = row["chance_band"]
         tells = "yes" if row["auc"] > high else "below" if row["auc"] < low else "no"
-        own = [show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances]
-        return [name, show(row["auc"]), show(row["interval"]), show(row["chance_band"]), tells, *own]
+        own = [common.show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances]
+        return [
+            name,
+            common.show(row["auc"]),
+            common.show(row["interval"]),
+            common.show(row["chance_band"]),
+            tells,
+            *own,
+        ]
 
     headings = [Column("score", no_wrap=True), "AUC", "interval", "chance band", "tells?", *dances]
     title = f"{summary['corpus']}: {summary['n']} windows, {summary['beats']} beats, {summary['null']} music"
-    print_table(headings, (cells(name, row) for name, row in summary["scores"].items()), title)
+    common.print_table(headings, (cells(name, row) for name, row in summary["scores"].items()), title)
     typer.echo(f"fitted on: {summary['fitted_on']}")
     if summary["unfitted_parts"]:
         typer.echo(f"{summary['unfitted_parts']} of {summary['n_parts']} clips had nothing to fit a pattern on")
@@ -250,12 +253,12 @@ def print_comparison(summary: dict[str, Any]) -> None:
     counts = [f"{beside['lags_found'][name]} of {summary['n_sequences']}" for name in ("recommended", "discriminant")]
     typer.echo(
         "discriminant: trained on the very kind of music that judges it, the same 0.3-0.7 beat late, so never in a "
-        f"verdict; AUC {beside['auc_difference']:+.3f} [{show(beside['interval'])}] over the learnt curve "
+        f"verdict; AUC {beside['auc_difference']:+.3f} [{common.show(beside['interval'])}] over the learnt curve "
         f"(recommended); finds the lag within 1/8 beat in {counts[1]} recordings, the learnt curve in {counts[0]}"
     )
     headings = ["music", *(f"{level} {name}" for level, name in enumerate(LEVELS))]
     rows = ([music, *map(str, counts)] for music, counts in summary["levels"].items())
-    print_table(headings, rows, "recordings by verdict")
+    common.print_table(headings, rows, "recordings by verdict")
     typer.echo("lagged: the music 0.3-0.7 beat late; learnt: by a curve of other figures, for recordings that have one")
 
 
@@ -271,7 +274,7 @@ def learn(
     from harmolab.verdict.bar_pattern import save_patterns
 
     with plain_errors():
-        check_out(out, "a file of patterns", (".json",))
+        common.check_out(out, "a file of patterns", (".json",))
         patterns = dance_patterns(corpus, progress=progress, report=left_out)
         save_patterns(out, patterns)
     for name, pattern in patterns.items():

@@ -1,7 +1,5 @@
 """`harmolab play`: a motion and its music as one page that plays anywhere."""
 
-from __future__ import annotations
-
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
@@ -10,18 +8,6 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import (
-    Dance,
-    FileOptions,
-    JudgeOptions,
-    Offset,
-    Seconds,
-    Song,
-    Start,
-    dance_title,
-    video_command,
-    with_options,
-)
 from harmolab.cli.posing import is_body_found
 from harmolab.cli.screen import note, plain_errors, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
@@ -33,23 +19,23 @@ VIDEO = (
 )
 
 
-@with_options
+@common.with_options
 def play(
     context: typer.Context,
-    song: Song,
+    song: common.Song,
     out: Annotated[Path, typer.Option(help="The page to write, .html.")],
-    motion: Dance = None,
+    motion: common.Dance = None,
     other: Annotated[Path | None, typer.Option(help="A second motion to the same music, shown beside it.")] = None,
-    offset: Offset = None,
+    offset: common.Offset = None,
     other_offset: Annotated[
         float | None,
         typer.Option(help="Audio time at which the second begins (default: what its file says, else --offset)."),
     ] = None,
-    start: Start = None,
-    seconds: Seconds = None,
+    start: common.Start = None,
+    seconds: common.Seconds = None,
     *,
-    judged: JudgeOptions,
-    read: FileOptions,
+    judged: common.JudgeOptions,
+    read: common.FileOptions,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
@@ -82,8 +68,8 @@ def play(
             movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
             clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
         where = {"offset": clip.offset, "start": start, "seconds": seconds}
-        command = video_command(files.song, files.motion, out, files.dance, **where)
-        title = dance_title(files.motion, files.song)
+        command = common.video_command(files.song, files.motion, out, files.dance, **where)
+        title = common.dance_title(files.motion, files.song)
         player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
     wrote(out)
 

@@ -1,7 +1,5 @@
 """`harmolab pose`: the body in a video as a motion file; and the question whether what finds it may be fetched."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import suppress
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`harmolab render`: a motion and its music as a video that plays anywhere, or as a moving picture."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

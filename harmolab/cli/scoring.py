@@ -11,19 +11,6 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import (
-    Dance,
-    FileOptions,
-    JudgeOptions,
-    Offset,
-    Seconds,
-    Song,
-    check_out,
-    is_told,
-    print_table,
-    show,
-    with_options,
-)
 from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
 
@@ -60,9 +47,9 @@ def score_corpus(
     as_json : print the rows as JSON
     """
     with plain_errors():
-        if misplaced := [name for name in FOR_ONE if is_told(context, name)]:
+        if misplaced := [name for name in FOR_ONE if common.is_told(context, name)]:
             raise ValueError(f"--{misplaced[0]} is for one recording, and {corpus} holds several; leave it out")
-        check_out(table, "a table", (".csv",))
+        common.check_out(table, "a table", (".csv",))
         rows = list(recording_rows(corpus, scored))
         if table is not None:
             _write(table, rows)
@@ -123,10 +110,10 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
     def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         numbers = (row.get(name) for name in ("harmony_above_chance", "p_time"))
         level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
-        return escape(printable(row["name"])), row["dance"], *map(show, numbers), escape(row["error"] or level)
+        return escape(printable(row["name"])), row["dance"], *map(common.show, numbers), escape(row["error"] or level)
 
     headings = ("recording", "dance", "harmony above chance", "p in time", "level")
-    print_table(headings, map(cells, rows), escape(printable(title)))
+    common.print_table(headings, map(cells, rows), escape(printable(title)))
 
 
 if TYPE_CHECKING:
@@ -160,13 +147,13 @@ def mode_named(name: str) -> str:
     return name
 
 
-@with_options
+@common.with_options
 def score(
     context: typer.Context,
-    song: Song,
-    motion: Dance = None,
-    offset: Offset = None,
-    seconds: Seconds = None,
+    song: common.Song,
+    motion: common.Dance = None,
+    offset: common.Offset = None,
+    seconds: common.Seconds = None,
     mode: Annotated[
         str,
         typer.Option(
@@ -174,8 +161,8 @@ def score(
         ),
     ] = "both",
     *,
-    judged: JudgeOptions,
-    read: FileOptions,
+    judged: common.JudgeOptions,
+    read: common.FileOptions,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[
         float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.", min=0.1, max=10.0)
@@ -277,10 +264,10 @@ def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) ->
     """A table with a row a number and a column a mode, and the other measures, if any."""
     columns = [dict(score_rows(score)) for score in scores.values()]
     rows = ((name, *(column[name] for column in columns)) for name in columns[0])
-    print_table(["", *scores], (row for row in rows if any(row[1:])), "harmony of motion and music")
+    common.print_table(["", *scores], (row for row in rows if any(row[1:])), "harmony of motion and music")
     if measures:
-        rows = ((name, show(value)) for name, value in measures.items())
-        print_table(["", ""], rows, "other measures of the field", show_header=False)
+        rows = ((name, common.show(value)) for name, value in measures.items())
+        common.print_table(["", ""], rows, "other measures of the field", show_header=False)
 
 
 def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
@@ -290,12 +277,12 @@ def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
     values, above_chance = score.to_dict(), score.above_chance
     has_number = values["n_audio"] >= FEWEST_BEATS and above_chance == above_chance
     for name, key in NUMBER_ROWS.items():
-        yield name, show(values[key] if has_number else None)
+        yield name, common.show(values[key] if has_number else None)
     is_judged = "level" in values
     for name, key in JUDGEMENT_ROWS.items():
         is_silent = key == "lag_s" and values.get("level", 0) < 3
-        yield name, show(None if is_silent else values[key]) if is_judged else ""
+        yield name, common.show(None if is_silent else values[key]) if is_judged else ""
     for name, key in PAPER_ROWS.items():
-        yield name, "" if is_judged else show(values[key])
+        yield name, "" if is_judged else common.show(values[key])
     for name, key in COUNT_ROWS.items():
-        yield name, show(values[key])
+        yield name, common.show(values[key])

@@ -1,7 +1,5 @@
 """All that commands say beside their results: notes, errors, progress; less of it with --quiet, more with --verbose."""
 
-from __future__ import annotations
-
 import io
 import logging
 import os

@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.common import (
-    AsJson,
-    CheckedCommand,
-    check_folder,
-    check_pages,
-    left_out,
-    print_table,
-    serve,
-    show,
-    write_text,
-)
+from harmolab.cli import common
+from harmolab.cli.common import left_out
 from harmolab.cli.screen import plain_errors, progress
 
 if TYPE_CHECKING:
@@ -41,7 +32,7 @@ Wrong = Literal["lagged", "swapped"]
 Raters = Literal["all", "people", "simulated"]
 
 
-@study_app.command(cls=CheckedCommand)
+@study_app.command(cls=common.CheckedCommand)
 def make(
     context: typer.Context,
     corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
@@ -81,7 +72,7 @@ def make(
     from harmolab.lab.listening.corpus_study import study_pieces
 
     with plain_errors():
-        check_pages("harmolab study make")
+        common.check_pages("harmolab study make")
         if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice or rate")
         if against is None and kind == "rate":
@@ -90,7 +81,7 @@ def make(
             )
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
-        check_folder(context, out, (PAGES, SCORES_FILE, KEY_FILE))  # what a run that was cut off leaves
+        common.check_folder(context, out, (PAGES, SCORES_FILE, KEY_FILE))  # what a run that was cut off leaves
         pieces = study_pieces(
             corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out
         )
@@ -113,7 +104,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     write_study(out, trials, key)
 
 
-@study_app.command(cls=CheckedCommand)
+@study_app.command(cls=common.CheckedCommand)
 def ask(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`.")],
     rater: Annotated[str, typer.Option(help="Name of the rater; it decides the order of the trials.")],
@@ -138,19 +129,19 @@ def ask(
         log = answer_log(study, rater)
         if log.resume(trials):
             server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
-            serve(server, no_open, "nothing that was answered is lost")
+            common.serve(server, no_open, "nothing that was answered is lost")
         done = len(trials) - len(log.resume(trials))
     typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
 
 
-@study_app.command(cls=CheckedCommand)
+@study_app.command(cls=common.CheckedCommand)
 def analyse(
     context: typer.Context,
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
     raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
     seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 
@@ -171,7 +162,7 @@ def analyse(
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
         text = json.dumps(plain(summary), indent=2)
         if out is not None:
-            check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in tables)))
+            common.check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in tables)))
             _save(out, tables, text)
     for note in answers.notes:
         typer.echo(f"harmolab: {note}", err=True)
@@ -188,8 +179,8 @@ def _save(out: Path, tables: Tables, text: str) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     for name, rows in tables.items():
-        write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
-    write_text(out / SUMMARY, text)
+        common.write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
+    common.write_text(out / SUMMARY, text)
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:
@@ -206,8 +197,8 @@ def _print(tables: Tables, answers: Answers, kind: str) -> None:
     for name, rows in tables.items():
         printed = [_printed(row) for row in rows]
         first, *others = printed[0]
-        cells = [[show(value) for value in row.values()] for row in printed]
-        print_table([Column(first, no_wrap=True), *others], cells, f"{titles[name]} ({whose})")
+        cells = [[common.show(value) for value in row.values()] for row in printed]
+        common.print_table([Column(first, no_wrap=True), *others], cells, f"{titles[name]} ({whose})")
 
 
 def _printed(row: dict[str, Any]) -> dict[str, Any]:

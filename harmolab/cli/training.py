@@ -1,7 +1,5 @@
 """`harmolab train`: from folders of recordings to a system that dances or plays, or to a part of one."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,3 +1,1 @@
 """Folders of recordings, and synthetic ones."""
-
-from __future__ import annotations

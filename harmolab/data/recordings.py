@@ -27,8 +27,6 @@ Properties of the recordings, and how the loader meets them:
   another frame rate (a second copy of this corpus is around that has one) and is refused.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator

@@ -4,8 +4,6 @@ Jupyter asks for it (`harmolab.types.Display`). All of it works without a networ
 pictures of beats hold the first minute at most, and say so, since each copy of them is kept in the notebook.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import singledispatch

@@ -5,8 +5,6 @@ Two things hold exactly, whatever the gradient asks for: no joint moves further 
 length it has in each frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -107,7 +105,7 @@ class _Body:
     above: Tensor  # (J, J), 1 where the second joint is the first or one of its ancestors
 
     @classmethod
-    def of(cls, motion: Motion) -> _Body:
+    def of(cls, motion: Motion) -> "_Body":
         """The body of a motion's frames."""
         positions, parents = torch.tensor(motion.positions), torch.tensor(motion.skeleton.parents)
         is_root = parents < 0
@@ -142,7 +140,7 @@ class _Splines:
     weights: Tensor  # (T, 4)
 
     @classmethod
-    def of(cls, motion: Motion) -> _Splines:
+    def of(cls, motion: Motion) -> "_Splines":
         """The splines at a motion's frames."""
         place = torch.arange(motion.n_frames, dtype=torch.float64) / (motion.fps * KNOT)
         first = place.floor()

@@ -8,8 +8,6 @@ and Contini 1966, in Winter, "Biomechanics and motor control"). Skeletons withou
 drawn as sticks, those without bones as dots.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,17 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harmolab.body.skeletons import (
-    HIPS_AND_SHOULDERS,
-    Skeleton,
-    camera_way,
-    foot_joints,
-    mean_heading,
-    sides_and_parts,
-    skull_and_limbs,
-    standing_height,
-    turned,
-)
+from harmolab.body import skeletons
+from harmolab.body.skeletons import turned
 from harmolab.metrics.features import point_joints
 from harmolab.readers.player_points import FINGERS, PROPS, joint_widths, limb_widths, playing_box
 from harmolab.types import FloatArray, IntArray, Motion
@@ -98,10 +87,10 @@ class BodyPlan:
     shadow: FloatArray
 
 
-def body_plan(positions: FloatArray, skeleton: Skeleton) -> BodyPlan:
+def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
     """The plan of a motion with positions (T, J, 3) metres, y up, or (T, J, 2) image coordinates."""
     count = len(skeleton.joints)
-    named, names = _body_joints(skeleton), sides_and_parts(skeleton)
+    named, names = _body_joints(skeleton), skeletons.sides_and_parts(skeleton)
     trunk = [named[point] for point in TRUNK] if set(TRUNK) <= named.keys() else []
     stature = _stature(positions, trunk)
     points = [np.eye(count)]
@@ -123,7 +112,7 @@ def body_plan(positions: FloatArray, skeleton: Skeleton) -> BodyPlan:
     return BodyPlan(np.concatenate(points), tuple(parts), stature, hips, np.where(is_prop, 0.0, 1.0))
 
 
-def _body_joints(skeleton: Skeleton) -> dict[str, int]:
+def _body_joints(skeleton: skeletons.Skeleton) -> dict[str, int]:
     """Joints of the body's points by name, fingers and props left out."""
     return {} if not skeleton.bones else point_joints(skeleton)
 
@@ -132,7 +121,7 @@ def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
     """Stature by the trunk, which changes less than the height of a pose; by the extent where no trunk is named."""
     if not trunk:
         extent = float(np.ptp(positions, axis=1).max())
-        return max(standing_height(positions), 0.5 * extent, 1e-6)
+        return max(skeletons.standing_height(positions), 0.5 * extent, 1e-6)
     left, right, right_hip, left_hip = (positions[:, joint] for joint in trunk)
     length = np.linalg.norm(left + right - left_hip - right_hip, axis=-1) / 2
     across = np.linalg.norm(left - right, axis=-1)
@@ -141,13 +130,15 @@ def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
     )), 1e-6)  # fmt: skip
 
 
-def _limbs(skeleton: Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool) -> Iterator[Part]:
+def _limbs(
+    skeleton: skeletons.Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool
+) -> Iterator[Part]:
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
     skull = set(_skull_joints(names))
     point = {joint: name for name, joint in named.items()}
     inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
     radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]
-    bones = list(skeleton.bones) if has_trunk else skull_and_limbs(skeleton)[1]
+    bones = list(skeleton.bones) if has_trunk else skeletons.skull_and_limbs(skeleton)[1]
     thin = joint_widths(skeleton)
     if not bones:
         yield from (Part((joint,), (STICK,), "stick") for joint in range(len(skeleton.joints)) if joint not in skull)
@@ -164,7 +155,7 @@ def _limbs(skeleton: Skeleton, named: Mapping[str, int], names: Names, feet: Fee
 
 def _is_inside(side: str, part: str, point: str) -> bool:
     """True for the joints inside the trunk: shoulders, hips, collar bones, and all without a side."""
-    return point[1:] in ("shoulder", "hip") or part in HIPS_AND_SHOULDERS or not side
+    return point[1:] in ("shoulder", "hip") or part in skeletons.HIPS_AND_SHOULDERS or not side
 
 
 def _radius(part: str, point: str) -> float:
@@ -181,11 +172,11 @@ def _side(*sides: str) -> str:
     return sides[0] if len(set(sides)) == 1 else ""
 
 
-def _foot_groups(skeleton: Skeleton, names: Names) -> Feet:
+def _foot_groups(skeleton: skeletons.Skeleton, names: Names) -> Feet:
     """The joints of each foot that has more than an ankle."""
     if not any(word in part for _, part in names for word in ("toe", "heel", "ankle", "foot")):
         return []
-    return [group for group in foot_joints(skeleton) if len(group) > 1 and names[group[0]][0]]
+    return [group for group in skeletons.foot_joints(skeleton) if len(group) > 1 and names[group[0]][0]]
 
 
 def _soles(named: Mapping[str, int], names: Names, feet: Feet) -> Iterator[Part]:
@@ -197,7 +188,7 @@ def _soles(named: Mapping[str, int], names: Names, feet: Feet) -> Iterator[Part]
         yield Part(group, tuple(min(radius, RADII["ankle"]) for radius in radii), side, LEG_NUDGE)
 
 
-def _palms(skeleton: Skeleton) -> Iterator[Part]:
+def _palms(skeleton: skeletons.Skeleton) -> Iterator[Part]:
     """A palm between the wrist and the roots of four fingers."""
     at = {name: joint for joint, name in enumerate(skeleton.joints)}
     for side in ("left", "right"):
@@ -211,7 +202,7 @@ def _skull_joints(names: Names) -> list[int]:
     return [joint for joint, (_, part) in enumerate(names) if "head" in part or part.startswith(FACE)]
 
 
-def _skull(skeleton: Skeleton, names: Names) -> FloatArray:
+def _skull(skeleton: skeletons.Skeleton, names: Names) -> FloatArray:
     """(0 or 1, J): the middle of the joints of the head."""
     skull = _skull_joints(names) if skeleton.bones else []
     return (
@@ -371,12 +362,12 @@ def stage_of(motion: Motion, *, wall: FloatArray | None = None, follow: bool = F
         return _flat_stage(motion.positions, plan, wall, follow)
     low = float(np.percentile(motion.positions[..., 1].min(axis=1), 2))
     positions = motion.positions - np.array([0.0, low, 0.0])
-    front = mean_heading(positions, motion.fps, motion.skeleton)
+    front = skeletons.mean_heading(positions, motion.fps, motion.skeleton)
     box = playing_box(Motion(positions, motion.fps, motion.skeleton, motion.valid))
     if box is not None:
         return _player_stage(positions, plan, box, front, angle)
-    size = max(standing_height(positions), 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
-    followed = np.einsum("j,tjd->td", plan.hips, positions) if follow else camera_way(positions, motion.fps)
+    size = max(skeletons.standing_height(positions), 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
+    followed = np.einsum("j,tjd->td", plan.hips, positions) if follow else skeletons.camera_way(positions, motion.fps)
     room = (size / FILL_ACROSS, size / FILL)
     return Stage(positions, plan, followed[:, [0, 2]], AIM * size, front, angle, LIFT, size, room, False)
 

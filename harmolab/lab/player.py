@@ -1,7 +1,5 @@
 """A dance and its music as one page that plays anywhere: in a notebook, in the offline report, as a file."""
 
-from __future__ import annotations
-
 import base64
 import io
 import math

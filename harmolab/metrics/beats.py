@@ -4,8 +4,6 @@ They are what papers report, so a reader can compare. None of them subtracts wha
 `chance` and `harmony_above_chance`, never alone.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Collection
 from typing import Any

@@ -10,8 +10,6 @@ Made for Frechet distances and diversity, in the order and with the windows of A
 them from fairmotion. Masses are left out, so energies are squared speeds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -22,8 +22,6 @@ hips, so that travel and turns of the whole body count as no movement. Jerk and 
 Filler frames (`Motion.valid`) count nowhere. A measure that a body or a stretch cannot answer is left out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -261,7 +259,7 @@ class LikenessLimits:
             _check_ranges(ranges)
 
     @classmethod
-    def of(cls, motions: Iterable[Motion], dances: Sequence[str] | None = None) -> LikenessLimits:
+    def of(cls, motions: Iterable[Motion], dances: Sequence[str] | None = None) -> "LikenessLimits":
         """The limits of recordings of your own, such as the corpus that a dance is made of.
 
         Parameters
@@ -279,7 +277,7 @@ class LikenessLimits:
         return cls.of_windows([window_measures(motion) for motion in motions], names)
 
     @classmethod
-    def of_windows(cls, recordings: Sequence[Sequence[Mapping[str, float]]], dances: Sequence[str]) -> LikenessLimits:
+    def of_windows(cls, recordings: Sequence[Sequence[Mapping[str, float]]], dances: Sequence[str]) -> "LikenessLimits":
         """`of` recordings whose `window_measures` are known already; errors as there."""
         if len(recordings) != len(dances):
             raise ValueError(f"there are {len(recordings)} recordings and {len(dances)} names of dances")
@@ -301,13 +299,13 @@ class LikenessLimits:
 
     @classmethod
     @cache
-    def recorded(cls) -> LikenessLimits:
+    def recorded(cls) -> "LikenessLimits":
         """The limits that are shipped: 46 windows of 23 recordings of cha-cha, rumba, tango and waltz."""
         with reading(RECORDED, "limits of likeness"):
             return cls.from_dict(read_json(RECORDED))
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> LikenessLimits:
+    def from_dict(cls, content: Mapping[str, Any]) -> "LikenessLimits":
         """The limits in what `to_dict` gave; ValueError where it is something else."""
         try:
             dances = {str(name): _as_ranges(ranges) for name, ranges in content["dances"].items()}

@@ -9,8 +9,6 @@ not count.
 A single number says little: compare with the same number of recorded dance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """From a musician's points in a picture to an avatar in space, with instrument and bow (Sec. 5), in seven steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -90,7 +88,7 @@ class AvatarParams:
             raise ValueError(f"piano_turn must lie within 80 degrees, in radians, got {self.piano_turn}")
 
     @classmethod
-    def paper(cls) -> AvatarParams:
+    def paper(cls) -> "AvatarParams":
         """As Sec. 5 has it: the longest forearm of all frames as it comes, and the forearm alone makes the depth."""
         return cls(percentile=100.0, smoothing=0.0, least_forearm=0.0, elbow_depth=False)
 

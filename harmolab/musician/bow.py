@@ -6,8 +6,6 @@ turns. A stroke is as long as its loudness and duration say. Strokes alternate, 
 notes tell which are down-bows. Ours, not the paper's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self

@@ -1,7 +1,5 @@
 """Frames of a performance whose points cannot be trusted (readings 8 and 9): rejected by rule, filled in by lines."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -168,7 +166,7 @@ class CleaningRules:
             raise ValueError("longest_run must be seconds, got None")
 
     @classmethod
-    def off(cls) -> CleaningRules:
+    def off(cls) -> "CleaningRules":
         """No frame is rejected: the row "frames not dropped" of Tables 1 and 2."""
         return cls(missing=False, swapped=None, jump=None, centre=None)
 
@@ -273,11 +271,11 @@ class _Poses:
     bottom: FloatArray
 
     @classmethod
-    def of(cls, points: FloatArray) -> _Poses:
+    def of(cls, points: FloatArray) -> "_Poses":
         x, y = points[..., 0], points[..., 1]
         return cls(points, x.min(axis=1), x.max(axis=1), y.min(axis=1), y.max(axis=1))
 
-    def __getitem__(self, frames: int | slice | IntArray) -> _Poses:
+    def __getitem__(self, frames: int | slice | IntArray) -> "_Poses":
         return _Poses(*(getattr(self, name)[frames] for name in ("points", "left", "right", "top", "bottom")))
 
     @property

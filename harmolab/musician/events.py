@@ -10,8 +10,6 @@ the score of each hand with its own notes beside that of all, where a strike of 
 of the whole body, by which dances are judged, hardly sees a musician.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial

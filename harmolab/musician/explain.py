@@ -3,8 +3,6 @@
 All numbers are those of `harmolab.musician.events`, so that no finding can contradict the score.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple, cast

@@ -39,8 +39,6 @@ x and y are shares of the picture's width and height; ``"size"`` makes pixels of
 shares of the height. A hand's "visibility" is not read: MediaPipe writes 0 there.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce

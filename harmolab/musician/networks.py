@@ -1,7 +1,5 @@
 """The network (Sec. 4, Fig. 4): one LSTM over the sound, and a linear layer to the principal components."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Self

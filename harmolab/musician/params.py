@@ -1,7 +1,5 @@
 """Settings of Audio to Body Dynamics. The defaults are those under the captions of its Tables 1 and 2 (violin)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -102,21 +100,21 @@ class Audio2BodyParams:
                 raise ValueError(f"{name} must be {most:g} at most, got {getattr(self, name)}")
 
     @classmethod
-    def tables(cls, instrument: str = "violin") -> Audio2BodyParams:
+    def tables(cls, instrument: str = "violin") -> "Audio2BodyParams":
         """As under the captions of Table 1 (violin) or Table 2 (piano); ValueError for another instrument."""
         if instrument not in INSTRUMENTS:
             raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
         return cls() if instrument == "violin" else cls(dropout=0.1, rate=1e-3)
 
     @classmethod
-    def section_4(cls, instrument: str = "violin") -> Audio2BodyParams:
+    def section_4(cls, instrument: str = "violin") -> "Audio2BodyParams":
         """As in the text of Sec. 4."""
         return replace(
             cls.tables(instrument), sequence=400, delay=5 / 96, dropout=0.4, rate=5e-3, components=10
         )  # fmt: skip
 
     @classmethod
-    def recommended(cls, instrument: str = "piano") -> Audio2BodyParams:
+    def recommended(cls, instrument: str = "piano") -> "Audio2BodyParams":
         """Hands move before the note: 125 ms of delay; semitones beside the 28 numbers; a violin's bow alternates."""
         return replace(
             cls.tables(instrument), delay=0.125, tones="semitones", batch=25, rate=2e-3, epochs=40,

@@ -1,7 +1,5 @@
 """A performance from sound: the network over a recording, in one pass or block by block as the sound comes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

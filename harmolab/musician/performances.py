@@ -45,8 +45,6 @@ The first line has the names, in any order; other columns are not read. MIDI fil
 or MIDI library writes such a table.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Performances as the network takes them: what is heard and where the points are, frame by frame; training windows."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self, TypeVar
@@ -51,7 +49,7 @@ class PointSpace:
     scale: FloatArray
 
     @classmethod
-    def fit(cls, frames: FloatArray, components: float, *, even_scale: bool = True) -> PointSpace:
+    def fit(cls, frames: FloatArray, components: float, *, even_scale: bool = True) -> "PointSpace":
         """The space of frames (F, 2 P): so many components, or as many as hold a share (below 1) of the variance.
 
         Parameters
@@ -237,7 +235,7 @@ class PlayedWindows:
     def __len__(self) -> int:
         return len(self.sound)
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> PlayedWindows:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "PlayedWindows":
         """The windows at `indices` that fall to process `rank` of `world`."""
         rows = indices[rank::world].to(self.sound.device)
         return PlayedWindows(self.sound[rows], self.target[rows], self.mask[rows], self.residual[rows])
@@ -249,13 +247,13 @@ class PlayedWindows:
         space: PointSpace,
         params: Audio2BodyParams,
         device: torch.device | str = "cpu",
-    ) -> PlayedWindows:
+    ) -> "PlayedWindows":
         """All windows of some sequences, one after the other; the last one of each is filled up with silence."""
         length = params.sequence * params.carry
         parts = [_cut(sequence, space, params, length) for sequence in sequences]
         return cls(*(torch.from_numpy(np.concatenate(values)).to(device) for values in zip(*parts, strict=True)))
 
-    def drawn_apart(self, share: float, seed: int) -> tuple[PlayedWindows, PlayedWindows]:
+    def drawn_apart(self, share: float, seed: int) -> tuple["PlayedWindows", "PlayedWindows"]:
         """The windows without a random share of them, and that share; ValueError unless both can have one."""
         if len(self) < 2:
             raise ValueError("one window cannot be shared out; more, or longer, performances are needed")

@@ -3,8 +3,6 @@
 Frame t speaks of the time from t / fps to (t + 1) / fps; its middle is half a frame later than key point t.
 """
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 

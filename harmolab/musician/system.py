@@ -1,7 +1,5 @@
 """The system: from the sound of an instrument to the points of the musician, trained or shipped."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

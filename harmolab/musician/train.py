@@ -1,7 +1,5 @@
 """The training of the network (Sec. 4), and its errors in pixels (Sec. 6)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

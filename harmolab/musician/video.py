@@ -7,8 +7,6 @@ Two movements of one picture over each other: the tracked points broad and red, 
 The colours are those of a miss and a hit, which differ in brightness too; the widths tell them apart without colour.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 

@@ -1,3 +1,1 @@
 """Reading what people have: sound, movement, beats. Errors start with the file's name."""
-
-from __future__ import annotations

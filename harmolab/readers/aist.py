@@ -5,8 +5,6 @@ strings and numpy arrays are allowed, and every length must fit the file. The nu
 called either: small stand-ins note what was asked, and the arrays are made from checked bytes afterwards.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import pickle

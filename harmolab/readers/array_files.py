@@ -20,8 +20,6 @@ the pelvis, y from the floor, in the body's frame that faces +z (63); their 6-D 
 The vectors hold no rate. HumanML3D itself is at 20 frames per second, other data written this way is not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,33 +29,15 @@ from numpy.typing import NDArray
 
 from harmolab.body.skeletons import Skeleton, turned
 from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, MissingFrameRate, PathLike, named_faults, read_json, reading
+from harmolab.readers import keypoints, motion_file
 from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
 from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
-from harmolab.readers.keypoints import (
-    COCO_17,
-    MAX_FRAMES,
-    content_points,
-    described_motion,
-    is_landmarks,
-    json_or_lines,
-    keypoints_motion,
-    named_skeleton,
-)
-from harmolab.readers.motion_file import (
-    Assumption,
-    MotionFile,
-    ReadingOptions,
-    as_read,
-    guessed_up,
-    metre_factor,
-    stated_up,
-)
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
 from harmolab.types import FloatArray
 
 # Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON
 
-SKELETONS = {len(skeleton.joints): skeleton for skeleton in (COCO_17, SMPL_22, SMPL_24)}
+SKELETONS = {len(skeleton.joints): skeleton for skeleton in (keypoints.COCO_17, SMPL_22, SMPL_24)}
 KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "positions")
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
 _STRETCH = 0.5
@@ -81,7 +61,9 @@ def is_joints(shape: tuple[int, ...]) -> bool:
     )
 
 
-def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = None, kind: str = "") -> MotionFile:
+def joint_motion(
+    values: Any, options: motion_file.ReadingOptions, own_fps: float | None = None, kind: str = ""
+) -> motion_file.MotionFile:
     """The motion of joints in space; call it inside `harmolab.files.reading`.
 
     Parameters
@@ -100,7 +82,7 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"joints must be numbers of shape (T, J, 3): {error}") from None
-    if not is_joints(array.shape) or not 2 <= len(array) <= MAX_FRAMES:
+    if not is_joints(array.shape) or not 2 <= len(array) <= keypoints.MAX_FRAMES:
         counts = ", ".join(map(str, SKELETONS))
         raise ValueError(f"joints must have shape (T, J, 3) or (T, 3J) with J of {counts}, got {array.shape}")
     if not np.isfinite(array).all():
@@ -110,13 +92,13 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     joints = array.reshape(len(array), -1, 3)
     skeleton = SKELETONS[joints.shape[1]]
     _check_thighs(joints, skeleton)
-    factor, unit = metre_factor(joints, options)
+    factor, unit = motion_file.metre_factor(joints, options)
     places, up = _upright(in_metres(joints, factor), skeleton, options)
-    name = kind or f"{len(skeleton.joints)} joints of {'COCO' if skeleton is COCO_17 else 'SMPL'}"
-    return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up))
+    name = kind or f"{len(skeleton.joints)} joints of {'COCO' if skeleton is keypoints.COCO_17 else 'SMPL'}"
+    return motion_file.MotionFile(checked_motion(places, rate, skeleton), name, (unit, up))
 
 
-def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -> MotionFile:
+def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """The motion of Bailando's files of a frame, in their order.
 
     Raises
@@ -124,8 +106,10 @@ def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -
     MissingFrameRate, ValueError
         As `joint_motion`, or a file holds no joints in space; names the folder, or the file.
     """
-    if len(files) > MAX_FRAMES:
-        raise ValueError(f"{folder}: has {len(files)} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
+    if len(files) > keypoints.MAX_FRAMES:
+        raise ValueError(
+            f"{folder}: has {len(files)} frames, more than the {keypoints.MAX_FRAMES} allowed; cut it into parts"
+        )
     if options.fps is None:
         raise MissingFrameRate(
             f"{folder}: holds no frame rate; pass fps, such as --fps 25 (Bailando's settings make 60)"
@@ -144,13 +128,13 @@ def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -
         return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
 
 
-def _upright(places: FloatArray, skeleton: Skeleton, options: ReadingOptions) -> tuple[FloatArray, str]:
+def _upright(places: FloatArray, skeleton: Skeleton, options: motion_file.ReadingOptions) -> tuple[FloatArray, str]:
     """Places with y up and a sentence; y where the body does not tell, as in files of our own."""
     try:
-        return guessed_up(places, skeleton.joints, options)
+        return motion_file.guessed_up(places, skeleton.joints, options)
     except ValueError:
         reason = "assumed: the body lies, or turns over, and does not tell; --up overrules it"
-        return places, Assumption(f"y up ({reason})", "axis assumed: y up")
+        return places, motion_file.Assumption(f"y up ({reason})", "axis assumed: y up")
 
 
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
@@ -187,7 +171,7 @@ def vector_joints(values: NDArray[Any]) -> FloatArray:
     return np.concatenate([pelvis[:, None], joints], axis=1)
 
 
-def humanml_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
+def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """The motion of vectors (T, 263); call it inside `harmolab.files.reading`.
 
     Raises
@@ -208,61 +192,69 @@ def humanml_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
             f"holds HumanML3D vectors of a body that extends over {extent:.3g} m; if they are normalised, multiply by "
             "Std.npy and add Mean.npy first"
         )
-    positions, note = stated_up(joints, "y", "as HumanML3D writes", options)
+    positions, note = motion_file.stated_up(joints, "y", "as HumanML3D writes", options)
     notes = ("22 joints from the turn and speed of the pelvis and the places in the body", note)
-    return MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
+    return motion_file.MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
 
 
-_NAMED = Assumption(
+_NAMED = motion_file.Assumption(
     f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",
     f"{AIST_FPS:g} frames a second assumed by the name",
 )
-_METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
+_METRES = motion_file.Assumption(
+    "metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres"
+)
 
 
-def load_pickle(path: PathLike, options: ReadingOptions) -> MotionFile:
+def load_pickle(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """AIST++ keypoints3d, SMPL parameters, or joints in space."""
     with reading(path, "a pickle of arrays") as file:
         return _content_motion(read_array_pickle(file.read_bytes()), file, options)
 
 
-def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions) -> MotionFile:
+def _content_motion(content: dict[str, Any], file: Path, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """The motion in a dictionary of arrays."""
     if is_parameters(content):
         return parameter_motion(content, file, options)
     if {"keypoints3d", "keypoints3d_optim"} & content.keys() or (values := positions_in(content)) is None:
         scale = 0.01 if options.scale is None else options.scale
         motion = aist_motion(content, options.rate(AIST_FPS), scale)
-        return as_read(motion, "AIST++ key points", options, f"{scale:g} m a unit, {motion.fps:g} frames a second")
+        return motion_file.as_read(
+            motion, "AIST++ key points", options, f"{scale:g} m a unit, {motion.fps:g} frames a second"
+        )
     return _joint_motion(values, file, options)
 
 
-def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
+def _joint_motion(
+    values: Any, file: Path, options: motion_file.ReadingOptions, own_fps: float | None = None
+) -> motion_file.MotionFile:
     """Joints in space at the rate that their file tells, else at that of its name."""
     rate, notes = (own_fps, ()) if own_fps is not None else _named_rate(file, options)
     read = joint_motion(values, options, rate)
     return read._replace(notes=(*read.notes, *notes))
 
 
-def _named_rate(file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
+def _named_rate(
+    file: Path, options: motion_file.ReadingOptions
+) -> tuple[float | None, tuple[motion_file.Assumption, ...]]:
     """The rate of a file by its name, unless one is passed, and the note on it."""
     return (AIST_FPS, (_NAMED,)) if options.fps is None and is_aist_name(file) else (None, ())
 
 
-def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
+def load_json(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """Joints in space, or key points of a pose estimator."""
     with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
-        content = json_or_lines(file)
-        values = None if is_landmarks(content) else positions_in(content)
+        content = keypoints.json_or_lines(file)
+        values = None if keypoints.is_landmarks(content) else positions_in(content)
         own = content.get("fps") if isinstance(content, dict) else None
         if values is None:
             rate = own if options.as_defaults and own is not None else options.fps
-            motion = described_motion(*content_points(content), fps=rate, joints=options.joints)
-            return as_read(motion, "key points", options)
+            motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
+            return motion_file.as_read(motion, "key points", options)
         return _joint_motion(values, file, options, own)
 
 
-def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
+def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
     """A `.npy` array: joints in space, image coordinates, landmarks with their visibility, vectors, a dictionary."""
     with reading(path, "a .npy array") as file:
         with file.open("rb") as stream:
@@ -279,18 +271,20 @@ def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
         named, notes = _named_rate(file, options)
         rate = options.rate(named)
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-            return as_read(keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes)
+            return motion_file.as_read(
+                keypoints.keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes
+            )
         unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
         places = in_metres(values, 1.0 if options.scale is None else options.scale)
-        motion = checked_motion(places, rate, named_skeleton(values.shape[1]))
-        return as_read(motion, "joints", options, unit, *notes, is_open=True)
+        motion = checked_motion(places, rate, keypoints.named_skeleton(values.shape[1]))
+        return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:
     """True where (T, J, 3), also flat, is image coordinates with a confidence: pixels or shares beside 0 to 1."""
     is_flat = values.ndim == 2
     points = values.reshape(len(values), -1, 3) if is_flat and values.shape[1] % 3 == 0 else values
-    if not len(points) or points.ndim != 3 or points.shape[2] != 3 or named_skeleton(points.shape[1]) is None:
+    if not len(points) or points.ndim != 3 or points.shape[2] != 3 or keypoints.named_skeleton(points.shape[1]) is None:
         return False
     places, confidence = points[..., :2], points[..., 2]
     are_shares = is_flat and places.min() >= 0 and places.max() <= 1

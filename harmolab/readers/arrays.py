@@ -1,7 +1,5 @@
 """Arrays from files that are not trusted: sizes are compared before memory is taken."""
 
-from __future__ import annotations
-
 import io
 import math
 import warnings

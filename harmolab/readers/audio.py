@@ -4,8 +4,6 @@ The header decides first, but is not believed: reading stops at the length that 
 says, and a span is sought, not read through.
 """
 
-from __future__ import annotations
-
 import io
 import itertools
 import math

@@ -15,8 +15,6 @@ Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISM
 Nothing is downloaded, by us or by its package: weights are a file on this machine.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -24,8 +24,6 @@ where they are: the best rotation of all children at once (Kabsch 1976), the sho
 Which frames are valid is not kept: BVH has no place for it.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

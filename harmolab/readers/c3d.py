@@ -5,8 +5,6 @@ in which a marker is missing is filled in by a straight line in time and marked 
 that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be passed.
 """
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

@@ -4,8 +4,6 @@ The library that reads c3d runs without end on some damaged files. A process can
 Nothing of harmolab is imported here, so that the process begins at once.
 """
 
-from __future__ import annotations
-
 import io
 import sys
 from contextlib import suppress

@@ -18,8 +18,6 @@ MediaPipe returns objects, not files: save a list of frames, or ``{"fps": 30.0, 
 an empty list where the picture is empty.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

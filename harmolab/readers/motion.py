@@ -49,8 +49,6 @@ a folder
 `read_motion` says beside the motion of which kind a file is and how it was read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Units and axes that a file does not tell are guessed from the body, and every gu
 `Assumption`, which commands print beside what they compute.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +31,7 @@ class Assumption(str):
     __slots__ = ("brief",)
     brief: str
 
-    def __new__(cls, sentence: str, brief: str) -> Assumption:
+    def __new__(cls, sentence: str, brief: str) -> "Assumption":
         self = super().__new__(cls, sentence)
         self.brief = brief
         return self

@@ -3,8 +3,6 @@
 And the names of the things that an avatar plays on, which are drawn thin, as fingers are.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -22,8 +22,6 @@ a network. Nothing is fetched unasked: `make_pose_environment` is called by `har
 ``HARMOLAB_POSE=off`` turns pose estimation off, whether the environment is there or not.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import os

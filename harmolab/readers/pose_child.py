@@ -9,8 +9,6 @@ RGB bytes. A height of 0 ends. Out: the 8 bytes of `READY`; then for each pictur
 followed; where others are looked for, a second one comes after her, whom she does not cover.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import sys

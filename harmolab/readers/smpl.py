@@ -29,8 +29,6 @@ Translations are in metres once `smpl_scaling` is divided out; it is the size of
 file holds ``betas`` (S,), the shape of its body, joints at rest of the user's own SMPL file are shaped by them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path

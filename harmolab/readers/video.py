@@ -4,8 +4,6 @@ Nothing in a file is trusted: the picture size is checked before a picture is de
 pictures are opened (no playlists, no network), and reading stops at a number of frames.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Retiming: a motion or a video at other moments, so that its beats come with the music's; no pose is changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial

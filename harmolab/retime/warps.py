@@ -7,8 +7,6 @@ which the visual beat comes to lie. A path of matches from the start to the end 
 between; every step keeps the bounds on the local speed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple, get_args
@@ -63,7 +61,7 @@ class TimeWarp:
             raise ValueError("a warp keeps its ends; the first and the last knot must be equal in source and target")
 
     @classmethod
-    def identity(cls, duration: float) -> TimeWarp:
+    def identity(cls, duration: float) -> "TimeWarp":
         """The warp of [0, duration] that shifts nothing."""
         return cls(np.array([0.0, duration]), np.array([0.0, duration]))
 
@@ -116,7 +114,7 @@ class TimeWarp:
         """Mean absolute shift, seconds."""
         return float(np.abs(self.shifts()).mean())
 
-    def scaled(self, strength: float) -> TimeWarp:
+    def scaled(self, strength: float) -> "TimeWarp":
         """The warp with all its shifts times `strength`: 0 is the identity, 1 the warp itself."""
         if not 0 <= strength <= 1:
             raise ValueError(f"strength must lie between 0 and 1, got {strength}")

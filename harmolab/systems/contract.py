@@ -9,8 +9,6 @@ A system may have parts that are trained by themselves (`PARTS`). They do not da
 in its run. Nor do `PLAYERS`: their motions are a musician's points in a picture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path

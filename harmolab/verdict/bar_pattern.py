@@ -6,8 +6,6 @@ One windowed fit serves all who ask how well a moment suits a pattern: the place
 corpora and the choreographer call `harmonic_fits` or `pattern_fits`; the soft score convolves the same `templates`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

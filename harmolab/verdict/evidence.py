@@ -17,8 +17,6 @@ is ranked by how well the next cycle of movement fits; moved by a lag u, the bea
 best reading T(u) = max_f M_f(u). The choice of the reading is part of the null, since every lag has it too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction

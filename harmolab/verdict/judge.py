@@ -23,8 +23,6 @@ The doors of scoring: a motion or a clip in, its score by the settings out, with
 The paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from textwrap import shorten
@@ -40,22 +38,7 @@ from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyPar
 from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
 from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
-from harmolab.verdict import sentences
-from harmolab.verdict.evidence import (
-    ALPHA,
-    FEWEST_BEATS,
-    NAN,
-    ON_THE_BEAT,
-    STEADY,
-    Evidence,
-    Interval,
-    PlaceTest,
-    TimeTest,
-    floor,
-    has_rate,
-    place_test,
-    time_test,
-)
+from harmolab.verdict import evidence, sentences
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
 LINE = 90  # characters of a verdict that is printed in one line
@@ -63,7 +46,7 @@ LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on t
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement(Evidence, Display):
+class Judgement(evidence.Evidence, Display):
     """A verdict in words, made from its evidence."""
 
     def __repr__(self) -> str:
@@ -89,8 +72,8 @@ class Judgement(Evidence, Display):
         names = ("level", "verdict", "remarks", "details", "p_time", "p_place", "lag_s", "tempo", "own_tempo")
         numbers = {name: getattr(self, name) for name in (*names, "reading")}
         interval = tuple(edge * 60 / self.tempo for edge in self.lag_interval)
-        parts = {name: getattr(self.signal, name, NAN) for name in ("pulse", "share", "joints")}
-        rate = {"rate": float(self.time.rate) if self.time else NAN} | sentences.moments_after_beat(self)
+        parts = {name: getattr(self.signal, name, evidence.NAN) for name in ("pulse", "share", "joints")}
+        rate = {"rate": float(self.time.rate) if self.time else evidence.NAN} | sentences.moments_after_beat(self)
         return numbers | {"lag_interval_s": interval} | rate | parts
 
 
@@ -110,9 +93,9 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
         return Judgement(0, beats, pattern)
     signal = shape_signal(shape, beats.times[0], beats.times[-1])
     nothing = Judgement(0, beats, pattern, signal)
-    if nothing.n_beats < FEWEST_BEATS or floor(signal):
+    if nothing.n_beats < evidence.FEWEST_BEATS or evidence.floor(signal):
         return nothing
-    time = time_test(signal, beats.times, cycles=cycles_of(beats, pattern))
+    time = evidence.time_test(signal, beats.times, cycles=cycles_of(beats, pattern))
     place = placed(signal, beats, pattern or own_reading(time), is_told=pattern is not None)
     interval, lags = place.spread(seed=seed)
     level = level_of(time, place, interval, lags)
@@ -130,24 +113,26 @@ def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
     return tuple(sorted({1, cycle_of_meter(int(beats.bar_places.max()) + 1)}))
 
 
-def own_reading(time: TimeTest) -> BarPattern:
+def own_reading(time: evidence.TimeTest) -> BarPattern:
     """The pattern that is asked for when nothing is told: the waltz's curve in three, else a rest on each beat."""
     return DANCE_PATTERNS["waltz"] if time.metre == 3 else HOW_PATTERNS["rest"]
 
 
-def placed(signal: ShapeSignal, beats: BeatTrack, pattern: BarPattern, *, is_told: bool) -> PlaceTest:
+def placed(signal: ShapeSignal, beats: BeatTrack, pattern: BarPattern, *, is_told: bool) -> evidence.PlaceTest:
     """The place test of a pattern; a bar counts only where the dance was told."""
-    return place_test(signal, beats.times, beats.bar_places if is_told else None, pattern)
+    return evidence.place_test(signal, beats.times, beats.bar_places if is_told else None, pattern)
 
 
-def level_of(time: TimeTest, place: PlaceTest, interval: Interval, lags: Interval) -> int:
+def level_of(
+    time: evidence.TimeTest, place: evidence.PlaceTest, interval: evidence.Interval, lags: evidence.Interval
+) -> int:
     """The level of a movement above the floor."""
-    if not time.p_value <= ALPHA:
+    if not time.p_value <= evidence.ALPHA:
         return 1
-    if lags[1] - lags[0] > 2 * STEADY:
+    if lags[1] - lags[0] > 2 * evidence.STEADY:
         return 2
-    is_near = abs(place.lag) <= ON_THE_BEAT and place.harmony_above_chance > 0 and interval[0] > 0
-    return 4 if is_near and place.p_value <= MOST_PLACES and has_rate(time, place.pattern) else 3
+    is_near = abs(place.lag) <= evidence.ON_THE_BEAT and place.harmony_above_chance > 0 and interval[0] > 0
+    return 4 if is_near and place.p_value <= MOST_PLACES and evidence.has_rate(time, place.pattern) else 3
 
 
 # The doors of scoring: a motion or a clip in, its score by the settings out, with the verdict where they ask for

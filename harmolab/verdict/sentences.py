@@ -4,8 +4,6 @@ Sentences are made from the fields of an `Evidence`. Late and early are said onl
 an arrival, a hit and a rest are places of their own, and what is said is when the body is fastest and stillest.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

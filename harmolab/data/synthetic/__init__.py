@@ -4,8 +4,6 @@ Seven ballroom dances, a band that plays them, and a dancer of 21 joints whose m
 truth comes with every clip: beats and downbeats of the music, ends of the movements, figures.
 """
 
-from __future__ import annotations
-
 from harmolab.data.synthetic.beats import ClipSettings
 from harmolab.data.synthetic.clips import PlantedClip, planted_clip, synthetic_clip, write_corpus
 from harmolab.data.synthetic.dancer import DANCER, figure_names, synthetic_motion

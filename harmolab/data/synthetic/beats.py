@@ -1,7 +1,5 @@
 """Settings of a synthetic clip, and when things happen in it: beats of the music and ends of the movements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from numbers import Integral
 from types import MappingProxyType

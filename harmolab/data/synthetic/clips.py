@@ -1,7 +1,5 @@
 """One synthetic clip with the truth about it: music and dance on the same beats."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

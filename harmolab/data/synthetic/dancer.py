@@ -10,8 +10,6 @@ and any number of turns behind the letter, each of 45 degrees: `>` to the right,
 so that a figure danced from the other foot is its mirror image. The names are the ballroom's; the figures are sketches.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Music whose beats are planted: a small band (drums, bass, chords, melody) for each of the seven ballroom dances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType

@@ -5,8 +5,6 @@ AUCs of null corpora: the music of each unit of choreography, or of each recordi
 that is fitted is fitted anew, the discriminant in every draw, too. A window scores the mean of its clips.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -160,7 +158,7 @@ class _Windows:
     sequences: list[str]
 
     @classmethod
-    def of(cls, clips: Sequence[BeatClip]) -> _Windows:
+    def of(cls, clips: Sequence[BeatClip]) -> "_Windows":
         first: dict[tuple[str, int], BeatClip] = {}
         for clip in clips:
             first.setdefault((clip.sequence, clip.window), clip)

@@ -7,8 +7,6 @@ as `score_harmony`.
 `PlaceBatch` keeps what the recommended mode needs: how the beats rank at every lag, which is slow to find.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -47,7 +45,7 @@ class BeatBatch:
     gap: float
 
     @classmethod
-    def of(cls, pairs: Sequence[tuple[BeatTrack, BeatTrack]]) -> BeatBatch:
+    def of(cls, pairs: Sequence[tuple[BeatTrack, BeatTrack]]) -> "BeatBatch":
         """The batch of (music, visual) beat tracks, one pair a clip.
 
         Raises
@@ -103,7 +101,7 @@ class PlaceBatch:
     durations: FloatArray
 
     @classmethod
-    def of(cls, pairs: Sequence[tuple[BeatTrack, Motion]], params: HarmonyParams) -> PlaceBatch:
+    def of(cls, pairs: Sequence[tuple[BeatTrack, Motion]], params: HarmonyParams) -> "PlaceBatch":
         """The batch of (music, motion) on one time line, read with the pattern of `params`.
 
         Raises
@@ -116,7 +114,7 @@ class PlaceBatch:
         rows = [_place_row(music, motion, params) for music, motion in pairs]
         return cls(*(np.array(column) for column in zip(*rows, strict=True)))
 
-    def moved(self, seconds: FloatArray) -> PlaceBatch:
+    def moved(self, seconds: FloatArray) -> "PlaceBatch":
         """The batch with each clip's music moved by `seconds`, (C,), to the nearest of 48 moments a beat."""
         steps = np.round(seconds / self.periods * MOMENTS).astype(np.int64)
         lags = (np.arange(self.curves.shape[1]) + steps[:, None]) % self.curves.shape[1]

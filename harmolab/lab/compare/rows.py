@@ -1,7 +1,5 @@
 """All that a comparison needs of each recording alone: read and scored in this process, or as rows of the engine."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile
@@ -197,7 +195,7 @@ class Processes:
         """True where no row has to be kept or sent."""
         return not (self.jobs or self.scheduler or self.out)
 
-    def below(self, name: str) -> Processes:
+    def below(self, name: str) -> "Processes":
         """The same for another corpus, with its rows in a folder of this name inside `out`."""
         return self if self.out is None else replace(self, out=self.out / name)
 

@@ -15,8 +15,6 @@ sphere). A clip's score is how high its beats rank among all its moments by w f:
 mean of f at the beats alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,23 +24,9 @@ import numpy as np
 from harmolab.data import recordings
 from harmolab.data.recordings import recording_beats
 from harmolab.files import plain
+from harmolab.lab.compare import windows
 from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.lab.compare.windows import (
-    MOMENTS,
-    OURS,
-    SIGNALS,
-    TENTHS,
-    BeatClip,
-    FitBatch,
-    Lessons,
-    Teacher,
-    coefficients,
-    cycle_curve,
-    signal_batch,
-    turned_signals,
-    usable,
-    usable_clips,
-)
+from harmolab.lab.compare.windows import usable
 from harmolab.metrics.beats import other_scores
 from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import ShapeSpeed, shape_speed
@@ -56,7 +40,7 @@ Scores = tuple[FloatArray, FloatArray]  # (n,) with true and (n, K) with wrong m
 
 
 @dataclass(frozen=True, eq=False)
-class ScoredClip(BeatClip):
+class ScoredClip(windows.BeatClip):
     """A clip with all that follows from it and its own music.
 
     Parameters
@@ -69,10 +53,10 @@ class ScoredClip(BeatClip):
     curves: Mapping[str, FloatArray]
 
 
-def scored_clip(clip: BeatClip, *, other_music: bool) -> ScoredClip:
+def scored_clip(clip: windows.BeatClip, *, other_music: bool) -> ScoredClip:
     """The clip scored with its own music; without what only other music needs, its movement, where there is none."""
     own = clip.music()
-    curves = {name: cycle_curve(*signal, own, clip.cycle) for name, signal in clip.speeds.items()}
+    curves = {name: windows.cycle_curve(*signal, own, clip.cycle) for name, signal in clip.speeds.items()}
     hits = hit_scores(clip, shifted_music(clip))
     kept = clip if other_music else replace(clip, visual={}, speeds={})
     return ScoredClip(**vars(kept), hits=hits, curves=curves)
@@ -94,8 +78,8 @@ class ScoreTable:
     sizes: IntArray
     hits: dict[str, FloatArray]
     other_hits: dict[str, FloatArray]
-    fitted: dict[str, FittedScore]
-    lags: PeakLags
+    fitted: dict[str, "FittedScore"]
+    lags: "PeakLags"
 
     def at(self, origins: IntArray) -> dict[str, Scores]:
         """Every score with true and with wrong music where the music of each clip begins so many tenths of a beat late.
@@ -104,7 +88,7 @@ class ScoreTable:
         """
         rows = {}
         for name, fitted in self.fitted.items():
-            grid, others = fitted.at(origins / TENTHS)
+            grid, others = fitted.at(origins / windows.TENTHS)
             true, lagged = self._lagged(grid, origins)
             rows[name] = true, lagged if others is None else others
         rows |= {name: self._lookup(name, grid, origins) for name, grid in self.hits.items()}
@@ -140,7 +124,7 @@ class PeakLags:
     def at(self, origins: IntArray) -> IntArray:
         """The lag of each judged clip, (n,), 0 where there is nothing to fit on."""
         start = origins[:, None] if self.is_inside else 0
-        steps = np.broadcast_to((start + np.arange(TENTHS)) % TENTHS, self.peaks.shape)
+        steps = np.broadcast_to((start + np.arange(windows.TENTHS)) % windows.TENTHS, self.peaks.shape)
         sums = self.usable.astype(np.float64) @ np.take_along_axis(self.peaks, steps, axis=1)
         return sums.argmax(axis=1).astype(np.int64)
 
@@ -156,7 +140,7 @@ class FittedScore:
     is_placed : (n,) bool array: the place of "one" is known
     """
 
-    parts: tuple[PatternScores, ...]
+    parts: tuple["PatternScores", ...]
     sequences: IntArray
     is_placed: BoolArray
 
@@ -165,7 +149,7 @@ class FittedScore:
 
         The music of each clip begins `origins` beats late.
         """
-        grid = np.zeros((origins.size, max(TENTHS * part.batch.cycle for part in self.parts)))
+        grid = np.zeros((origins.size, max(windows.TENTHS * part.batch.cycle for part in self.parts)))
         others = None
         for part in self.parts:
             weights = part.weights(origins)
@@ -189,10 +173,10 @@ class PatternScores:
     """
 
     clips: IntArray
-    batch: FitBatch
-    others: FitBatch | None
+    batch: windows.FitBatch
+    others: windows.FitBatch | None
     fixed: FloatArray
-    lessons: Teacher | None
+    lessons: windows.Teacher | None
 
     def weights(self, origins: FloatArray) -> FloatArray:
         """Coefficients of each clip's pattern where the music of the clips begins so many beats late."""
@@ -212,8 +196,8 @@ def with_one_place(grid: FloatArray, sequences: IntArray) -> FloatArray:
     (p, 10 cycle) array. The place is the best of the *other* clips of a recording, and chosen at every lag as it is at
     0: no clip has a say in its own. A clip alone has the mean over the places.
     """
-    places = grid.reshape(len(grid), grid.shape[1] // TENTHS, TENTHS)
-    values = np.empty((len(grid), TENTHS))
+    places = grid.reshape(len(grid), grid.shape[1] // windows.TENTHS, windows.TENTHS)
+    values = np.empty((len(grid), windows.TENTHS))
     for sequence in np.unique(sequences):
         own = places[sequences == sequence]
         best = (own.sum(axis=0) - own).argmax(axis=1)[:, None]
@@ -222,7 +206,7 @@ def with_one_place(grid: FloatArray, sequences: IntArray) -> FloatArray:
     return np.tile(values, places.shape[1])
 
 
-def hit_scores(clip: BeatClip, tracks: Sequence[BeatTrack]) -> dict[str, FloatArray]:
+def hit_scores(clip: windows.BeatClip, tracks: Sequence[BeatTrack]) -> dict[str, FloatArray]:
     """Every score by hits of one clip against each music (on the clip's time line): name -> (len(tracks),) array."""
     paper = rescore(BeatBatch.of([(music, clip.visual["turns"]) for music in tracks]), HarmonyParams.paper())
     table = {"paper": paper.harmony, "paper_above_chance": paper.harmony_above_chance, "hit_rate": paper.hit_rate}
@@ -233,12 +217,12 @@ def hit_scores(clip: BeatClip, tracks: Sequence[BeatTrack]) -> dict[str, FloatAr
     return table | {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "beat_coverage"}
 
 
-def shifted_music(clip: BeatClip) -> list[BeatTrack]:
+def shifted_music(clip: windows.BeatClip) -> list[BeatTrack]:
     """The clip's music 0, .1, .2 ... beat late, over one cycle."""
-    return [clip.music(step * clip.period / TENTHS) for step in range(TENTHS * clip.cycle)]
+    return [clip.music(step * clip.period / windows.TENTHS) for step in range(windows.TENTHS * clip.cycle)]
 
 
-def other_music(clips: Sequence[BeatClip], seed: int) -> list[list[BeatTrack]]:
+def other_music(clips: Sequence[windows.BeatClip], seed: int) -> list[list[BeatTrack]]:
     """`N_OTHERS` random stretches of other recordings' music for each clip, as long as it.
 
     Raises
@@ -251,7 +235,7 @@ def other_music(clips: Sequence[BeatClip], seed: int) -> list[list[BeatTrack]]:
     if len(tracks) < 2:
         raise ValueError("other music needs at least two sequences")
 
-    def stretches(clip: BeatClip) -> list[BeatTrack]:
+    def stretches(clip: windows.BeatClip) -> list[BeatTrack]:
         names = rng.choice([name for name in tracks if name != clip.sequence], N_OTHERS)
         music = [tracks[str(name)] for name in names]
         return [track.span(rng.uniform(0, max(track.duration - clip.duration, 0.01)), clip.duration) for track in music]
@@ -269,7 +253,7 @@ def fitted_score(
     signals: Sequence[str],
     clips: Sequence[ScoredClip],
     others: Sequence[Sequence[BeatTrack]] | None,
-    taught: Callable[[IntArray, int], tuple[FloatArray, Teacher | None]],
+    taught: Callable[[IntArray, int], tuple[FloatArray, windows.Teacher | None]],
 ) -> FittedScore:
     """The score that reads some signals of n clips, by the patterns that were taught.
 
@@ -286,9 +270,11 @@ def fitted_score(
         wrong = None
         if others is not None:
             pairs = [(clips[i].speeds, track) for i in numbers.tolist() for track in others[i]]
-            curves = [{one: cycle_curve(*speeds[one], track, cycle) for one in signals} for speeds, track in pairs]
-            wrong = signal_batch(curves, cycle, signals)
-        batch = signal_batch([clip.curves for clip in own], cycle, signals)
+            curves = [
+                {one: windows.cycle_curve(*speeds[one], track, cycle) for one in signals} for speeds, track in pairs
+            ]
+            wrong = windows.signal_batch(curves, cycle, signals)
+        batch = windows.signal_batch([clip.curves for clip in own], cycle, signals)
         parts.append(PatternScores(numbers, batch, wrong, *taught(numbers, cycle)))
     _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
     return FittedScore(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
@@ -305,14 +291,14 @@ def pattern_score(
     `usable` is the (n, n) bool array of `usable_clips`; None where the patterns come from another corpus.
     """
 
-    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, Teacher | None]:
-        weights = np.array([coefficients(patterns[i], cycle) for i in numbers.tolist()])
+    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, windows.Teacher | None]:
+        weights = np.array([windows.coefficients(patterns[i], cycle) for i in numbers.tolist()])
         if usable is None:
             return weights, None
         sums = [clips[i].sums for i in numbers.tolist()]
-        return weights, Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle)
+        return weights, windows.Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle)
 
-    return fitted_score((OURS,), clips, others, taught)
+    return fitted_score((windows.OURS,), clips, others, taught)
 
 
 def score_table(
@@ -335,13 +321,13 @@ def score_table(
     hits = hit_table([clip.hits for clip in clips])
     source = clips if fit_clips is None else fit_clips
     peaks = hit_table([clip.hits for clip in source])["peaks"]
-    folded = peaks.reshape(len(peaks), -1, TENTHS).sum(axis=1) / np.array([[clip.cycle] for clip in source])
+    folded = peaks.reshape(len(peaks), -1, windows.TENTHS).sum(axis=1) / np.array([[clip.cycle] for clip in source])
     inside = usable if fit_clips is None else None
     return ScoreTable(
-        np.array([TENTHS * clip.cycle for clip in clips]),
+        np.array([windows.TENTHS * clip.cycle for clip in clips]),
         hits,
         {} if others is None else hit_table([hit_scores(*pair) for pair in zip(clips, others, strict=True)]),
-        {OURS: pattern_score(clips, patterns, inside, others)},
+        {windows.OURS: pattern_score(clips, patterns, inside, others)},
         PeakLags(folded, usable, fit_clips is None),
     )
 
@@ -357,10 +343,10 @@ def beat_features(fits: FloatArray, cycle: int) -> FloatArray:
 
     `fits` is an (F, G) array over the moments of whole cycles of beats, one or more, which go round in a circle.
     """
-    beats = np.arange(fits.shape[1] // MOMENTS)
-    lags = np.arange(TENTHS * cycle)[:, None] * (MOMENTS // TENTHS)
-    harmonics = np.moveaxis(fits[:, (beats * MOMENTS + lags) % fits.shape[1]], 0, -1)
-    return turned_signals(harmonics, cycle, -(beats % cycle)[:, None, None])
+    beats = np.arange(fits.shape[1] // windows.MOMENTS)
+    lags = np.arange(windows.TENTHS * cycle)[:, None] * (windows.MOMENTS // windows.TENTHS)
+    harmonics = np.moveaxis(fits[:, (beats * windows.MOMENTS + lags) % fits.shape[1]], 0, -1)
+    return windows.turned_signals(harmonics, cycle, -(beats % cycle)[:, None, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,16 +369,16 @@ class DiscriminantLessons:
     usable: BoolArray
 
     @classmethod
-    def of(cls, batch: FitBatch, usable: BoolArray) -> DiscriminantLessons:
+    def of(cls, batch: windows.FitBatch, usable: BoolArray) -> "DiscriminantLessons":
         """The lessons of the m clips of a batch; one without moments teaches nothing."""
-        lags, features = TENTHS * batch.cycle, batch.fits.shape[1]
+        lags, features = windows.TENTHS * batch.cycle, batch.fits.shape[1]
         sums = np.zeros((batch.sizes.size, lags, features))
         squares = np.zeros((batch.sizes.size, lags, features, features))
         for number in np.flatnonzero(batch.sizes).tolist():
             rows = beat_features(batch.fits[number, :, : batch.sizes[number]], batch.cycle)
             sums[number] = rows.sum(axis=1)
             squares[number] = rows.transpose(0, 2, 1) @ rows
-        counts = batch.sizes / MOMENTS
+        counts = batch.sizes / windows.MOMENTS
         return cls(batch.cycle, counts, sums, squares, usable & (counts > 0))
 
     def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
@@ -402,7 +388,7 @@ class DiscriminantLessons:
         ----------
         origins : (m,) array, beats in whole tenths by which the music of each clip is moved
         """
-        steps = np.round(np.broadcast_to(origins, self.counts.shape) * TENTHS).astype(np.int64)
+        steps = np.round(np.broadcast_to(origins, self.counts.shape) * windows.TENTHS).astype(np.int64)
         at_beats, true = self._class(steps[:, None])
         later, wrong = self._class(steps[:, None] + np.array(LAGS))
         within = (true + wrong) / 2
@@ -411,7 +397,7 @@ class DiscriminantLessons:
         is_taught = self.usable.any(axis=1) & shrunk.any(axis=(1, 2))
         shrunk[~is_taught] = np.eye(size)
         weights: FloatArray = np.linalg.solve(shrunk, (at_beats - later)[..., None])[..., 0]
-        rest = coefficients(BarPattern.stop_on_the_beat(), self.cycle)
+        rest = windows.coefficients(BarPattern.stop_on_the_beat(), self.cycle)
         weights[~is_taught] = np.pad(rest, (0, size - rest.size))
         return weights
 
@@ -442,19 +428,19 @@ def discriminant_score(
     others : n lists of `other_music`, None for lagged music. It learns from lagged music all the same.
     """
     source = clips if fit_clips is None else fit_clips
-    usable = usable_clips(clips, fit_clips, any_dance=True)
+    usable = windows.usable_clips(clips, fit_clips, any_dance=True)
     cycles = np.array([clip.cycle for clip in source])
 
-    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, Teacher | None]:
+    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, windows.Teacher | None]:
         teachers = np.flatnonzero(cycles == cycle)
-        batch = signal_batch([source[j].lessons for j in teachers.tolist()], cycle, SIGNALS)
+        batch = windows.signal_batch([source[j].lessons for j in teachers.tolist()], cycle, windows.SIGNALS)
         lessons = DiscriminantLessons.of(batch, usable[np.ix_(numbers, teachers)])
         return lessons.weights(), lessons if fit_clips is None else None
 
-    return fitted_score(SIGNALS, clips, others, taught)
+    return fitted_score(windows.SIGNALS, clips, others, taught)
 
 
-def recording_lags(score: FittedScore, clips: Sequence[BeatClip]) -> FloatArray:
+def recording_lags(score: FittedScore, clips: Sequence[windows.BeatClip]) -> FloatArray:
     """The lag in beats, in tenths and late positive, at which each recording scores highest; NaN where all are alike.
 
     The mean of its clips' scores is looked at over the cycle of its pattern.
@@ -464,8 +450,8 @@ def recording_lags(score: FittedScore, clips: Sequence[BeatClip]) -> FloatArray:
     for recording in np.unique(score.sequences):
         members = score.sequences == recording
         cycle = clips[int(np.flatnonzero(members)[0])].cycle
-        curve = grid[members, : TENTHS * cycle].mean(axis=0)
-        lag = (curve.argmax() / TENTHS + cycle / 2) % cycle - cycle / 2
+        curve = grid[members, : windows.TENTHS * cycle].mean(axis=0)
+        lag = (curve.argmax() / windows.TENTHS + cycle / 2) % cycle - cycle / 2
         lags.append(lag if np.ptp(curve) > 0 else np.nan)
     return np.array(lags)
 
@@ -487,18 +473,20 @@ class RecordingVerdict:
     music : BeatTrack, the true beats
     """
 
-    clip: BeatClip
+    clip: windows.BeatClip
     row: dict[str, Any]
     shape: ShapeSpeed
     music: BeatTrack
 
     def lagged(self, seed: int) -> BeatTrack:
         """The music one random lag of 0.3-0.7 beat later."""
-        lag = int(np.random.default_rng(seed).choice(LAGS)) / TENTHS
+        lag = int(np.random.default_rng(seed).choice(LAGS)) / windows.TENTHS
         return _later(self.music, lag * self.clip.period)
 
 
-def recording_verdict(recording: recordings.Recording, beats: str, clips: Sequence[BeatClip]) -> RecordingVerdict:
+def recording_verdict(
+    recording: recordings.Recording, beats: str, clips: Sequence[windows.BeatClip]
+) -> RecordingVerdict:
     """The verdict on a whole recording as `score_clip` judges it.
 
     Parameters
@@ -529,7 +517,7 @@ def _later(track: BeatTrack, seconds: float) -> BeatTrack:
 
 
 def verdict_summary(
-    verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[BeatClip], is_inside: bool, seed: int
+    verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[windows.BeatClip], is_inside: bool, seed: int
 ) -> dict[str, Any]:
     """ "recordings", one row each, and "levels": how many recordings reach each level.
 

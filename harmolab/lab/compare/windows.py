@@ -11,8 +11,6 @@ pattern's coefficients, so the correlations with each harmonic are kept and a ne
 begins elsewhere multiplies a clip's Fourier sums by a phase, so patterns are learnt anew by addition.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -30,15 +28,7 @@ from harmolab.metrics.beats import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.shape_speed import RATE, SMOOTHING, shape_signal, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion
-from harmolab.verdict.bar_pattern import (
-    PatternSums,
-    beat_curve,
-    beat_positions,
-    fit_pattern,
-    harmonic_fits,
-    pattern_sums,
-    turned,
-)
+from harmolab.verdict import bar_pattern
 from harmolab.verdict.evidence import floor
 
 # Clips ranked against patterns, many clips at once, and patterns that are learnt anew: the fitted scores of a
@@ -60,7 +50,7 @@ def cycle_curve(times: FloatArray, speed: FloatArray, track: BeatTrack, cycle: i
     """
     if len(track) < 2 or not speed.any():
         return np.zeros(0)
-    curve, first = beat_curve(times, speed, track, moments=MOMENTS)
+    curve, first = bar_pattern.beat_curve(times, speed, track, moments=MOMENTS)
     whole = curve.size // (cycle * MOMENTS) * cycle * MOMENTS
     return np.roll(curve[:whole], first % max(whole, 1))
 
@@ -79,7 +69,7 @@ def turned_signals(weights: FloatArray, cycle: int, place: float | FloatArray) -
     The harmonics of moments turned by -place are those that the coefficients turned by place see.
     """
     signals = weights.reshape(*weights.shape[:-1], -1, 2 * cycle)
-    return turned(signals, cycle, place).reshape(weights.shape)
+    return bar_pattern.turned(signals, cycle, place).reshape(weights.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +88,13 @@ class FitBatch:
     sizes: IntArray
 
     @classmethod
-    def of(cls, curves: Sequence[FloatArray], cycle: int) -> FitBatch:
+    def of(cls, curves: Sequence[FloatArray], cycle: int) -> "FitBatch":
         """The batch of n curves of `cycle_curve`, of one signal."""
         sizes = np.array([curve.size for curve in curves], np.int64)
         fits = np.zeros((sizes.size, 2 * cycle, max(sizes.max(initial=0), cycle * MOMENTS)))
         for row, curve in zip(fits, curves, strict=True):
             if curve.size:
-                row[:, : curve.size] = harmonic_fits(curve, cycle, cycle, moments=MOMENTS)
+                row[:, : curve.size] = bar_pattern.harmonic_fits(curve, cycle, cycle, moments=MOMENTS)
         return cls(cycle, fits, sizes)
 
     def harmony(self, weights: FloatArray) -> FloatArray:
@@ -179,7 +169,7 @@ class Lessons:
     usable: BoolArray
 
     @classmethod
-    def of(cls, sums: Sequence[PatternSums | None], usable: BoolArray, cycle: int) -> Lessons:
+    def of(cls, sums: Sequence[bar_pattern.PatternSums | None], usable: BoolArray, cycle: int) -> "Lessons":
         """The lessons of m clips; one without sums teaches nothing."""
         rows = [np.zeros(cycle, complex) if one is None else one.sums for one in sums]
         both = np.stack([np.real(rows), -np.imag(rows)], axis=-1)
@@ -195,7 +185,7 @@ class Lessons:
         ----------
         origins : (m,) array, beats by which the music of each clip is moved
         """
-        moved = turned(self.sums, self.cycle, np.broadcast_to(origins, len(self.sums))[:, None])
+        moved = bar_pattern.turned(self.sums, self.cycle, np.broadcast_to(origins, len(self.sums))[:, None])
         rest = coefficients(BarPattern.stop_on_the_beat(), self.cycle)
         weights: FloatArray = self.usable.astype(np.float64) @ moved
         weights[~self.usable.any(axis=1)] = rest
@@ -240,7 +230,7 @@ class BeatClip:
     is_placed: bool
     visual: Mapping[str, BeatTrack]
     speeds: Mapping[str, tuple[FloatArray, FloatArray]]
-    sums: PatternSums | None
+    sums: bar_pattern.PatternSums | None
     lessons: Mapping[str, FloatArray]
 
     @property
@@ -306,7 +296,7 @@ def _beat_clip(
     longest = max(units, key=units.__getitem__)[1] if units else folder
     times, speed = _shape(motion)
     beats = teacher.span(begins, motion.duration)
-    sums = pattern_sums(beat_positions(times, beats), speed, cycle) if len(beats) > 1 else None
+    sums = bar_pattern.pattern_sums(bar_pattern.beat_positions(times, beats), speed, cycle) if len(beats) > 1 else None
     speeds = dict(zip(SIGNALS, ((times, speed), bounce(motion)), strict=True))
     lessons = {name: cycle_curve(*speeds[name], beats, cycle) for name in SIGNALS}
     return BeatClip(
@@ -389,7 +379,7 @@ def learn_patterns(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | No
     for judged, row in zip(clips, usable_clips(clips, fit_clips), strict=True):
         rows = [sums for index in np.flatnonzero(row).tolist() if (sums := source[index].sums) is not None]
         label = f"{len(rows)} clips of {judged.dance or 'the corpus'}"
-        patterns.append(fit_pattern(rows, source=label) if rows else BarPattern.stop_on_the_beat())
+        patterns.append(bar_pattern.fit_pattern(rows, source=label) if rows else BarPattern.stop_on_the_beat())
     return patterns
 
 
@@ -409,7 +399,7 @@ def dance_patterns(
         If there is nothing to learn from.
     """
     recordings = corpus_recordings(corpus, progress=progress, report=report)
-    rows: dict[str, list[PatternSums]] = {}
+    rows: dict[str, list[bar_pattern.PatternSums]] = {}
     for recording in recordings:
         for clip in cut_clips(recording, "annotated", None):
             if clip.sums is not None:
@@ -417,6 +407,8 @@ def dance_patterns(
     if not rows:
         raise ValueError("no sequence with annotated beats to learn from")
     return {
-        dance: replace(fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}"), dance=dance)
+        dance: replace(
+            bar_pattern.fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}"), dance=dance
+        )
         for dance, sums in rows.items()
     }

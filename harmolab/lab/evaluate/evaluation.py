@@ -1,7 +1,5 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +13,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
+from harmolab.lab.evaluate import summary
 from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
 from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.pairing import (
@@ -30,16 +29,7 @@ from harmolab.lab.evaluate.pairing import (
 from harmolab.lab.evaluate.published import protocol_of
 from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_motion, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
-from harmolab.lab.evaluate.summary import (
-    RESAMPLES,
-    Difference,
-    Mean,
-    measure_of,
-    ranks,
-    song_interval,
-    system_differences,
-    system_means,
-)
+from harmolab.lab.evaluate.summary import ranks
 from harmolab.readers.motion_file import ReadingOptions
 from harmolab.readers.smpl import load_body
 
@@ -70,7 +60,7 @@ class EvaluationSettings:
     fps: float | None = None
     scale: float | None = None
     pose_net: PathLike | None = None
-    resamples: int = RESAMPLES
+    resamples: int = summary.RESAMPLES
     seed: int = 0
     smpl: PathLike | None = None
     up: str = ""
@@ -146,8 +136,8 @@ class Evaluation:
     systems: tuple[str, ...]
     controls: tuple[str, ...]
     songs: pd.DataFrame
-    means: Mapping[tuple[str, str], Mean]
-    differences: Sequence[Difference]
+    means: Mapping[tuple[str, str], summary.Mean]
+    differences: Sequence[summary.Difference]
     sets: Mapping[tuple[str, str], SetNumber]
     ranks: Mapping[str, Mapping[str, int]]
     counts: Mapping[str, Counts]
@@ -319,8 +309,8 @@ def _evaluation(
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
     systems = tuple(name for name in names if name not in CONTROLS)
     songs = collected.song_means
-    interval = partial(song_interval, count=settings.resamples, seed=settings.seed)
-    differences = system_differences(songs, names, interval=interval)
+    interval = partial(summary.song_interval, count=settings.resamples, seed=settings.seed)
+    differences = summary.system_differences(songs, names, interval=interval)
     sets = set_numbers(collected.features, seed=settings.seed)
     if settings.protocol:
         sets |= protocol_sets(collected.features, settings.protocol)
@@ -330,10 +320,13 @@ def _evaluation(
         systems,
         tuple(name for name in names if name in CONTROLS),
         songs,
-        system_means(songs, interval=interval),
+        summary.system_means(songs, interval=interval),
         differences,
         sets,
-        {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},
+        {
+            name: ranks(differences, systems, name, better=summary.measure_of(name).better)
+            for name in map(str, songs.columns)
+        },
         counts,
         collected.facts,
         _extremes(collected, by_key, (*systems, RECORDED)),

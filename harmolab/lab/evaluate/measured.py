@@ -4,8 +4,6 @@ Every table of dances is made of these: `harmolab evaluate` for files, `measure_
 is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The page of an evaluation, and all its files written in one go."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,20 +9,11 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, plain, write_text
+from harmolab.lab.evaluate import tables
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
 from harmolab.lab.evaluate.pairing import RECORDED
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
-from harmolab.lab.evaluate.tables import (
-    Note,
-    methods_paragraph,
-    number_text,
-    table_content,
-    table_csv,
-    table_notes,
-    table_records,
-    table_tex,
-)
 from harmolab.lab.figures.beats import png_text
 from harmolab.lab.figures.evaluation import distributions_figure
 from harmolab.lab.player import player_of
@@ -58,9 +47,11 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     """
     texts = {
         "index.html": evaluation_page(evaluation),
-        "table.csv": table_csv(evaluation),
-        "table.json": json.dumps(plain(table_content(evaluation)), indent=1, ensure_ascii=False, allow_nan=False),
-        "table.tex": table_tex(evaluation),
+        "table.csv": tables.table_csv(evaluation),
+        "table.json": json.dumps(
+            plain(tables.table_content(evaluation)), indent=1, ensure_ascii=False, allow_nan=False
+        ),
+        "table.tex": tables.table_tex(evaluation),
     }
     paths = {name: Path(out) / name for name in texts}
     for name, text in texts.items():
@@ -70,10 +61,10 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
 
 def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
-    records = table_records(evaluation)
+    records = tables.table_records(evaluation)
     panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
-    notes = list(table_notes(evaluation))
+    notes = list(tables.table_notes(evaluation))
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
@@ -89,21 +80,21 @@ def evaluation_page(evaluation: Evaluation) -> str:
         dances=list(_players(evaluation)),
         shown_seconds=SHOWN_SECONDS,
         notes=notes,
-        methods=methods_paragraph(evaluation),
+        methods=tables.methods_paragraph(evaluation),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
         version=version("harmolab"),
     )
 
 
-def _line(records: list[dict[str, Any]], name: str, notes: Sequence[Note]) -> dict[str, Any]:
+def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]) -> dict[str, Any]:
     """A line of the page's table: a measure in words, its direction, remarks, and a cell for each row of the table."""
     measure = measure_of(name)
     cells = [_cell(record, name) for record in records]
     return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
 
 
-def _marks(notes: Sequence[Note], name: str) -> list[int]:
+def _marks(notes: Sequence[tables.Note], name: str) -> list[int]:
     """Numbers of the remarks that concern a row or a measure, from 1."""
     return [number for number, note in enumerate(notes, 1) if name in note.about]
 
@@ -123,7 +114,7 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
             relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
         likeness = evaluation.means.get((system, "likeness"))
         likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
-        numbers = f"{number_text(mean.mean)} above chance, theirs {number_text(recorded.mean)}"
+        numbers = f"{tables.number_text(mean.mean)} above chance, theirs {tables.number_text(recorded.mean)}"
         yield f"{system} {relation} ({numbers}).{likely}"
 
 
@@ -131,10 +122,10 @@ def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The texts of a number, of its interval or its sample sizes, and its rank."""
     low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
     sizes = [record.get(f"{name}_{each}", math.nan) for each in ("n", "n_recorded")]
-    beside = "" if math.isnan(low) else f"{number_text(low)} to {number_text(high)}"
+    beside = "" if math.isnan(low) else f"{tables.number_text(low)} to {tables.number_text(high)}"
     if sizes[0] > 0:
         beside = f"{' and '.join(f'{size:.0f}' for size in sizes if size == size)} dances"
-    return {"value": number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
+    return {"value": tables.number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
 
 
 def _panel(evaluation: Evaluation, name: str) -> dict[str, Any]:
@@ -157,7 +148,7 @@ def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
                 "measure": measure_of(one.measure).words,
                 "a": one.a,
                 "b": one.b,
-                "difference": f"{number_text(one.mean)} ({number_text(one.low)} to {number_text(one.high)})",
+                "difference": "{} ({} to {})".format(*map(tables.number_text, (one.mean, one.low, one.high))),
                 "songs": str(one.songs),
             }
 
@@ -173,7 +164,7 @@ def _players(evaluation: Evaluation) -> Iterator[Shown]:
 def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     pair = extreme.pair
     seed = f", {pair.seed}" if pair.seed else ""
-    title = f"{words}, {pair.song}{seed} ({number_text(extreme.harmony)} above chance)"
+    title = f"{words}, {pair.song}{seed} ({tables.number_text(extreme.harmony)} above chance)"
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)

@@ -5,8 +5,6 @@ A motion goes with the song of the same name; else with the song whose name stan
 own folder holds its song. What goes with nothing is listed with the reason, and no motion is ever given a song by luck.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -6,8 +6,6 @@ Written from the definitions, to put a number beside one that a paper printed. `
 in seconds and without the faults. Published codes compute partly in single precision; all here is double.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -6,8 +6,6 @@ A table in which recorded dances do not win, or a held pose does not lose, measu
 in which columns it wins: what stands still neither slides nor jerks.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

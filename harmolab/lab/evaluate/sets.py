@@ -7,8 +7,6 @@ features those of a limited number of dances of each system. Groups and dances a
 that neither order nor number of processes changes which.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Systems compared song by song: means, intervals over songs, paired differences, and ranks that are more than luck."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -139,7 +137,7 @@ class Difference(NamedTuple):
         return self.songs >= fewest and (self.low > 0 or self.high < 0)
 
 
-def _mean(values: pd.Series[float], interval: Interval) -> Mean | None:
+def _mean(values: "pd.Series[float]", interval: Interval) -> Mean | None:
     """Mean of the values that there are; None of nothing."""
     numbers = np.asarray(values.dropna(), np.float64)
     return Mean(float(numbers.mean()), *interval(numbers), numbers.size) if numbers.size else None

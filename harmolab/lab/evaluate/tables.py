@@ -1,7 +1,5 @@
 """The table of an evaluation as text: CSV, JSON and LaTeX."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -45,7 +43,7 @@ class Note(str):
     __slots__ = ("about",)
     about: tuple[str, ...]
 
-    def __new__(cls, text: str, *about: str) -> Note:
+    def __new__(cls, text: str, *about: str) -> "Note":
         self = super().__new__(cls, text)
         self.about = about
         return self

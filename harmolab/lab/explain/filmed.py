@@ -11,8 +11,6 @@ clean film of the same dance; where .33 or more did, it was .31 at most. A senso
 compression (CRF 23 to 35) and 8 to 60 pictures a second made no such difference.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

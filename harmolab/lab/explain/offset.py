@@ -15,8 +15,6 @@ the moments at which each band of the spectrum sets in are those of the song. Th
 correlation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise

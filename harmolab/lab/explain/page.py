@@ -1,7 +1,5 @@
 """One page for a dancer: the verdict, the words, the picture of every beat, the player, the numbers, the doubts."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from dataclasses import replace

@@ -12,8 +12,6 @@ dance's place in its song is known modulo the beat only. Spreads are from bar to
 are no evidence that its place in the beat is more than luck.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -89,7 +87,7 @@ class Explanation:
         """The sentence of each finding."""
         return tuple(finding.sentence for finding in self.findings)
 
-    def relative(self) -> Explanation:
+    def relative(self) -> "Explanation":
         """The findings that hold for a dance whose place in the song is known modulo the beat only."""
         kept = tuple(one for one in self.findings if one.kind in ("tempo", "rate", "change"))
         return replace(self, findings=kept, halves=())

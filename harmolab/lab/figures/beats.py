@@ -4,8 +4,6 @@ Every function draws on the axes it is given and returns them. Music is blue and
 points down; a hit is a green circle, a miss a red cross.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Distributions of an evaluation: every song of every row of the table, beside the mean and its interval."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 

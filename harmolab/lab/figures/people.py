@@ -1,7 +1,5 @@
 """People in figures: the shapes of `harmolab.lab.person` as polygons of matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType

@@ -1,8 +1,5 @@
 """The beat-detector lab: the moments that are visual beats, and the curve from which they are read."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,47 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harmolab.beats.visual import visual_beats
-from harmolab.lab.labs.live import LabContent, LiveLab, Preset, Stage, curve_evidence, lab_controls, lab_params
+from harmolab.lab.labs.live import LabContent, LiveLab, Stage, curve_evidence, lab_controls, lab_params, lab_texts
 from harmolab.lab.player import LAB_SENTENCES
 from harmolab.score import nearest_intervals
 from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.verdict.judge import music_and_motion
 
 NEAR = 0.05  # seconds: a planted beat with a detected one this close is a detected beat
-ABOUT = (
-    "Above: the curve of the dance, a triangle at each visual beat, blue lines at the music's beats. Below: all beats, "
-    "and how far each visual beat lies from the nearest beat of the music; beats at random would lie flat."
-)
-FINE: Mapping[str, Any] = {"fps": None, "subframe": True}
-PRESETS = (
-    Preset("the paper's", {}, "Peaks and valleys of the speed at 15 frames a second: many beats, placed on frames."),
-    Preset("slowest moments", {"detector": "valleys"}, "Peaks of the speed go; the rests between two movements stay."),
-    Preset(
-        "its own frames",
-        {"detector": "valleys", "fps": None},
-        "The curve gets its true shape: 15 frames a second move a beat by up to a frame, 67 ms.",
-    ),
-    Preset(
-        "between frames",
-        {"detector": "valleys", "subframe": True},
-        "Beats leave the grid of frames, even at 15 frames a second.",
-    ),
-    Preset(
-        "fine and smooth",
-        {"detector": "valleys", **FINE, "smoothing": 0.05},
-        "Between frames of the fine curve, smoothed a little: small turns of the speed go, longer movements stay.",
-    ),
-    Preset(
-        "too smooth",
-        {"detector": "valleys", **FINE, "smoothing": 0.3},
-        "The curve gets flat: movements shorter than the smoothing are gone.",
-    ),
-    Preset(
-        "directions",
-        {"detector": "direction"},
-        "Beats are changes of direction, as in the study that the paper improves on.",
-    ),
-)
 
 
 def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> LiveLab:
@@ -86,8 +49,9 @@ def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any)
         "near": NEAR,
         **curve_evidence(stage.motion, controls),
     }
+    about, presets = lab_texts("detector")
     numbers = partial(detector_numbers, stage, times)
-    return LiveLab(LabContent("detector", ABOUT, evidence, controls, PRESETS, numbers), values)
+    return LiveLab(LabContent("detector", about, evidence, controls, presets, numbers), values)
 
 
 def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:

@@ -4,8 +4,6 @@ Python reads the evidence (beats, strengths, curves) once; the script beside thi
 move of a slider. In JupyterLab, Python learns of the settings afterwards, so that they can be read and copied.
 """
 
-from __future__ import annotations
-
 import base64
 import html
 import json
@@ -298,6 +296,19 @@ class Preset:
     note: str
 
 
+def lab_texts(kind: str, **computed: float) -> tuple[str, tuple[Preset, ...]]:
+    """The explanation and the presets of a kind of lab, of presets.json.
+
+    A value that is a name in `computed`, as "loud", stands for what was computed of the music.
+    """
+    content = json.loads((FOLDER / "presets.json").read_text("utf-8"))[kind]
+    rows = content["presets"]
+    presets = (
+        Preset(one, {key: computed.get(value, value) for key, value in row.items()}, note) for one, row, note in rows
+    )
+    return content["about"], tuple(presets)
+
+
 @dataclass(frozen=True, eq=False)
 class LabContent:
     """All that the browser needs for one lab, and the functions by which Python answers for it.
@@ -493,7 +504,7 @@ class Stage:
     source: str = ""
 
     @classmethod
-    def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
+    def of(cls, clip: Clip, pattern: BarPattern | None = None) -> "Stage":
         """The segment that a clip's music and motion share, with its `music_beats`.
 
         Raises

@@ -1,7 +1,5 @@
 """The meter lab: strong beats, and the meter units they are grouped into (Sec. 4.1, Eq. 22)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,16 +11,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
-from harmolab.lab.labs.live import (
-    LabContent,
-    LiveLab,
-    Menu,
-    Preset,
-    lab_controls,
-    lab_params,
-    middle_lambda,
-    track_evidence,
-)
+from harmolab.lab.labs import live
 from harmolab.lab.player import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
 from harmolab.score import salient_audio
@@ -32,10 +21,6 @@ NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in th
 SEED = 22  # of the measuring error: the same whenever the slider comes back
 TRACKS = {"of the clip": "those of the clip", "annotated": "those of the annotation"}
 START: Mapping[str, Any] = {"beats": "of the clip", "every": 1.0, "first": 0.0, "error": 0.0}
-ABOUT = (
-    "A beat is strong when it is stronger than the one before (Eq. 22); brackets are the meter units that strong and "
-    "weak beats are grouped into. Below: the time that each unit takes, and which places of the bar are strong."
-)
 
 # One colour for each signature with its inner grouping; the label on each bracket says the same in words.
 UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#B0528C", "4/4": "#5B2A86", "5/4": "#A6561C", "6/4": "#5E6B00"})
@@ -79,7 +64,7 @@ class Song:
         return np.where(gaps.min(axis=1) <= NEAR, bars.bar_places[gaps.argmin(axis=1)], -1)
 
 
-def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> LiveLab:
+def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> live.LiveLab:
     """Controls for the input of Eq. 22 - which beats, from which on, how well measured - below strong beats and units.
 
     Parameters
@@ -105,36 +90,16 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
     if annotated is not None:
         tracks["annotated"] = annotated
     song = Song(tracks, annotated, clip.source)
-    controls = {"beats": Menu("beats", "track", {name: TRACKS[name] for name in tracks}), **lab_controls("meter")}
+    controls = {
+        "beats": live.Menu("beats", "track", {name: TRACKS[name] for name in tracks}),
+        **live.lab_controls("meter"),
+    }
+    about, presets = live.lab_texts("meter", loud=live.middle_lambda(tracks["of the clip"]))
+    presets = tuple(preset for preset in presets if preset.values["beats"] in tracks)
     numbers = partial(meter_numbers, song)
-    return LiveLab(LabContent("meter", ABOUT, _evidence(song), controls, _presets(song), numbers, extra=START), values)
-
-
-def _presets(song: Song) -> tuple[Preset, ...]:
-    loud = middle_lambda(song.tracks["of the clip"])
-    presets = (
-        Preset("all beats", START, "All beats of the clip, as they were measured."),
-        Preset(
-            "from the next beat on",
-            {**START, "first": 1.0},
-            "The grouping starts later: a bracket that lost its first beat goes, another may take its place.",
-        ),
-        Preset("half the tempo", {**START, "every": 2.0}, "Every second beat, as a tracker may have it."),
-        Preset(
-            "badly measured",
-            {**START, "error": 0.6},
-            "Each strength is wrong by 0.6 standard deviations: other accents, other brackets.",
-        ),
-        Preset(
-            "loud beats only",
-            {**START, "lambda1": loud},
-            "Quiet beats are left out before any are compared, which brings others side by side.",
-        ),
+    return live.LiveLab(
+        live.LabContent("meter", about, _evidence(song), controls, presets, numbers, extra=START), values
     )
-    if "annotated" not in song.tracks:
-        return presets
-    note = "No tracking error, the same rule: other accents, other brackets, or none."
-    return (*presets, Preset("annotated beats", {**START, "beats": "annotated"}, note))
 
 
 def _evidence(song: Song) -> dict[str, Any]:
@@ -152,7 +117,7 @@ def _evidence(song: Song) -> dict[str, Any]:
 
 
 def _track(song: Song, track: BeatTrack) -> dict[str, Any]:
-    return {**track_evidence(track), "noise": _noise(track), "places": song.places(track)}
+    return {**live.track_evidence(track), "noise": _noise(track), "places": song.places(track)}
 
 
 def _noise(track: BeatTrack) -> NDArray[np.float64]:
@@ -178,7 +143,7 @@ def meter_numbers(
     **values
         The other controls, by name; weaker beats are left out before they are compared (Eq. 11).
     """
-    track = _measured(song.tracks[beats], lab_params(**values), every=int(every), first=int(first), error=error)
+    track = _measured(song.tracks[beats], live.lab_params(**values), every=int(every), first=int(first), error=error)
     strong, units = strong_beats(track.strengths), meter_units(track)
     shares = _time_shares(units, song.duration)
     covered = sum(shares.values())

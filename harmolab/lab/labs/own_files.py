@@ -1,7 +1,5 @@
 """The reader's own song and dance, picked in a notebook."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """The labs as pages of their own, of synthetic dances, for a site or to send around."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,37 +1,21 @@
 """The saliency lab: which beats a listener or viewer would notice (Eq. 10-13)."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from harmolab.beats.visual import visual_beats
-from harmolab.lab.labs.live import (
-    MODES,
-    LabContent,
-    LiveLab,
-    Preset,
-    Stage,
-    lab_controls,
-    lab_params,
-    middle_lambda,
-    track_evidence,
-)
+from harmolab.lab.labs import live
 from harmolab.lab.player import LAB_SENTENCES
 from harmolab.score import audio_mask, normalise_strengths, visual_mask
 from harmolab.types import BeatTrack, Clip
 
 LAMBDAS = np.linspace(0.0, 15.0, 151)
 UNITS = {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
-ABOUT = (
-    "The longer a stem, the more the beat stands out. Beats below the dotted threshold are grey: they do not count. At "
-    "the right: the share that any threshold would keep, and where the sliders stand."
-)
 
 
-def saliency_lab(clip: Clip, **values: Any) -> LiveLab:
+def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
     """Sliders for λ1 and λ2 and menus for the readings of Eq. 10-13, below the beats that are kept and dropped.
 
     Parameters
@@ -49,54 +33,28 @@ def saliency_lab(clip: Clip, **values: Any) -> LiveLab:
     --------
     >>> lab = saliency_lab(synthetic_clip("cha-cha"), lambda1=3.0)  # doctest: +SKIP
     """
-    stage = Stage.of(clip)
-    visual = visual_beats(stage.motion, params=MODES["paper"])
-    content = LabContent(
+    stage = live.Stage.of(clip)
+    visual = visual_beats(stage.motion, params=live.MODES["paper"])
+    about, presets = live.lab_texts("saliency", loud=live.middle_lambda(stage.music))
+    content = live.LabContent(
         kind="saliency",
-        about=ABOUT,
+        about=about,
         evidence={
             "source": stage.source,
             "duration": stage.motion.duration,
-            "music": track_evidence(stage.music),
-            "dance": track_evidence(visual),
+            "music": live.track_evidence(stage.music),
+            "dance": live.track_evidence(visual),
             "lambdas": LAMBDAS,
             "units": UNITS,
         },
-        controls=lab_controls("saliency"),
-        presets=_presets(middle_lambda(stage.music)),
+        controls=live.lab_controls("saliency"),
+        presets=presets,
         numbers=partial(saliency_numbers, stage, visual),
     )
-    return LiveLab(content, values)
+    return live.LiveLab(content, values)
 
 
-def _presets(loud: float) -> tuple[Preset, ...]:
-    """The buttons; `loud` is the λ1 of the one for loud beats."""
-    return (
-        Preset("the paper's", {}, "λ1 = 0.1 lies below almost any music beat, and λ2 = 1 keeps most movements."),
-        Preset("loud beats only", {"lambda1": loud}, "Beat after beat of the music turns grey as the threshold rises."),
-        Preset("large movements only", {"lambda2": 2.0}, "Small turns of the dance go first."),
-        Preset(
-            "of the mean", {"normalisation": "mean"}, "The axis of the music changes; the choice of beats is the same."
-        ),
-        Preset(
-            "as printed",
-            {"saliency": "literal"},
-            "The formula of the paper as printed: one standard deviation, whatever λ is, unless it is 0.",
-        ),
-        Preset(
-            "by speed",
-            {"visual_saliency": "strength"},
-            "Slowest moments go and fastest stay, since a slow moment has little speed.",
-        ),
-        Preset(
-            "without the first",
-            {"first_beat": "drop"},
-            "The first movement has no step of its own: it takes the second's, or is left out, as now.",
-        ),
-    )
-
-
-def saliency_numbers(stage: Stage, visual: BeatTrack, **values: Any) -> dict[str, Any]:
+def saliency_numbers(stage: live.Stage, visual: BeatTrack, **values: Any) -> dict[str, Any]:
     """The numbers of the lab: masks of both tracks, the shares kept at every λ, and the sentence.
 
     Parameters
@@ -106,7 +64,7 @@ def saliency_numbers(stage: Stage, visual: BeatTrack, **values: Any) -> dict[str
     **values
         The controls, by name; the paper's when left out.
     """
-    params = lab_params(**values)
+    params = live.lab_params(**values)
     strengths = normalise_strengths(stage.music.strengths, params.normalisation)
     music = partial(audio_mask, strengths, reading=params.saliency)
     dance = partial(

@@ -1,7 +1,5 @@
 """The scoring lab: every choice of the harmony score at work on one clip, beats that can be dragged, and the sound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -11,20 +9,7 @@ from typing import Any
 import numpy as np
 
 from harmolab.beats.visual import visual_beats
-from harmolab.lab.labs.live import (
-    LAG,
-    LabContent,
-    LiveLab,
-    Menu,
-    Preset,
-    Slider,
-    Stage,
-    curve_evidence,
-    lab_controls,
-    lab_params,
-    middle_lambda,
-    track_evidence,
-)
+from harmolab.lab.labs import live
 from harmolab.lab.player import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern
 from harmolab.score import HarmonyScore, score_harmony
@@ -35,13 +20,9 @@ from harmolab.verdict.evidence import MOMENTS
 from harmolab.verdict.judge import Judgement, score_motion
 
 N_ROTATIONS = 200  # as fine as the eye can tell
-ABOUT = (
-    "Blue stems are music beats, orange ones movements; the pale blue fields say how close counts as together. Drag a "
-    "beat, or choose one with the arrow keys and move it with shift and arrows, and hear it."
-)
 
 
-def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> LiveLab:
+def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> live.LiveLab:
     """Sliders for λ1, λ2, T_delay, β and lag, menus for mode, detector and matching, below a picture of the score.
 
     Choosing a mode sets the other controls to its own values; each can be moved away from there.
@@ -65,86 +46,35 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     >>> lab = scoring_lab(synthetic_clip("cha-cha"), delay=0.1)  # doctest: +SKIP
     >>> lab.sentence  # doctest: +SKIP
     """
-    return LiveLab(scoring_content(Stage.of(clip, pattern)), values)
+    return live.LiveLab(scoring_content(live.Stage.of(clip, pattern)), values)
 
 
-def scoring_content(stage: Stage) -> LabContent:
+def scoring_content(stage: live.Stage) -> live.LabContent:
     """The scoring lab of a stage."""
-    controls = lab_controls("scoring")
-    return LabContent(
+    controls = live.lab_controls("scoring")
+    late = min(0.4, round(15 / stage.music.tempo / 0.01) * 0.02) if len(stage.music) > 1 else 0.24
+    about, presets = live.lab_texts("scoring", late=round(late, 2), loud=live.middle_lambda(stage.music))
+    return live.LabContent(
         kind="scoring",
-        about=ABOUT,
+        about=about,
         evidence=scoring_evidence(stage, controls),
         controls=controls,
-        presets=_presets(stage),
+        presets=presets,
         numbers=partial(scoring_numbers, stage),
         pattern=stage.pattern,
-    )
-
-
-def _presets(stage: Stage) -> tuple[Preset, ...]:
-    late = min(0.4, round(15 / stage.music.tempo / 0.01) * 0.02) if len(stage.music) > 1 else 0.24
-    paper, stops = {"mode": "paper"}, {"mode": "valleys"}
-    return (
-        Preset("the paper's", paper, "Within 0.25 s of a turn: nearly any moment of the music would be met."),
-        Preset(
-            "50 ms",
-            {**paper, "delay": 0.05},
-            "A narrow field: fewer beats are met, and chance falls much more than the hits do.",
-        ),
-        Preset(
-            "stops only",
-            stops,
-            "Only the slowest moments count, within 0.1 s: a dancer who stops on the beat stands above chance.",
-        ),
-        Preset(
-            "half a beat late",
-            {**stops, "lag": round(late, 2)},
-            "The dance is expected half a beat later than it is: the diamond falls. Press Play, and hear it.",
-        ),
-        Preset(
-            "loud beats only",
-            {**paper, "lambda1": middle_lambda(stage.music)},
-            "Quiet music beats turn grey and leave the count.",
-        ),
-        Preset(
-            "large movements only",
-            {**paper, "lambda2": 2.0},
-            "Small turns of the dance turn grey: fewer movements, and a lower chance.",
-        ),
-        Preset(
-            "one for one",
-            {**paper, "matching": "nearest"},
-            "A movement may serve one music beat only, the first that takes it (Figs. 1 and 3).",
-        ),
-        Preset(
-            "directions",
-            {**paper, "detector": "direction"},
-            "Movements are changes of direction, as in the study that the paper improves on.",
-        ),
-        Preset(
-            "missed beats cost more",
-            {**paper, "beta": 4.0},
-            "h changes; hits, chance and p do not: β only weighs missed music beats against movements left over.",
-        ),
-        Preset(
-            "recommended",
-            {"mode": "recommended"},
-            "No field and no hits: the verdict in words. Each stem is the rank of its moment among all moments.",
-        ),
     )
 
 
 # Evidence
 
 
-def scoring_evidence(stage: Stage, controls: Mapping[str, Slider | Menu]) -> dict[str, Any]:
+def scoring_evidence(stage: live.Stage, controls: Mapping[str, live.Slider | live.Menu]) -> dict[str, Any]:
     """The numbers that the lab computes with, of a stage: beats and curves, and the verdict at each step of the lag."""
     return {
         "source": stage.source,
         "duration": stage.music.duration,
-        "music": track_evidence(stage.music),
-        **curve_evidence(stage.motion, controls),
+        "music": live.track_evidence(stage.music),
+        **live.curve_evidence(stage.motion, controls),
         "shifts": rotations(stage.music.duration, N_ROTATIONS),
         "verdicts": [verdict_numbers(stage, lag) for lag in lags()],
         "shape": _shape(stage),
@@ -153,11 +83,11 @@ def scoring_evidence(stage: Stage, controls: Mapping[str, Slider | Menu]) -> dic
 
 def lags() -> list[float]:
     """Values of the lag's slider, seconds."""
-    count = round((LAG.high - LAG.low) / LAG.step)
-    return [round(LAG.low + step * LAG.step, 6) for step in range(count + 1)]
+    count = round((live.LAG.high - live.LAG.low) / live.LAG.step)
+    return [round(live.LAG.low + step * live.LAG.step, 6) for step in range(count + 1)]
 
 
-def _shape(stage: Stage) -> dict[str, Any]:
+def _shape(stage: live.Stage) -> dict[str, Any]:
     """The shape speed of the recommended mode, and the pattern that is laid on it where its place is known."""
     signal = shape_signal(shape_speed(stage.motion))
     pattern, places = stage.pattern, stage.music.bar_places
@@ -174,7 +104,7 @@ def _shape(stage: Stage) -> dict[str, Any]:
 
 
 def scoring_numbers(
-    stage: Stage, *, mode: str, moves: Mapping[str, Mapping[str, float]] = MappingProxyType({}), **values: Any
+    stage: live.Stage, *, mode: str, moves: Mapping[str, Mapping[str, float]] = MappingProxyType({}), **values: Any
 ) -> dict[str, Any]:
     """The numbers of the lab: those of `score_motion`, and the sentence under the picture.
 
@@ -186,7 +116,7 @@ def scoring_numbers(
     **values
         The other controls, by name; those of the mode when left out.
     """
-    params = lab_params(mode, pattern=stage.pattern, **values)
+    params = live.lab_params(mode, pattern=stage.pattern, **values)
     if params.measure == "shape":
         return verdict_numbers(stage, params.lag)
     music = _moved(stage.music, moves.get("music", {}))
@@ -231,9 +161,9 @@ def hit_sentence(score: HarmonyScore) -> str:
     return LAB_SENTENCES["hits"].format(**counts) + luck.format(p=f"{score.p_value:.3f}")
 
 
-def verdict_numbers(stage: Stage, lag: float) -> dict[str, Any]:
+def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
     """Numbers of the recommended mode at a lag, and the verdict as their sentence."""
-    params = lab_params("recommended", pattern=stage.pattern, lag=lag)
+    params = live.lab_params("recommended", pattern=stage.pattern, lag=lag)
     score = score_motion(stage.music, stage.motion, params=params)
     judgement = score.judgement
     if judgement is None:

@@ -8,8 +8,6 @@ Marks from 0 to 10 for four sides of a dance, as in Music2Dance's study (Table 3
 An answer is four whole numbers: naturalness, richness, music, sliding. The mark of a dance is their weighted mean.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

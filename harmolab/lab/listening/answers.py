@@ -13,8 +13,6 @@ key.json, scores.json  the truth about the trials, and their scores; not for rat
 =====================  ============================================================
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -111,7 +109,7 @@ class Answers:
         """Names, sorted."""
         return tuple(sorted({answer.rater for answer in self.answers}))
 
-    def of(self, raters: str) -> Answers:
+    def of(self, raters: str) -> "Answers":
         """The answers of "all" raters, of "people" or of "simulated" raters alone.
 
         Raises

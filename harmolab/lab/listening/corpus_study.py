@@ -5,8 +5,6 @@ clip's of the same kind ("swapped"), or another model's. Against its dance the m
 sound is one and the same whatever the answer, so neither its beginning nor its end nor its loudness can tell.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """A page for a browser of this machine alone: an address that holds a secret, requests, replies."""
 
-from __future__ import annotations
-
 import json
 import re
 import secrets

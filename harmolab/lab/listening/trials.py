@@ -7,8 +7,6 @@ Table 3): one dance of some system; four marks from 0 to 10.
 All raters of a study get the same trials, each in an order of their own, so that they can be compared trial by trial.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -134,7 +132,7 @@ class TrialSet:
         """The question that the rater answers."""
         return QUESTIONS[self.kind]
 
-    def ordered_for(self, rater: str) -> TrialSet:
+    def ordered_for(self, rater: str) -> "TrialSet":
         """The same trials in the order of another rater, which follows from the study and the rater's name alone."""
         rng = _rng(int(self.study, 16), *rater.encode())
         trials = sorted(self.trials, key=lambda trial: trial.id)

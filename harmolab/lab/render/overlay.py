@@ -1,7 +1,5 @@
 """A dancer's skeleton over the video that it comes from. Needs OpenCV, numpy, and PyAV for the video's frames."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 

@@ -6,8 +6,6 @@ travelling is seen. Near parts are darker and drawn over far ones. Needs OpenCV 
 The camera never turns. So where everything lies is computed for many frames at once, and only drawing is left for each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import repeat
 

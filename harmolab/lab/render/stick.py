@@ -7,8 +7,6 @@ Marks of beats in the corner of a picture: a disc for the music, a diamond for t
 Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """From a song and a dance to a video: drawn on a floor, laid over the dancer's own video, or bent in time before."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack

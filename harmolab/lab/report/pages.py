@@ -1,7 +1,5 @@
 """The pages of a report: one per executed notebook, and the index."""
 
-from __future__ import annotations
-
 import csv
 import html
 import json

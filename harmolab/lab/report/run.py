@@ -1,7 +1,5 @@
 """Runs the notebooks and makes of them one offline report: a page each, and an index."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import json

@@ -4,8 +4,6 @@ The sound is rendered from the same notes. The truth comes with every performanc
 of them that follows from the notes, planted faults by name, the camera, and the strikes or turns of the bow.
 """
 
-from __future__ import annotations
-
 from harmolab.musician.synthetic.performance import (
     FAULTS,
     PlantedPerformance,

@@ -1,7 +1,5 @@
 """One planted performance with the truth about it, and a corpus of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from numbers import Integral

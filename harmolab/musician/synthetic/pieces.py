@@ -1,7 +1,5 @@
 """Pieces that follow from a seed: two voices for a pianist, one for a violinist."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import MappingProxyType
 

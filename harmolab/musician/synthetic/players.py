@@ -7,8 +7,6 @@ The planted violinist: the bow turns at each onset, its angle is the string, the
 The picture is 640 x 480 pixels, not mirrored: the player faces the camera, the violin on the left shoulder at large x.
 """
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which recorded beat is danced to which beat of the music: dynamic programming over all that there are."""
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass
 

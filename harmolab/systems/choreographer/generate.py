@@ -1,7 +1,5 @@
 """Dances made of recorded beats: the contract of `harmolab.systems`, and all that there is to say about a dance."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Chosen beats laid on the beats of the music: turned and shifted onto each other, faded, with whole bones, on feet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

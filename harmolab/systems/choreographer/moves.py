@@ -10,8 +10,6 @@ with a, b = x + i z of the joints, less their weighted mean, and weights w that 
 the turn. All pairs are one product of complex matrices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields

@@ -17,8 +17,6 @@ The JSON says how many frames and beats each take has. Nothing is unpickled, and
 compared before.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -10,8 +10,6 @@ recorded one: what a dance looks like is not in any clip alone. Every function r
 never matters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

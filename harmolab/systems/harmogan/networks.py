@@ -10,8 +10,6 @@ beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its met
 last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -23,22 +21,10 @@ from torch import Tensor, nn
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import PathLike
 from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.training import layers
 from harmolab.systems.training.dancing import DanceInput, DancerNetwork
 from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.layers import (
-    PATH_CHANNELS,
-    SLOPE,
-    MaskedConvolution,
-    MotionBranch,
-    Normalised,
-    Normaliser,
-    decode,
-    fix_bones,
-    local_joints,
-    mean_over_time,
-    parameter_count,
-    perceptron,
-)
+from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
 from harmolab.systems.training.weights import MOST_LAYERS, load_weights, renamed, whole
@@ -148,17 +134,17 @@ class Generator(DancerNetwork):
             self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
         )
         self.encoder = nn.GRU(max(1, hidden // 4), hidden, params.layers, batch_first=True)
-        self.seeing = perceptron(self.n_motion, channels, channels)
+        self.seeing = layers.perceptron(self.n_motion, channels, channels)
         self.decoder = nn.GRU(hidden + channels, hidden, params.layers, batch_first=True)
         joined = hidden + hidden + channels
-        self.flat_head = perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
-        self.depth_head = perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
-        self.path_head = perceptron(joined, channels, PATH_CHANNELS, first=_FIRST_CORRECTION)
+        self.flat_head = layers.perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
+        self.depth_head = layers.perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
+        self.path_head = layers.perceptron(joined, channels, layers.PATH_CHANNELS, first=_FIRST_CORRECTION)
 
     def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
         """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
         music = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
-        encoded, _ = self.encoder(nn.functional.leaky_relu(music, SLOPE))  # (N, T, hidden)
+        encoded, _ = self.encoder(nn.functional.leaky_relu(music, layers.SLOPE))  # (N, T, hidden)
         features = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
         decoded, _ = self.decoder(features)
         joined = torch.cat([decoded, features], dim=-1)
@@ -174,14 +160,14 @@ class Generator(DancerNetwork):
             local = torch.cat([piece.to(initial.dtype) for piece in pieces], dim=-1)
             correction = torch.cat([local.flatten(-2), path.to(initial.dtype)], dim=-1)
             code = initial + correction * self.motion_scale.std
-            joints = local_joints(code)
-            fixed = fix_bones(joints, self.skeleton.parents, self.bone_lengths)
-            motion = torch.cat([fixed.flatten(-2), code[..., -PATH_CHANNELS:]], dim=-1)
+            joints = layers.local_joints(code)
+            fixed = layers.fix_bones(joints, self.skeleton.parents, self.bone_lengths)
+            motion = torch.cat([fixed.flatten(-2), code[..., -layers.PATH_CHANNELS :]], dim=-1)
         return GeneratorOutput(motion, joints[..., :2])
 
     def positions(self, motion: Tensor) -> Tensor:
         """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
-        return decode(motion, self.fps)
+        return layers.decode(motion, self.fps)
 
     def code(self, source: DanceInput, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance, meter by meter. It leaves nothing to chance: `seed` is not read."""
@@ -205,7 +191,7 @@ def load_generator(path: PathLike) -> Generator:
     return load_weights(path, Generator)
 
 
-class CrossDomainDiscriminator(Normalised):
+class CrossDomainDiscriminator(layers.Normalised):
     """D_cd: does this motion belong to this music? Two branches, features concatenated, one logit per clip (Sec. 4.2).
 
     The features are concatenated moment by moment, so that agreement in time is an input.
@@ -213,24 +199,24 @@ class CrossDomainDiscriminator(Normalised):
 
     def __init__(self, params: ModelParams, n_audio: int, skeleton: Skeleton) -> None:
         super().__init__()
-        n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
-        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(n_motion)
+        n_motion = 3 * len(skeleton.joints) + layers.PATH_CHANNELS
+        self.audio_scale, self.motion_scale = layers.Normaliser(n_audio), layers.Normaliser(n_motion)
         self.hearing, self.seeing = (
-            MotionBranch(n_audio, params.discriminator),
-            MotionBranch(n_motion, params.discriminator),
+            layers.MotionBranch(n_audio, params.discriminator),
+            layers.MotionBranch(n_motion, params.discriminator),
         )
-        self.both = MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
-        self.verdict = perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
+        self.both = layers.MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
+        self.verdict = layers.perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
 
     def forward(self, audio: Tensor, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for a true pair: audio (N, T, F), motion code (N, T, C), mask (N, T) of ones where real."""
         music, _ = self.hearing(self.audio_scale(audio).transpose(1, 2), mask)
         movement, reduced = self.seeing(self.motion_scale(motion).transpose(1, 2), mask)
         both, reduced = self.both(torch.cat([music, movement], dim=1), reduced)
-        return self.verdict(mean_over_time(both, reduced)).squeeze(-1)
+        return self.verdict(layers.mean_over_time(both, reduced)).squeeze(-1)
 
 
-class SpatialTemporalDiscriminator(Normalised):
+class SpatialTemporalDiscriminator(layers.Normalised):
     """D_st: is this how people move? Five even segments, their features concatenated one after the other (Sec. 4.2).
 
     Segment k's features are joined to those of segments 1 to k - 1. Every clip is cut by its own length.
@@ -238,17 +224,17 @@ class SpatialTemporalDiscriminator(Normalised):
 
     def __init__(self, params: ModelParams, skeleton: Skeleton) -> None:
         super().__init__()
-        n_motion, size = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
-        self.motion_scale = Normaliser(n_motion)
-        self.seeing = MotionBranch(n_motion, params.discriminator)
+        n_motion, size = 3 * len(skeleton.joints) + layers.PATH_CHANNELS, 4 * params.discriminator
+        self.motion_scale = layers.Normaliser(n_motion)
+        self.seeing = layers.MotionBranch(n_motion, params.discriminator)
         self.joining = nn.ModuleList(nn.Linear(2 * size, size) for _ in range(SEGMENTS - 1))
-        self.verdict = perceptron(size, 2 * params.discriminator, 1)
+        self.verdict = layers.perceptron(size, 2 * params.discriminator, 1)
 
     def forward(self, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for recorded motion: motion code (N, T, C), mask (N, T) of ones where real."""
         pieces, masks = segments(self.motion_scale(motion), mask)  # (N, 5, W, C), (N, 5, W)
         movement, reduced = self.seeing(pieces.flatten(0, 1).transpose(1, 2), masks.flatten(0, 1))
-        features = mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
+        features = layers.mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
         joined = features[:, 0]
         for step, join in enumerate(self.joining, start=1):
             joined = nn.functional.leaky_relu(join(torch.cat([joined, features[:, step]], dim=-1)), 0.2)

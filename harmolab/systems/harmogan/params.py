@@ -1,7 +1,5 @@
 """Settings of how large a generator is and how it is trained (paper Sec. 4 and 5.2)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from typing import Literal
@@ -34,12 +32,12 @@ class ModelParams:
         check_numbers(self, positive=[field.name for field in fields(self)])
 
     @classmethod
-    def paper(cls) -> ModelParams:
+    def paper(cls) -> "ModelParams":
         """Seven to nine million generator parameters: as many as the paper's Sec. 5.5 implies."""
         return cls(hidden=512, layers=2, pose_features=256, discriminator=64)
 
     @classmethod
-    def small(cls) -> ModelParams:
+    def small(cls) -> "ModelParams":
         """About one million generator parameters: trains on a laptop."""
         return cls(hidden=192, layers=1, pose_features=192, discriminator=32)
 
@@ -151,12 +149,12 @@ class TrainParams:
             raise ValueError(f"harmony_frame must be room or body, got {self.harmony_frame!r}")
 
     @classmethod
-    def paper(cls) -> TrainParams:
+    def paper(cls) -> "TrainParams":
         """Section 5.2, number by number."""
         return cls()
 
     @classmethod
-    def recommended(cls) -> TrainParams:
+    def recommended(cls) -> "TrainParams":
         """Alignment of the body to the beat, at the variety of poses and with the path of recorded dancers.
 
         The schedule is the short one of the trainings behind README's table. Its rate is ten times the paper's: at that

@@ -1,7 +1,5 @@
 """HarmoGAN, the system of the harmony paper: a generator, and the movements that its dances start from."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from harmolab.files import PathLike

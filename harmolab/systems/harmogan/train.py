@@ -11,8 +11,6 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 ==========================  ==================================================================
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle, islice
 from math import prod
@@ -24,17 +22,7 @@ import torch
 from harmolab.files import PathLike, plain
 from harmolab.params import HarmonyParams
 from harmolab.soft_score import anneal
-from harmolab.systems.harmogan.losses import (
-    Networks,
-    body_joints,
-    danced,
-    discriminator_terms,
-    generator_terms,
-    likeness_ratios,
-    motion_error,
-    pose_terms,
-    score_batch,
-)
+from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
@@ -109,7 +97,7 @@ def _pose_net(split: Split, params: TrainParams, pretrained: Path | None, report
     )  # fmt: skip
 
 
-def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> Networks:
+def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> losses.Networks:
     """Fresh networks that know the training split's statistics; the same for the same seed."""
     n_audio, skeleton = units.features.n_audio, units.skeleton
     lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
@@ -120,11 +108,11 @@ def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: Pose
     statistics = Statistics.of(train.audio, train.motion, train.mask)
     for part in (generator, cross, temporal):
         part.set_statistics(statistics)
-    return Networks(generator, cross, temporal, pose_net)
+    return losses.Networks(generator, cross, temporal, pose_net)
 
 
 def phases(
-    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+    networks: losses.Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
 ) -> list[Phase]:
     """Pretraining of the generator alone, then discriminators and generator in turn.
 
@@ -140,14 +128,14 @@ def phases(
 
 
 def _pretraining(
-    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+    networks: losses.Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
 ) -> Phase:
     """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
     generator = networks.generator
     learner = Player(
         "generator",
         [*generator.parameters()],
-        lambda output, shard, row: pose_terms(generator, output, shard.own, params),
+        lambda output, shard, row: losses.pose_terms(generator, output, shard.own, params),
         {"kl": params.pretrain_kl_weight, "mse": 1.0},
     )
     return Phase(
@@ -166,20 +154,20 @@ def _pretraining(
     )
 
 
-def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
+def _adversarial(networks: losses.Networks, validation: Tensors, params: TrainParams) -> Phase:
     """Discriminators and generator in turn on every batch (Eq. 28-32)."""
     generator = networks.generator
     discriminators = Player(
         "discriminators",
         networks.discriminators(params),
-        lambda output, shard, row: discriminator_terms(networks, output, shard.own, params),
+        lambda output, shard, row: losses.discriminator_terms(networks, output, shard.own, params),
         {"critic_st": 1.0, "critic_cd": 1.0},
         params.discriminator_decay,
     )
     dancer = Player(
         "generator",
         [*generator.parameters()],
-        lambda output, shard, row: generator_terms(networks, output, shard.own, params, row["tau"]),
+        lambda output, shard, row: losses.generator_terms(networks, output, shard.own, params, row["tau"]),
         {name.removesuffix("_weight"): getattr(params, name) for name in vars(params) if name.endswith("_weight")},
         params.generator_decay,
     )
@@ -189,7 +177,7 @@ def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -
         rate=lambda number: adversarial_rate(number, params),
         modules=networks.modules(),
         players=[discriminators, dancer] if params.gan_weight else [dancer],
-        forward=lambda shard, last: danced(generator, shard.own, shard.others if params.rollout else None, last),
+        forward=lambda shard, last: losses.danced(generator, shard.own, shard.others if params.rollout else None, last),
         schedule=lambda number: {"tau": anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)},
         validate=lambda: validate(generator, validation, params),
     )
@@ -225,13 +213,13 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
     (valleys within 0.1 s; of the speed in the room but for the second), val_spread and val_turning (over recorded)
     """
     motion = generator(units.audio, units.initial).motion
-    room, body = generator.positions(motion), body_joints(generator, motion)
-    paper = score_batch(generator, room, units, HARD, HarmonyParams.paper())
-    valleys = score_batch(generator, room, units, HARD, HarmonyParams.valleys())
-    in_body = score_batch(generator, body, units, HARD, HarmonyParams.valleys())
-    ratios = likeness_ratios(generator, motion, units)
+    room, body = generator.positions(motion), losses.body_joints(generator, motion)
+    paper = losses.score_batch(generator, room, units, HARD, HarmonyParams.paper())
+    valleys = losses.score_batch(generator, room, units, HARD, HarmonyParams.valleys())
+    in_body = losses.score_batch(generator, body, units, HARD, HarmonyParams.valleys())
+    ratios = losses.likeness_ratios(generator, motion, units)
     return {
-        "val_mse": float(motion_error(generator, motion, units, params.epsilon)),
+        "val_mse": float(losses.motion_error(generator, motion, units, params.epsilon)),
         "val_harmony": float(paper.harmony.mean()),
         "val_hit_rate": float(paper.hit_rate.mean()),
         "val_above_chance": float(valleys.above_chance.mean()),

@@ -14,8 +14,6 @@ The music acts twice only: as one vector, the style of the whole song, and throu
 the released one means to be: the pose of canonical beat j comes to lie on the j-th music beat, linear in between.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import pairwise

@@ -4,8 +4,6 @@ Released values are those of the public code (NVlabs/Dancing2Music at 7ff1d95; f
 lists where we depart from it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from typing import Literal
 
@@ -112,12 +110,12 @@ class LeeParams:
             raise ValueError(f"beats must be kinematic or music, got {self.beats!r}")
 
     @classmethod
-    def paper(cls) -> LeeParams:
+    def paper(cls) -> "LeeParams":
         """As released, but for sequences of two units: 13.85 M parameters to generate."""
         return cls()
 
     @classmethod
-    def small(cls) -> LeeParams:
+    def small(cls) -> "LeeParams":
         """In the proportion to HarmoGAN's small preset that the released sizes have to its paper preset."""
         return cls(
             hidden=352,

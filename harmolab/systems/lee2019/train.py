@@ -4,8 +4,6 @@ The folder is that of HarmoGAN's training (`harmolab.systems.harmogan.train`) wi
 pretrained weights.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -76,7 +74,7 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.poses)
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Pieces:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "Pieces":
         """The sequences at `indices` that fall to process `rank` of `world`."""
         rows = indices[rank::world].to(self.poses.device)
         draw = zlib.crc32(np.append(indices.cpu().numpy(), rank).astype("<i8").tobytes())

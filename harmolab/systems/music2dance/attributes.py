@@ -3,8 +3,6 @@
 Its classes are dances, or groups of dances: no one sorted songs by mood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, Self
@@ -21,16 +19,9 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.readers.audio import load_audio
 from harmolab.systems.music2dance.music_features import CHANNELS, blind_features
 from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS
+from harmolab.systems.training import layers
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_numbers
-from harmolab.systems.training.layers import (
-    FrameLayers,
-    Normaliser,
-    SongEncoder,
-    TemporalConvolution,
-    channel_statistics,
-    drawn_by,
-)
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.units import recording_folders
@@ -92,12 +83,12 @@ class AttributeParams:
             raise ValueError("rate, window and hop must be of a size that a song can be heard in")
 
     @classmethod
-    def paper(cls) -> AttributeParams:
+    def paper(cls) -> "AttributeParams":
         """As printed."""
         return cls()
 
     @classmethod
-    def recommended(cls) -> AttributeParams:
+    def recommended(cls) -> "AttributeParams":
         """Batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates an epoch."""
         return cls(batch_size=8)
 
@@ -132,13 +123,13 @@ class AttributeClassifier(nn.Module):
         super().__init__()
         self.params, self.classes = params, tuple(classes)
         self.meta: dict[str, Any] = {}
-        self.audio_scale = Normaliser(N_AUDIO)
+        self.audio_scale = layers.Normaliser(N_AUDIO)
         front = (
-            TemporalConvolution(N_AUDIO, params.channels, params.dropout)
+            layers.TemporalConvolution(N_AUDIO, params.channels, params.dropout)
             if params.front == "convolution"
-            else FrameLayers(N_AUDIO)
+            else layers.FrameLayers(N_AUDIO)
         )
-        self.encoder = SongEncoder(front, params.hidden)
+        self.encoder = layers.SongEncoder(front, params.hidden)
         self.verdict = nn.Linear(self.encoder.size, len(self.classes))
 
     def forward(self, music: Tensor) -> Tensor:
@@ -197,13 +188,13 @@ class SongWindows:
     def __len__(self) -> int:
         return len(self.music)
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> SongWindows:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "SongWindows":
         """The windows at `indices` that fall to process `rank` of `world`."""
         rows = indices[rank::world].to(self.music.device)
         return SongWindows(self.music[rows], self.label[rows])
 
     @classmethod
-    def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> SongWindows:
+    def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> "SongWindows":
         """All windows of some songs."""
         parts = [song_windows(song.music, params) for song in songs]
         labels = [song.label for song, part in zip(songs, parts, strict=True) for _ in part]
@@ -283,9 +274,9 @@ def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequen
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:
-    with drawn_by(params.seed):
+    with layers.drawn_by(params.seed):
         classifier = AttributeClassifier(params, classes)
-    classifier.audio_scale.set(*channel_statistics(windows.music.cpu(), torch.ones(windows.music.shape[:2])))
+    classifier.audio_scale.set(*layers.channel_statistics(windows.music.cpu(), torch.ones(windows.music.shape[:2])))
     return classifier
 
 
@@ -304,7 +295,7 @@ def _phase(classifier: AttributeClassifier, params: AttributeParams) -> Phase:
 
 
 def _logits(classifier: AttributeClassifier, shard: Shard) -> Tensor:
-    with drawn_by(shard.seed, shard.own.music.device):
+    with layers.drawn_by(shard.seed, shard.own.music.device):
         logits: Tensor = classifier.train()(shard.own.music)
     return logits
 

@@ -8,8 +8,6 @@ Markers are not joints: two on the head, none at pelvis and neck. Forearm marker
 the arm and make it jump.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ It sees the lower body, the places of both feet and which of them stand, and add
 channels. It learns on recorded motion with simulated sliding: noise, and everything smoothed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, Self

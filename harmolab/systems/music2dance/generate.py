@@ -1,7 +1,5 @@
 """From a song to a dance with a trained network: the song heard in windows, then frame after frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -3,8 +3,6 @@
 The paper takes them from madmom. Ours are librosa's onsets and chroma and the project's own beats.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from typing import Any

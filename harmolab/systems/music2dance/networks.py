@@ -4,8 +4,6 @@ Both predict the next frame from all frames before it: a Gaussian for each chann
 each foot stands. Motion is in standard deviations of the training split, contacts are 0 or 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, NamedTuple, Self
@@ -17,14 +15,8 @@ from torch.nn.functional import pad, relu, softplus
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, stored_code
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import Windows
-from harmolab.systems.training.layers import (
-    Normalised,
-    Normaliser,
-    SongEncoder,
-    TemporalConvolution,
-    between,
-    parameter_count,
-)
+from harmolab.systems.training import layers
+from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 
 KERNEL = 2  # frames of a dilated convolution
@@ -41,9 +33,11 @@ class Prediction(NamedTuple):
     contacts: Tensor
 
 
-def song_encoder(params: SongParams) -> SongEncoder:
+def song_encoder(params: SongParams) -> layers.SongEncoder:
     """The mapping network: temporal convolutions and a bidirectional LSTM (Fig. 5 without its last layer)."""
-    return SongEncoder(TemporalConvolution(params.n_audio, params.channels, params.dropout), params.hidden)
+    return layers.SongEncoder(
+        layers.TemporalConvolution(params.n_audio, params.channels, params.dropout), params.hidden
+    )
 
 
 class GatedBlock(nn.Module):
@@ -125,7 +119,7 @@ class LstmDancer(nn.Module):
         return prediction
 
 
-class DanceNetwork(Normalised):
+class DanceNetwork(layers.Normalised):
     """Music and the frames so far in, the next frame out.
 
     Parameters
@@ -140,7 +134,7 @@ class DanceNetwork(Normalised):
     def __init__(self, params: Music2DanceParams, code: PositionCode | RotationCode, dances: Sequence[str]) -> None:
         super().__init__()
         self.params, self.motion_code, self.dances = params, code, tuple(dances)
-        self.audio_scale, self.motion_scale = Normaliser(params.song.n_audio), Normaliser(code.n_motion)
+        self.audio_scale, self.motion_scale = layers.Normaliser(params.song.n_audio), layers.Normaliser(code.n_motion)
         self.mapping = song_encoder(params.song) if params.mapping else None
         n_music = params.song.n_audio if self.mapping is None else self.mapping.size
         self.vectors = nn.Embedding(len(self.dances), params.dance_vector)
@@ -158,7 +152,7 @@ class DanceNetwork(Normalised):
     def music_at(self, music: Tensor, moments: Tensor) -> Tensor:
         """The music (N, T, c) at the moments (N, T) of frames, of features (N, M, F): mapped, or as they are."""
         if self.mapping is None:
-            return between(music, moments)
+            return layers.between(music, moments)
         return self.mapping.at(self.mapping(music), moments)
 
     def predicted(

@@ -4,8 +4,6 @@ The paper's numbers are those of arXiv 2002.03761, first version. Where it is si
 are those of its authors' code for the second version; docs/readings.md says which.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -172,12 +170,12 @@ class Music2DanceParams:
             raise ValueError("motion_dropout must leave something; carry and drops are shares, 0 to 1")
 
     @classmethod
-    def paper(cls) -> Music2DanceParams:
+    def paper(cls) -> "Music2DanceParams":
         """As printed, at 25 frames per second."""
         return cls()
 
     @classmethod
-    def recommended(cls) -> Music2DanceParams:
+    def recommended(cls) -> "Music2DanceParams":
         """Positions; most of the frame before is carried over; contacts that count; draws that last, and smoothed."""
         return replace(
             cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.3,

@@ -4,19 +4,11 @@ Each is trained into a folder of its own inside the run of a dancer, RUN/feet an
 it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
 from harmolab.files import PathLike
-from harmolab.systems.music2dance.attributes import (
-    AttributeClassifier,
-    AttributeParams,
-    load_songs,
-    split_songs,
-    train_attributes,
-)
+from harmolab.systems.music2dance import attributes
 from harmolab.systems.music2dance.feet import FootModel, FootParams, check_velocity, train_feet
 from harmolab.systems.music2dance.params import Music2DanceParams, Representation
 from harmolab.systems.music2dance.sequences import load_sequences
@@ -63,9 +55,9 @@ class Attributes(Learner):
     """The attribute classifier (`AttributeClassifier`), as a thing to train."""
 
     @classmethod
-    def load(cls, folder: PathLike) -> AttributeClassifier:
+    def load(cls, folder: PathLike) -> attributes.AttributeClassifier:
         """The classifier in the folder of its run."""
-        return load_weights(folder, AttributeClassifier)
+        return load_weights(folder, attributes.AttributeClassifier)
 
     @classmethod
     def learn(
@@ -83,13 +75,13 @@ class Attributes(Learner):
         split_seed : int, of the songs that are tested on
         changes : other values for fields of `AttributeParams`, such as ``epochs``
         """
-        params, notice = preset_settings(AttributeParams, preset, PRESETS, changes), options.notice
-        songs = load_songs(data, progress=options.progress)
-        split = split_songs(songs.songs, seed=split_seed)
+        params, notice = preset_settings(attributes.AttributeParams, preset, PRESETS, changes), options.notice
+        songs = attributes.load_songs(data, progress=options.progress)
+        split = attributes.split_songs(songs.songs, seed=split_seed)
         for line in songs.notes:
             notice(f"left out: {line}")
         notice(f"songs: {len(split.train)} train, {len(split.test)} test; dances: {', '.join(songs.classes)}")
-        train_attributes(songs.songs, songs.classes, split, options, params)
+        attributes.train_attributes(songs.songs, songs.classes, split, options, params)
         test = read_about(options.out)["meta"]["test"]
         notice(
             f"test songs: {test['right']} of {test['songs']} dances are right; {test['majority']} would be by always "

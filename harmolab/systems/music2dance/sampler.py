@@ -4,8 +4,6 @@ Convolved anew for each frame, a WaveNet of 125 frames' reach costs 125 times as
 of its last `dilation` frames in a ring. What music and dance add to every gate is known before the dance begins.
 """
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import numpy as np

@@ -3,8 +3,6 @@
 Sequences are kept whole; training windows are cut out of them (`windows`).
 """
 
-from __future__ import annotations
-
 import warnings
 import zlib
 from collections.abc import Collection, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Music2Dance as a system: a network that dances frame after frame, and movements that its dances go on from."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from dataclasses import replace

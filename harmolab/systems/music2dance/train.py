@@ -4,8 +4,6 @@ The folder of a run holds ``settings.json``, ``split.json``, ``history.csv``, th
 trained weights ``model``, and movements that a dance may go on from.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

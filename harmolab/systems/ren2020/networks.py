@@ -4,8 +4,6 @@ A song is danced in one pass of any length: no initial poses, nothing that depen
 counts: the same clip with more of it gives the same dance and the same verdicts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Self
 

@@ -1,7 +1,5 @@
 """Settings of Ren et al. 2020: sizes, losses and schedule as released, and our readings where we depart from them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -89,11 +87,11 @@ class RenParams:
             raise ValueError(f"block_weights must be {BLOCKS} numbers, zero or more, got {self.block_weights}")
 
     @classmethod
-    def paper(cls) -> RenParams:
+    def paper(cls) -> "RenParams":
         """Sizes and schedule as released."""
         return cls()
 
     @classmethod
-    def small(cls) -> RenParams:
+    def small(cls) -> "RenParams":
         """A generator of 1.1 million parameters, smaller by as much as our small HarmoGAN is; the same schedule."""
         return cls(hidden=96, body=352, discriminator=32, graph=16)

@@ -4,8 +4,6 @@ Ren et al. compare the maps of a classifier of dances ("pose perceptual loss"). 
 here it learns what the pose network learns (`train_pose_net`), from the training split.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -14,8 +14,6 @@ Loss terms of Ren et al.'s generator and of its two discriminators; each is a me
 Codes are motion codes in standard deviations; masks are 1 at real frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,3 +1,1 @@
 """Shared by all systems: units, motion code, audio features, layers, training, weights. It imports no system."""
-
-from __future__ import annotations

@@ -5,8 +5,6 @@
     adds about training.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

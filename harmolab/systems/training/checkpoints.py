@@ -5,8 +5,6 @@ publishes both. Nothing is ever unpickled. A run is resumed only with the settin
 of ``split.json``.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io
@@ -22,17 +20,7 @@ from filelock import FileLock, Timeout
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from harmolab.files import (
-    MAX_JSON_BYTES,
-    PathLike,
-    Progress,
-    atomic_write,
-    plain,
-    read_json,
-    reading,
-    silent,
-    write_json,
-)
+from harmolab import files
 from harmolab.systems.training.about import write_synced
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import read_tensors, renamed
@@ -111,12 +99,12 @@ class TrainOptions:
     progress : function(iterable, label) -> iterable, of the reading
     """
 
-    out: PathLike
+    out: files.PathLike
     resume: bool = False
     accelerator: str = "auto"
     report: Report = lambda row, end: None
     notice: Notice = lambda line: None
-    progress: Progress = silent
+    progress: files.Progress = files.silent
 
 
 class Sides(Protocol):
@@ -160,7 +148,7 @@ def save_state(
     }
     text = json.dumps(about)
     metadata = {"format": FORMAT, "about": text, "sha256": _digest(tensors, text)}
-    with atomic_write(folder / STATE) as part:
+    with files.atomic_write(folder / STATE) as part:
         write_synced(part, save(tensors, metadata))
 
 
@@ -175,7 +163,7 @@ def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     path = folder / STATE
     if not path.exists():
         return None
-    with reading(path, "the state of a training; start anew with another --out", max_bytes=None):
+    with files.reading(path, "the state of a training; start anew with another --out", max_bytes=None):
         tensors, metadata = read_tensors(path)
         if metadata.get("format") != FORMAT:
             raise ValueError("is no training state of this version of harmolab; start anew with another --out")
@@ -246,11 +234,11 @@ def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume:
         with FileLock(folder / LOCK, timeout=0):
             for unfinished in folder.glob(".*.tmp"):
                 unfinished.unlink()
-            for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, plain(split.to_dict()))):
+            for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, files.plain(split.to_dict()))):
                 if path.exists():
                     _compare(path, _read(path), content)
                 else:
-                    write_json(path, content)
+                    files.write_json(path, content)
             yield
     except Timeout:
         raise ValueError(f"{folder}: another process is training there") from None
@@ -261,12 +249,12 @@ def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> No
     stored = _read(folder / SETTINGS)
     old, new = ({name: each.get(name) for name in ("model", "features", "data")} for each in (stored, settings))
     _compare(folder / SETTINGS, old, new)
-    _compare(folder / SPLIT, _read(folder / SPLIT), plain(split.to_dict()))
+    _compare(folder / SPLIT, _read(folder / SPLIT), files.plain(split.to_dict()))
 
 
 def _read(path: Path) -> dict[str, Any]:
-    with reading(path, "JSON", max_bytes=MAX_JSON_BYTES):
-        content = read_json(path)
+    with files.reading(path, "JSON", max_bytes=files.MAX_JSON_BYTES):
+        content = files.read_json(path)
         if not isinstance(content, dict):
             raise ValueError("holds no settings of a run")
     return renamed(content)

@@ -5,8 +5,6 @@ A network that dances is a `Dancer`: it says which music features it hears and w
 bones, floor and feet are seen to here, for all of them alike.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Audio features of the generator: MFCC at the motion's rate (paper Sec. 4.1, A_f), and each frame's beat position."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
@@ -55,12 +53,12 @@ class FeatureParams:
             raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
 
     @classmethod
-    def paper(cls) -> FeatureParams:
+    def paper(cls) -> "FeatureParams":
         """MFCC alone, at 15 frames per second."""
         return cls()
 
     @classmethod
-    def recommended(cls) -> FeatureParams:
+    def recommended(cls) -> "FeatureParams":
         """The same, and where each frame lies between two beats."""
         return cls(beat_channels=True)
 

@@ -4,8 +4,6 @@ A network predicts joints one by one. That the lowest of them neither floats nor
 in its place, needs no learning. Legs of two bones, hip to knee to ankle, follow by inverse kinematics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

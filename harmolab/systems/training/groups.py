@@ -5,8 +5,6 @@ annotation, all stretches between splices whose motion is nearly the same. Stret
 brought to the same number of poses, so that a figure danced faster is still that figure.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple

@@ -6,8 +6,6 @@ A code has C = 3 J + 3 channels: the joints of every frame seen from the dancer'
 floor (metres, J x 3), the root's velocity to the side and forward (m/s), and the yaw rate (rad/s).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -82,7 +80,7 @@ class Statistics(NamedTuple):
     motion_std: Tensor
 
     @classmethod
-    def of(cls, audio: Tensor, motion: Tensor, mask: Tensor) -> Statistics:
+    def of(cls, audio: Tensor, motion: Tensor, mask: Tensor) -> "Statistics":
         """Statistics over the frames whose mask is 1, of audio (N, T, F), motion (N, T, C) and mask (N, T)."""
         return cls(*channel_statistics(audio, mask), *channel_statistics(motion, mask))
 

@@ -10,8 +10,6 @@ Gradients and means are added up over all shards of a batch in the order of the 
 result to the last bit, whether one process computes them one after the other or each process some of them.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,16 +23,7 @@ from lightning_fabric import Fabric
 from torch import Tensor, nn
 
 from harmolab.files import write_text
-from harmolab.systems.training.checkpoints import (
-    HISTORY,
-    EventLog,
-    Report,
-    Row,
-    history_text,
-    load_state,
-    restore,
-    save_state,
-)
+from harmolab.systems.training import checkpoints
 from harmolab.systems.training.units import Batch, UnitSet, collate
 
 # Units on a device, and batches of them in parts: the same gradients from one process as from several.
@@ -59,12 +48,12 @@ class Tensors(Batch[Tensor]):
         return len(self.audio)
 
     @classmethod
-    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> Tensors:
+    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> "Tensors":
         """All units of a set as one padded batch on `device`."""
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
 
-    def continued_from(self, motion: Tensor, mask: Tensor) -> Tensors:
+    def continued_from(self, motion: Tensor, mask: Tensor) -> "Tensors":
         """These units with V_f of Eq. 23 from the last frames of another motion instead of the recorded one.
 
         So a song is danced, meter by meter (Fig. 7b). There is no recording of it to compare with; but harmony needs
@@ -83,7 +72,7 @@ class Tensors(Batch[Tensor]):
         mean = (tail * index).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
         return Tensors(**vars(self) | {"initial": torch.where(index > 0, tail, mean)})
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "Tensors":
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.
 
         Padding thus never depends on how a batch is shared among processes.
@@ -269,7 +258,7 @@ class Player:
 
     name: str
     parameters: Sequence[nn.Parameter] | Sequence[dict[str, Any]]
-    terms: Callable[[Any, Shard, Row], Terms]
+    terms: Callable[[Any, Shard, checkpoints.Row], Terms]
     weights: Mapping[str, float]
     decay: float = 0.0
     clip: float | None = None
@@ -308,7 +297,7 @@ class Phase:
     modules: Mapping[str, nn.Module]
     players: Sequence[Player]
     forward: Callable[[Shard, Any], Any]
-    schedule: Callable[[int], Row] = lambda number: {}
+    schedule: Callable[[int], checkpoints.Row] = lambda number: {}
     validate: Callable[[], dict[str, float]] = dict
     validate_every: int = 1
     patience: int | None = None
@@ -326,9 +315,9 @@ class _Run:
     batching: Batching
     folder: Path
     settings: dict[str, Any]
-    report: Report
-    rows: list[Row] = field(default_factory=list)
-    events: EventLog | None = None
+    report: checkpoints.Report
+    rows: list[checkpoints.Row] = field(default_factory=list)
+    events: checkpoints.EventLog | None = None
     saving: tuple[float, float] = (0.0, 0.0)  # seconds that the last state took to write, and when that was
 
 
@@ -370,8 +359,8 @@ def fit(
     *,
     settings: dict[str, Any] | None = None,
     resume: bool = False,
-    report: Report = lambda row, end: None,
-) -> list[Row]:
+    report: checkpoints.Report = lambda row, end: None,
+) -> list[checkpoints.Row]:
     """Train through all phases; one row of history per epoch.
 
     Parameters
@@ -391,13 +380,18 @@ def fit(
         If the state in `folder` is damaged or belongs to other settings.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
-    tensors, about = (load_state(folder) if resume else None) or (None, {"settings": run.settings, "history": []})
+    tensors, about = (checkpoints.load_state(folder) if resume else None) or (
+        None,
+        {"settings": run.settings, "history": []},
+    )
     if about["settings"] != run.settings:
         raise ValueError(f"{folder}: was trained with other settings; resume with those, or choose another folder")
     run.rows += about["history"]
     if fabric.is_global_zero:
-        run.events = EventLog(folder, run.rows)
-        write_text(folder / HISTORY, history_text(run.rows))  # a kill may have come after epochs that no state knows of
+        run.events = checkpoints.EventLog(folder, run.rows)
+        write_text(
+            folder / checkpoints.HISTORY, checkpoints.history_text(run.rows)
+        )  # a kill may have come after epochs that no state knows of
     current = [phase.name for phase in phases].index(run.rows[-1]["phase"]) if run.rows else 0
     try:
         for phase in phases[current:]:
@@ -416,7 +410,7 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         for player in phase.players
     }
     if saved is not None:
-        restore(saved, phase.modules, optimisers)
+        checkpoints.restore(saved, phase.modules, optimisers)
     first = sum(row["phase"] != phase.name for row in run.rows)
     for epoch in range(len(run.rows), first + phase.epochs):
         if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
@@ -424,7 +418,7 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         rate = phase.rate(epoch - first)
         for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
             group["lr"] = rate * group.get("share", 1.0)
-        row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
+        row: checkpoints.Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
     if phase.epochs and phase.recall is not None:
@@ -432,13 +426,13 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         phase.recall()
 
 
-def _best_epoch(rows: list[Row], phase: Phase) -> int:
+def _best_epoch(rows: list[checkpoints.Row], phase: Phase) -> int:
     """The epoch of a phase with the least error so far; the present one before any was validated."""
     errors = [(row[phase.error], row["epoch"]) for row in rows if row["phase"] == phase.name and phase.error in row]
     return min(errors)[1] if errors else len(rows)
 
 
-def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: Row) -> dict[str, float]:
+def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: checkpoints.Row) -> dict[str, float]:
     """Mean of every loss term over an epoch in which all players learnt."""
     means, outputs = Means(), None
     for shards in epoch_shards(run.fabric, run.units, row["epoch"], run.batching):
@@ -448,7 +442,7 @@ def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: Row) -> d
 
 
 def _batch(
-    run: _Run, phase: Phase, optimisers: Optimisers, row: Row, shards: list[Shard], last: list[Any]
+    run: _Run, phase: Phase, optimisers: Optimisers, row: checkpoints.Row, shards: list[Shard], last: list[Any]
 ) -> tuple[list[Terms], list[Any]]:
     """One step of each player; all terms, and the forward pass, of each shard."""
     with run.fabric.autocast():
@@ -464,14 +458,14 @@ def _batch(
     return all_terms, outputs
 
 
-def _with_total(player: Player, output: Any, shard: Shard, row: Row) -> Terms:
+def _with_total(player: Player, output: Any, shard: Shard, row: checkpoints.Row) -> Terms:
     """A player's terms of a shard, and "total": their weighted sum."""
     terms = player.terms(output, shard, row)
     weights = {name: weight for name, weight in player.weights.items() if name in terms}
     return terms | {"total": total_loss(terms, weights)}
 
 
-def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first: int) -> None:
+def _end_epoch(run: _Run, phase: Phase, row: checkpoints.Row, optimisers: Optimisers, first: int) -> None:
     """Complete the row; put history, events and, where it is time, the state on disk."""
     number, end = row["epoch"] + 1 - first, first + phase.epochs
     validated = number % phase.validate_every == 0 or number == phase.epochs
@@ -486,8 +480,8 @@ def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first:
     cost, when = run.saving
     start = time.monotonic()
     if number == phase.epochs or start - when >= cost / SAVING_SHARE:
-        save_state(run.folder, phase.modules, optimisers, {"settings": run.settings, "history": run.rows})
+        checkpoints.save_state(run.folder, phase.modules, optimisers, {"settings": run.settings, "history": run.rows})
         run.saving = time.monotonic() - start, time.monotonic()
-    write_text(run.folder / HISTORY, history_text(run.rows))
+    write_text(run.folder / checkpoints.HISTORY, checkpoints.history_text(run.rows))
     run.events.add(row)
     run.report(row, end)

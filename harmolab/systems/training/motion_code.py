@@ -12,8 +12,6 @@ Rates at frame t describe the step from t - 1 to t; those of frame 0 repeat fram
 pi / 2 faces +x: a pose that faces heading a is the canonical one turned by a about the y axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

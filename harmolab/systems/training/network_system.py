@@ -1,7 +1,5 @@
 """Systems of one network and a bank of movements, what they share: dancing, saving, loading, material to train on."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace

@@ -5,8 +5,6 @@ it is trained on the training split to tell motion groups and dances apart, to t
 remember enough to draw the motion again.
 """
 
-from __future__ import annotations
-
 import copy
 import itertools
 import math
@@ -250,7 +248,7 @@ def _labels(units: Sequence[DanceUnit]) -> Tensor:
     return torch.tensor([[float(name in own) for name in names] for own in labels])
 
 
-def _epoch(lesson: _Lesson, optimiser: torch.optim.Optimizer, motion: Tensor, mask: Tensor, labels: Tensor) -> float:
+def _epoch(lesson: "_Lesson", optimiser: torch.optim.Optimizer, motion: Tensor, mask: Tensor, labels: Tensor) -> float:
     """One epoch in batches; the mean loss."""
     passes = -(-_EPOCH_UNITS // len(motion))
     order = torch.cat([torch.randperm(len(motion)) for _ in range(passes)])[:_EPOCH_UNITS]

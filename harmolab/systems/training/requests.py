@@ -3,8 +3,6 @@
 No torch here: the choreographer dances without.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ The file is called `<weights>_poses.safetensors` and holds one tensor, ``poses``
 each clip's dance in its header.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext

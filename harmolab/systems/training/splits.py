@@ -1,7 +1,5 @@
 """Training, validation and test units that share no movement: split by motion group, not by clip."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -99,7 +97,7 @@ class _Table:
     meters: BoolArray
 
     @classmethod
-    def of(cls, units: Sequence[DanceUnit]) -> _Table:
+    def of(cls, units: Sequence[DanceUnit]) -> "_Table":
         groups = sorted({group for unit in units for group in unit.groups})
         touches = np.array([[group in unit.groups for group in groups] for unit in units], dtype=bool)
         meters = np.array([[group in unit.meter_groups for group in groups] for unit in units], dtype=bool)

@@ -6,8 +6,6 @@ A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up 
 as in `harmolab.systems.training.motion_code`. Everything is numpy, at the rate of `FeatureParams.fps`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -192,7 +190,7 @@ class UnitSet:
         fps = self.features.fps
         return Motion(decode_motion(code, fps, self.skeleton), fps, self.skeleton)
 
-    def select(self, names: Collection[str] | NDArray[np.bool_]) -> UnitSet:
+    def select(self, names: Collection[str] | NDArray[np.bool_]) -> "UnitSet":
         """The units with these names, or those where a (len,) mask is True, in the order they have here.
 
         Raises

@@ -8,8 +8,6 @@
     training.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -13,8 +13,6 @@ published
     The key points that the authors of "Audio to Body Dynamics" published, see `load_published`.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

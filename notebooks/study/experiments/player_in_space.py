@@ -4,8 +4,6 @@ The movement is ours, not of any music: hands go from place to place along the k
 Arms follow by inverse kinematics with elbows that swing in and out, hands and fingers by angles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The HTML pages of players, own dances and reports: filled and framed here."""
 
-from __future__ import annotations
-
 import html
 from pathlib import Path
 from typing import Any

@@ -10,8 +10,6 @@ The recorded takes have a notice of their own beside them (NOTICE) and are not u
 Neither bank knows the beats that it was danced to: each song cuts it anew, at the rests of the body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
