@@ -119,8 +119,8 @@ def test_notebook_opens_with_its_finding_and_a_committed_picture_of_it(path: Pat
     notebook = nbformat.read(path, as_version=4)
     facts = notebook.metadata["harmolab"]
     title, _, typed = notebook.cells[0].source.partition("\n\n")
-    finding = facts.get("finding") or notebook_finding(path)
-    assert typed == (f"**{finding}**" if "finding" in facts else "")
+    finding = notebook_finding(path)
+    assert typed == ""
     assert title.startswith(f"# {path.stem[:2]} ")
     # A finding has its number, but where something is to be heard before any number.
     assert any(digit.isdigit() for digit in finding) != facts.get("heard_first", False)
@@ -231,11 +231,7 @@ def test_typed_numbers_are_those_that_no_code_has(markdown: str, numbers: list[s
     assert typed_numbers(markdown, "delay = 0.5") == numbers
 
 
-# Notebooks whose words are made of their tables; the others follow.
-WRITTEN = [path for path in PATHS if "finding" not in nbformat.read(path, as_version=4).metadata["harmolab"]]
-
-
-@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.stem)
+@every_notebook
 def test_no_number_in_its_prose_is_typed(path: Path) -> None:
     code = "\n".join(cell.source for cell in code_cells(path))
     assert [number for cell in markdown_cells(path) for number in typed_numbers(cell.source, code)] == []
