@@ -42,12 +42,24 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("corpus") / "clips", clips=8, seed=3, seconds=12.0, fps=30.0)
 
 
+@pytest.fixture(scope="module")
+def heard(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("heard")
+
+
 @pytest.fixture(autouse=True)
-def aside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A working folder and a cache of the test's own."""
+def aside(tmp_path: Path, heard: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A working folder of the test's own, and a cache that all tests here share: the song is listened to once."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("HARMOLAB_CACHE", str(heard))
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, aside: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache, for tests of what is kept in it."""
     monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
 
 
 def files() -> list[str]:
@@ -191,24 +203,21 @@ def test_page_of_a_dance_too_short_to_be_judged_says_so_before_its_harmony(song:
     assert "Cannot tell: " in dancer["number"]["verdict"]
 
 
-def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path) -> None:
-    first = called(
-        app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz", "--verbose"
-    )
+def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path, own_cache: Path) -> None:
+    words = ("dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz", "--verbose")
+    first = called(app, *words)
     assert first.exit_code == 0, first.output
     assert load_motion("dance.npz").skeleton == DANCER
     assert '"one" known, 4 beats a bar' in first.stdout
     assert "clip_0001_cha-cha" in first.stdout
     assert "jive" not in first.stdout
     before = Path("dance.npz").read_bytes()
-    again = called(
-        app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz", "--verbose"
-    )
+    again = called(app, *words)
     assert Path("dance.npz").read_bytes() == before  # of what was kept
     assert again.stdout == first.stdout
 
 
-def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path) -> None:
+def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cache: Path) -> None:
     folder = tmp_path / "moves"
     folder.mkdir()
     for number in (1, 2):
@@ -216,7 +225,7 @@ def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path) -> None
         result = called(app, "dance", song, "--from", folder, "--out", "dance.npz", "--verbose")
         assert result.exit_code == 0, result.output
         assert ("take 2" in result.stdout) == (number == 2)
-    assert len(list((tmp_path / "cache" / "corpora").iterdir())) == 1
+    assert len(list((own_cache / "corpora").iterdir())) == 1
 
 
 def swaying(seed: int, *, seconds: float = 15.0) -> Motion:
@@ -288,9 +297,9 @@ def test_other_styles_say_what_they_are(song: Path, style: str) -> None:
 
 
 def test_harmonised_by_a_centimetre_no_joint_moves_further(song: Path) -> None:
-    plain = called(app, "dance", song, "--seed", 0, "--out", "plain.npz")
+    plain = called(app, "dance", song, "--seed", 0, "--seconds", 6, "--out", "plain.npz")
     assert plain.exit_code == 0, plain.output
-    result = called(app, "dance", song, "--seed", 0, "--harmonise", 1, "--out", "moved.npz")
+    result = called(app, "dance", song, "--seed", 0, "--seconds", 6, "--harmonise", 1, "--out", "moved.npz")
     assert result.exit_code == 0, result.output
     one, other = (load_motion(name).positions for name in ("plain.npz", "moved.npz"))
     assert 0 < np.linalg.norm(one - other, axis=2).max() <= 0.01 + 1e-9
