@@ -70,13 +70,12 @@ def test_frame_rate_hardly_moves_the_recommended_score(profile: RunProfile) -> N
 
 
 def test_auc_picture_marks_what_lies_above_its_chance_band() -> None:
-    rows = [auc_row("recommended", 0.9), auc_row("paper", 0.5), auc_row("hit_rate", 0.3)]
-    ax = draw_auc(Figure().subplots(), rows, ["recommended", "paper", "hit_rate"])
-    marks = {line.get_xdata()[0]: line.get_marker() for line in ax.lines if line.get_marker() in "ox"}
-    assert marks == {0.9: "o", 0.5: "x", 0.3: "x"}
+    rows = [auc_row("hit_rate", 0.3), auc_row("paper", 0.5), auc_row("recommended", 0.9)]
+    ax = draw_auc(Figure().subplots(), pd.DataFrame(rows).set_index("score"))
+    marks = {line.get_xdata()[0]: (line.get_marker(), line.get_color()) for line in ax.lines[:3]}
+    assert marks == {0.9: ("o", COLOURS["hit"]), 0.5: ("x", COLOURS["chance"]), 0.3: ("x", COLOURS["miss"])}
+    assert [line.get_ydata()[0] for line in ax.lines[:3]] == [2, 1, 0]
     assert [bar.get_width() for bar in ax.patches] == pytest.approx([0.2] * 3)
-    colours = [line.get_color() for line in ax.lines if line.get_marker() in "ox"]
-    assert colours == [COLOURS["hit"], COLOURS["chance"], COLOURS["miss"]]
     assert [text.get_fontweight() for text in ax.get_yticklabels()] == ["normal", "normal", "bold"]
 
 

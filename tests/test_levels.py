@@ -1,6 +1,5 @@
 """Levels of recordings to their own music, to the same music moved, and to another dance's."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -16,11 +15,9 @@ OWN, QUARTER, HALF, SAME, OTHER = CELLS.OWN, CELLS.QUARTER, CELLS.HALF, CELLS.SA
 
 @pytest.fixture(scope="module")
 def table() -> pd.DataFrame:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("HARMOLAB_DATA", raising=False)
-        ((name, recordings),) = CELLS.level_recordings(RunProfile.quick()).items()
-    assert name == "synthetic"
-    return CELLS.level_table([item for item in recordings if item.clip.dance in ("waltz", "rumba")], seed=1)
+    return CELLS.level_table(
+        [item for item in CELLS.planted_recordings(seed=1) if item.clip.dance in ("waltz", "rumba")], seed=1
+    )
 
 
 def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataFrame):
@@ -37,7 +34,7 @@ def test_four_settings_are_counted_by_level(table: pd.DataFrame):
 
 @pytest.mark.slow
 def test_settings_are_tracked_and_annotated_told_and_not():
-    rows = CELLS.level_settings(CELLS.level_recordings(RunProfile.quick())["synthetic"][:2])
+    rows = CELLS.level_settings(CELLS.planted_recordings(seed=1)[:2])
     assert rows.groupby(["beats", "told"]).ngroups == 4
     assert set(rows["music"]) == {OWN, QUARTER, HALF, SAME}
 
@@ -48,8 +45,13 @@ def test_reading_is_the_dance_that_was_learnt_on_other_recordings(table: pd.Data
 
 
 def test_one_dance_alone_has_no_other_music():
-    recordings = CELLS.level_recordings(replace(RunProfile.quick(), seed=2))["synthetic"][:2]
+    recordings = CELLS.planted_recordings(seed=2)[:2]
     assert list(CELLS.level_table(recordings)["music"].unique()) == [OWN, QUARTER, HALF, SAME]
+
+
+def test_no_recordings_have_annotated_beats_without_a_folder(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("HARMOLAB_DATA", raising=False)
+    assert CELLS.annotated_recordings(RunProfile.quick()) == {}
 
 
 def test_picture_counts_the_levels_of_each_music():
@@ -67,7 +69,7 @@ def test_picture_counts_the_levels_of_each_music():
 @pytest.mark.slow
 def test_recorded_dancers_are_on_the_beat_of_their_own_music_only(data_root: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(data_root / "beatlocked"))
-    (recordings,) = CELLS.level_recordings(RunProfile.full()).values()
+    (recordings,) = CELLS.annotated_recordings(RunProfile.full()).values()
     on_the_beat = CELLS.level_settings(recordings).query("level == 4").groupby(["beats", "told", "music"]).size()
     ordinary, told = on_the_beat["tracked", False], on_the_beat["annotated", True]
     assert ordinary[OWN] >= 10 and told[OWN] >= 8

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from study.figures.variants import LOOKS, Record, by_corpus, rows_by_name
+from study.figures.variants import LOOKS, Record, rows_by_name
 from study.figures.words import corpus_words, is_synthetic, sentence
 from study.saving import mark_synthetic
 
@@ -44,30 +41,32 @@ JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_ev
 JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
-def draw_auc(ax: Axes, rows: Sequence[Record], names: Sequence[str]) -> Axes:
+def draw_auc(ax: Axes, rows: pd.DataFrame) -> Axes:
     """AUC of each score on its chance band; only what leaves its band has a colour.
 
     Parameters
     ----------
     ax : Axes
-    rows : records with "score", "AUC", "chance low" and "chance high", of one corpus
-    names : scores that have a line, from above
+    rows : DataFrame indexed by score, from below, with "AUC", "chance low" and "chance high", of one corpus
     """
-    places = rows_by_name(ax, names, SCORE_LABELS)
-    for row in rows:
-        place, low, high, value = places[row["score"]], row["chance low"], row["chance high"], row["AUC"]
-        ax.barh(place, high - low, left=low, height=0.7, color=COLOURS["faint"])
-        colour = COLOURS["hit"] if value > high else COLOURS["chance"] if value >= low else COLOURS["miss"]
-        ax.plot(value, place, "o" if value > high else "x", color=colour, markersize=7, markeredgewidth=2)
-        ax.annotate(
-            f"{value:.2f}", (max(value, high), place), xytext=(8, 0), textcoords="offset points", va="center",
-            fontsize=9, color=colour,
-        )  # fmt: skip
-    for label in ax.get_yticklabels():
-        if label.get_text() == SCORE_LABELS[OURS]:
-            label.set_fontweight("bold")
+    value, low, high, places = rows["AUC"], rows["chance low"], rows["chance high"], np.arange(len(rows))
+    ax.barh(places, high - low, left=low, height=0.7, color=COLOURS["faint"], label="chance band (95 %)")
+    states = {
+        "hit": ("o", "above its chance band: tells", value > high),
+        "chance": ("x", "inside: tells nothing", value.between(low, high)),
+        "miss": ("x", "below: prefers late music", value < low),
+    }
+    for name, (mark, words, chosen) in states.items():
+        look = {"color": COLOURS[name], "markersize": 7, "markeredgewidth": 2, "label": words}
+        ax.plot(value[chosen], places[chosen], mark, **look)
+        for auc, end, place in zip(value[chosen], high[chosen], places[chosen], strict=True):
+            text = {"xytext": (8, 0), "textcoords": "offset points", "va": "center", "fontsize": 9}
+            ax.annotate(f"{auc:.2f}", (max(auc, end), place), color=COLOURS[name], **text)
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
-    ax.set_xlim(0, 1.15)
+    ax.set(xlim=(0, 1.15), ylim=(-0.6, len(rows) - 0.4), yticks=places)
+    for label in ax.set_yticklabels([SCORE_LABELS[score] for score in rows.index]):
+        label.set_fontweight("bold" if label.get_text() == SCORE_LABELS[OURS] else "normal")
+    ax.tick_params(axis="y", length=0)
     return ax
 
 
@@ -76,37 +75,29 @@ def auc_figure(table: pd.DataFrame) -> Figure:
 
     Parameters
     ----------
-    table : DataFrame with a row a corpus and score, as `study.experiments.discrimination.auc_table` returns it
+    table : DataFrame with the columns of table08b_auc
     """
-    corpora = by_corpus([dict(row) for _, row in table.iterrows() if row["score"] in SCORE_LABELS])
-    order = [row["score"] for row in sorted(next(iter(corpora.values())), key=lambda row: -row["AUC"])]
+    corpora = list(table[table["score"].isin(SCORE_LABELS)].groupby("corpus", sort=False))
+    order = corpora[0][1].sort_values("AUC")["score"]
     lines = -(-len(corpora) // 2)
     with styled_axes((9.0, (0.24 * len(order) + 0.75) * lines + 0.9), lines, 2, sharey=True) as (figure, axes):
-        for ax, (corpus, rows) in zip(axes, corpora.items(), strict=False):
-            draw_auc(ax, rows, order).set_title(_tellers(rows), fontsize=10)
+        for ax, (corpus, rows) in zip(axes, corpora, strict=False):
+            draw_auc(ax, rows.set_index("score").reindex(order)).set_title("\n".join(auc_words(rows)), fontsize=10)
             if is_synthetic(corpus):
                 mark_synthetic(ax)
         for ax in axes[len(corpora) :]:
             ax.set_visible(False)
         figure.supxlabel("AUC: how often the true music scores above late music (0.5: a coin, 1: always)", fontsize=10)
-        look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 2}
-        handles = [
-            Line2D([], [], marker="o", color=COLOURS["hit"], label="above its chance band: tells", **look),
-            Line2D([], [], marker="x", color=COLOURS["chance"], label="inside: tells nothing", **look),
-            Line2D([], [], marker="x", color=COLOURS["miss"], label="below: prefers late music", **look),
-            Patch(color=COLOURS["faint"], label="chance band (95 %)"),
-        ]
-        figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=9)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=9)
     return figure
 
 
-def _tellers(rows: Sequence[Record]) -> str:
-    """The scores of a corpus that lie above their chance bands, counted, and whether ours is one of them."""
-    corpus, windows, beats = (rows[0][name] for name in ("corpus", "windows", "beats"))
-    above = [row["score"] for row in rows if row["AUC"] > row["chance high"]]
+def auc_words(rows: pd.DataFrame) -> tuple[str, str]:
+    """A corpus of `auc_figure`, and its scores that lie above their chance bands, counted, with ours if it is one."""
+    above = list(rows.loc[rows["AUC"] > rows["chance high"], "score"])
     ours = (", ours too" if len(above) > 1 else ", ours") if OURS in above else ""
-    about = f"{sentence(corpus_words(corpus))} ({windows} windows):"
-    return f"{about}\n{len(above) or 'none'} of {len(rows)} scores tell{ours} ({beats} beats)"
+    about = f"{sentence(corpus_words(rows['corpus'].iloc[0]))} ({rows['windows'].iloc[0]} windows):"
+    return about, f"{len(above) or 'none'} of {len(rows)} scores tell{ours} ({rows['beats'].iloc[0]} beats)"
 
 
 def patterns_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
@@ -167,8 +158,6 @@ def picks_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
     table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
     corpus : str
     """
-    best = table.loc[table["harmolab"].idxmax()]
-    sure = "better than guessing" if best["low"] > 0.5 else "not clearly better than guessing"
     with styled_axes((9.0, 3.0)) as (figure, (ax,)):
         places = rows_by_name(ax, list(table["judge"]))
         for judge in table.to_dict("records"):
@@ -183,8 +172,14 @@ def picks_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
         ax.annotate("guessing", (0.5, len(places) - 0.45), ha="center", va="bottom", fontsize=9)
         label = f"share of inharmonious clips picked out (black: 95 % of draws); {corpus_words(corpus)}"
         ax.set(xlim=(0, 1), ylim=(-0.6, len(places) - 0.1), xlabel=label)
-        ax.set_title(f"Best score: {best['judge']}, {sure}")
+        ax.set_title(picks_words(table))
     return figure
+
+
+def picks_words(table: pd.DataFrame) -> str:
+    """The best score of `picks_figure` beside guessing."""
+    best = table.loc[table["harmolab"].idxmax()]
+    return f"Best score: {best['judge']}, {'' if best['low'] > 0.5 else 'not clearly '}better than guessing"
 
 
 def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES) -> Figure:
@@ -195,8 +190,6 @@ def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCOR
     table : DataFrame whose first column is the level (its name is the x label), with one column a score
     scores : names of the columns to draw
     """
-    last = table[list(scores)].iloc[-1].sort_values(ascending=False)
-    best, rest = last.index[0], last.iloc[1:]
     with styled_axes((9.0, 4.0)) as (figure, (ax,)):
         for name, mark, colour in zip(scores, SCORE_MARKS, SCORE_COLOURS, strict=False):
             ax.plot(table.iloc[:, 0], table[name], mark, color=colour, label=SCORE_LABELS.get(name, name))
@@ -205,11 +198,18 @@ def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCOR
         # In the order of the lines at the right end.
         handles = sorted(ax.lines, key=lambda line: -float(np.asarray(line.get_ydata())[-1]))
         ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5))
-        ax.set_title(
-            f"“{SCORE_LABELS.get(best, best)}” stands the most: at the right end AUC {last[best]:.2f}, "
-            f"the others {rest.min():.2f} to {rest.max():.2f}"
-        )
+        ax.set_title(disturbance_words(table, scores))
     return figure
+
+
+def disturbance_words(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES) -> str:
+    """The score of `disturbances_figure` that stands the most."""
+    last = table[list(scores)].iloc[-1].sort_values(ascending=False)
+    best, rest = last.index[0], last.iloc[1:]
+    return (
+        f"“{SCORE_LABELS.get(best, best)}” stands the most: at the right end AUC {last[best]:.2f}, "
+        f"the others {rest.min():.2f} to {rest.max():.2f}"
+    )
 
 
 def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:

@@ -52,11 +52,11 @@ def nulls_figure(table: pd.DataFrame) -> Figure:
         edge = "\nsquares beyond the edge: dancers who have the music's tempo" if beyond else ""
         ax.set(xlim=(-0.01, EDGE), xlabel=f"share of clips with p ≤ .05 (dotted: what a fair p-value gives){edge}")
         figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
-        figure.suptitle(_nulls_title(table), x=0.01, ha="left", fontsize=11.5)
+        figure.suptitle(alarm_words(table), x=0.01, ha="left", fontsize=11.5)
     return figure
 
 
-def _nulls_title(table: pd.DataFrame) -> str:
+def alarm_words(table: pd.DataFrame) -> str:
     """The worst row of the old score and of H."""
     if table["n"].min() * NOMINAL < FEWEST_ALARMS:
         return f"No harmony here, and {table['n'].min()} clips a row are too few to tell how often it is found"
