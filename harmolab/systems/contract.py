@@ -128,13 +128,14 @@ def _class(name: str, module: str) -> Any:
     """The class that a name means in a module; ValueError where there is none."""
     _, outside, class_name = name.partition(":")
     try:
-        content = vars(import_module(module))
+        content = import_module(module)
     except ModuleNotFoundError as error:
         if not outside or error.name != module.partition(".")[0]:
             raise
         raise ValueError(f"system {name}: there is no module {module}; put its folder on PYTHONPATH") from None
-    for key, value in content.items():
-        if isinstance(value, type) and (key == class_name if outside else key.lower() == name):
+    names = [key for key in dir(content) if (key == class_name if outside else key.lower() == name)]
+    for value in (getattr(content, key) for key in names):
+        if isinstance(value, type):
             return value
     raise ValueError(f"system {name}: {module} has no class {class_name or name}")
 
