@@ -366,7 +366,8 @@ def test_somebody_elses_folder_is_no_run_to_resume(train: Train, tmp_path: Path)
 
 def test_a_file_is_no_folder(tmp_path: Path):
     (tmp_path / "run").write_text("")
-    refused("run: is a file; a run needs a folder of its own", check_folder, tmp_path / "run", resume=True)
+    with pytest.raises(ValueError, match="run: is a file; a run needs a folder of its own"):
+        check_folder(tmp_path / "run", resume=True)
 
 
 @cases(

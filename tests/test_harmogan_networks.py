@@ -9,14 +9,13 @@ from harmolab.data.recordings import TANG_23
 from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
-    Normaliser,
     SpatialTemporalDiscriminator,
     parameter_count,
     segments,
 )
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.layers import Statistics, local_joints
+from harmolab.systems.training.layers import Normaliser, Statistics, local_joints
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from tests.builders import cases, refused
 
