@@ -1,6 +1,5 @@
 """Audio to Body Dynamics: the 28 numbers, the space of the points, the delay, the network, its training."""
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import torch
 from harmolab.musician.cleaning import Reference
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import PerformanceStream, predicted_points, synthesize_performance
+from harmolab.musician.perform import predicted_points, synthesize_performance
 from harmolab.musician.sequences import (
     PlayedSequence,
     PlayedSet,
@@ -204,7 +203,7 @@ def test_a_batch_and_one_recording_agree(run: Path) -> None:
     with torch.no_grad():
         together, _ = network(sound)
     for number in range(5):
-        alone, _ = network.predicted(sound[number].numpy())
+        alone = network.predicted(sound[number].numpy())
         np.testing.assert_allclose(together[number].numpy(), alone, atol=1e-6)
 
 
@@ -214,15 +213,6 @@ def test_windows_in_a_row_are_one_pass() -> None:
     np.testing.assert_allclose(
         windows_passed(network, sound).detach().numpy(), network(sound)[0].detach().numpy(), atol=1e-6
     )
-
-
-@pytest.mark.parametrize("blocks", [(60,), (1, 59), (7, 20, 33), (1,) * 60])
-def test_a_stream_gives_the_same_as_one_pass(run: Path, blocks: tuple[int, ...]) -> None:
-    network, sound = load_weights(run, SoundToPoints), played().sequences[3].sound
-    stream = PerformanceStream(network)
-    edges = np.cumsum((0, *blocks))
-    parts = [stream.push(sound[low:high]) for low, high in itertools.pairwise(edges)]
-    np.testing.assert_allclose(np.concatenate([*parts, stream.finish()]), predicted_points(network, sound), atol=1e-6)
 
 
 def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path) -> None:

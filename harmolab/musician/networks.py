@@ -73,12 +73,10 @@ class SoundToPoints(nn.Module):
         return components, state
 
     @torch.no_grad()
-    def predicted(self, steps: NDArray[np.float32], state: State | None = None) -> tuple[FloatArray, State]:
-        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode, and the state after it."""
-        self.eval()
-        device = self.sound_scale.mean.device
-        components, state = self(torch.from_numpy(np.ascontiguousarray(steps))[None].to(device), state)
-        return components[0].double().cpu().numpy(), state
+    def predicted(self, steps: NDArray[np.float32]) -> FloatArray:
+        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode."""
+        components, _ = self.eval()(torch.from_numpy(steps)[None].to(self.sound_scale.mean.device))
+        return np.asarray(components[0].double().cpu().numpy())
 
     def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace, bow: Bowing | None = None) -> None:
         """Normalise sound (F,) and points by the training split from now on."""

@@ -58,21 +58,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harmolab.data.recordings import Problem, RecordingFolders, natural
-from harmolab.files import (
-    MAX_TEXT_BYTES,
-    MissingFrameRate,
-    PathLike,
-    atomic_folder,
-    number_column,
-    read_columns,
-    read_json,
-    reading,
-    write_json,
-    write_text,
-)
+from harmolab.files import MAX_TEXT_BYTES, MissingFrameRate, PathLike, number_column, read_columns, read_json, reading
 from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
-from harmolab.readers.audio import load_sound, save_audio
-from harmolab.readers.motion import load_detected, load_motion, load_offset, save_motion
+from harmolab.readers.audio import load_sound
+from harmolab.readers.motion import load_detected, load_motion, load_offset
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.readers.video import average_rate, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
@@ -339,16 +328,7 @@ def load_notes(path: PathLike) -> Notes:
         return Notes(onsets[order], offsets[order], keys.astype(np.int64)[order], loudness[order], hands[order])
 
 
-def save_notes(path: PathLike, notes: Notes) -> None:
-    """Write notes as a table that `load_notes` reads back to the last bit; whole or not at all."""
-    names = {number: name for name, number in _HANDS.items()}
-    arrays = (notes.onsets, notes.offsets, notes.pitches, notes.loudness)
-    rows = zip(*(array.tolist() for array in arrays), [names[hand] for hand in notes.hands.tolist()], strict=True)
-    write_text(path, "\n".join([",".join(_COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n")
-
-
 SAMPLE_RATE = 44100.0  # hertz: that of the paper's sound
-_AUDIO = "audio.wav"
 _MAX_DEPTH = 4
 _NO_POINTS = (
     "has no points of the player: motion.npz, a .json or .jsonl of key points, or a folder of OpenPose's frames"
@@ -484,31 +464,6 @@ def _check_end(folder: Path, end: float, seconds: float, fps: float) -> None:
     if end - seconds > max(1.0, 0.05 * seconds):
         late = f"{end - seconds:.2f} s after the sound"
         raise ValueError(f"{folder}: the points, at {fps:g} frames a second, end {late}; is that rate right?")
-
-
-def save_performance(folder: PathLike, performance: Performance) -> None:
-    """Write a performance as a folder, whole or not at all: audio.wav, motion.npz, notes.csv, performance.json.
-
-    `load_performance` gives points, mask, notes and names back to the last bit; the sound is kept with 16 bits, and at
-    the rate that it has.
-
-    Raises
-    ------
-    ValueError
-        The folder is there and holds other files.
-    """
-    folder = Path(folder)
-    ours = {_AUDIO, MOTION, NOTES, ABOUT}
-    if folder.exists() and (not folder.is_dir() or {child.name for child in folder.iterdir()} - ours):
-        raise ValueError(f"{folder}: is there and holds other files; choose another folder")
-    about = {name: getattr(performance, name) for name in ("name", "instrument", "piece", "rendered", "source")}
-    with atomic_folder(folder) as part:
-        if performance.audio is not None:
-            save_audio(part / _AUDIO, performance.audio)
-        save_motion(part / MOTION, performance.motion, offset=performance.offset, detected=performance.detected)
-        if performance.notes is not None:
-            save_notes(part / NOTES, performance.notes)
-        write_json(part / ABOUT, about)
 
 
 def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
