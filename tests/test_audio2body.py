@@ -58,7 +58,7 @@ def test_a_click_is_in_the_frame_of_its_time_within_an_hour() -> None:
     numbers = np.sort(rng.choice(24 * 3600 // 8, 100, replace=False)) * 8 + 3
     times = (numbers + rng.uniform(0.02, 0.98, 100)) / 24
     samples[np.round(times * RATE).astype(int)] = 1.0
-    loudness = frame_mfcc(samples, 24.0, 24 * 3600)[:, 13]
+    loudness = frame_mfcc(samples, Audio2BodyParams(), 24 * 3600)[:, 13]
     assert np.flatnonzero(loudness > loudness.min() + 1).tolist() == np.floor(times * 24).astype(int).tolist()
 
 
@@ -102,8 +102,8 @@ def test_slopes_are_those_of_lines_through_five_frames() -> None:
 @pytest.mark.parametrize(("pitch", "tone"), [(60, 0), (69, 9), (83, 11)])
 def test_a_tone_is_heard_as_its_semitone(pitch: int, tone: int) -> None:
     sine = np.sin(2 * np.pi * 440 * 2 ** ((pitch - 69) / 12) * np.arange(2 * RATE) / RATE).astype(np.float32)
-    chroma = tone_strengths(sine, 24.0, 48)
-    semitones = tone_strengths(sine, 24.0, 48, chroma=False)
+    params = (Audio2BodyParams(tones=tones) for tones in ("chroma", "semitones"))
+    chroma, semitones = (tone_strengths(sine, each, 48) for each in params)
     assert chroma.shape == (48, 12)
     assert set(chroma[4:-4].argmax(axis=1)) == {tone}
     assert set(semitones[4:-4].argmax(axis=1)) == {pitch - 36}
@@ -127,7 +127,7 @@ def test_components_and_points_go_to_and_fro() -> None:
     np.testing.assert_allclose(space.basis @ space.basis.T, np.eye(10), atol=1e-10)
     assert (space.basis[np.arange(10), np.abs(space.basis).argmax(axis=1)] > 0).all()
     assert space.encode(frames).std(axis=0).max() == pytest.approx(1.0)
-    assert len(set(space.scale)) == 1
+    assert len(set(space.sizes)) == 1
     np.testing.assert_allclose(PointSpace.fit(frames, 4, even_scale=False).encode(frames).std(axis=0), 1.0)
 
 

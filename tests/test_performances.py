@@ -211,7 +211,7 @@ def test_silence_and_a_single_note_are_a_performance(tmp_path: Path):
     ('{"audio": "../../etc/passwd"}', "audio must be a name inside of the folder"),
     ('{"points": "/etc"}', "points must be a name inside of the folder"),
     ('{"points": "' + 500 * "a" + '.json"}', "points must be a name inside of the folder"),
-    ('{"points": []}', "points must be text"),
+    ('{"points": []}', "points must be a name inside of the folder"),
     ('{"points": "none.json"}', "names 'none.json', which is not in the folder"),
     ('{"piece": 3}', "piece must be text, got '3'"),
     ("{", "cannot be read as the description of a performance"),

@@ -58,22 +58,24 @@ def predicted_points(
     With `bow_phase`, `strokes` may be given in place of those that `predicted_strokes` hears.
     """
     params = network.params
-    components = _predicted_steps(network, sound)[:, : len(network.space_scale.sizes)]
-    points = network.space_scale.space.decode(frames_of(components, params.upsample, params.delay_steps))
-    if network.bow_scale is None:
+    components = _predicted_steps(network, sound)[:, : len(network.space.sizes)]
+    points = network.space.decode(frames_of(components, params.upsample, params.delay_steps))
+    bow = network.bow
+    if bow is None:
         return points
-    bow, strokes = network.bow_scale.bow, predicted_strokes(network, sound) if strokes is None else strokes
+    strokes = predicted_strokes(network, sound) if strokes is None else strokes
     return bow.at_place(points, bow.places(strokes, len(points), params.fps))
 
 
 def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Strokes:
     """The strokes of the bow for what is heard (T, F); ValueError for a network without `bow_phase`."""
-    if network.bow_scale is None:
+    bow = network.bow
+    if bow is None:
         raise ValueError("this network was trained without bow_phase; it knows no strokes")
     params = network.params
     signal = _predicted_steps(network, sound)[params.delay_steps :, -1]
     turns = turns_of(signal, params.step_rate)
-    return network.bow_scale.bow.strokes(turns, loudness(sound, params), params.fps)
+    return bow.strokes(turns, loudness(sound, params), params.fps)
 
 
 def _predicted_steps(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:
