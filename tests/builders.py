@@ -14,6 +14,9 @@ from typer.testing import CliRunner, Result
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_clip
+from harmolab.files import write_json
+from harmolab.musician.performances import ABOUT, MOTION, NOTES, Performance
+from harmolab.readers.audio import save_audio
 from harmolab.readers.motion import save_motion
 from harmolab.types import BeatTrack, Clip, Motion
 
@@ -96,6 +99,22 @@ def write_dance(path: Path, clip: Clip) -> Path:
     assert clip.motion is not None
     save_motion(path, clip.motion)
     return path
+
+
+def save_performance(folder: Path, performance: Performance) -> None:
+    """A performance as a folder that `load_performance` reads back to the last bit, but for its sound of 16 bits."""
+    folder.mkdir()
+    if performance.audio is not None:
+        save_audio(folder / "audio.wav", performance.audio)
+    save_motion(folder / MOTION, performance.motion, offset=performance.offset, detected=performance.detected)
+    if performance.notes is not None:
+        own, hands = performance.notes, {-1: "", 0: "left", 1: "right"}
+        arrays = (own.onsets, own.offsets, own.pitches, own.loudness)
+        rows = zip(*(array.tolist() for array in arrays), [hands[hand] for hand in own.hands.tolist()], strict=True)
+        lines = [",".join(map(str, row)) for row in rows]
+        (folder / NOTES).write_text("\n".join(["onset_s,offset_s,midi,loudness,hand", *lines]) + "\n")
+    fields = ("name", "instrument", "piece", "rendered", "source")
+    write_json(folder / ABOUT, {name: getattr(performance, name) for name in fields})
 
 
 def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds: float = 4.0) -> Motion:

@@ -1,6 +1,5 @@
 """Audio to Body Dynamics: the 28 numbers, the space of the points, the delay, the network, its training."""
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import torch
 from harmolab.musician.cleaning import Reference
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import PerformanceStream, predicted_points, synthesize_performance
+from harmolab.musician.perform import predicted_points, synthesize_performance
 from harmolab.musician.sequences import (
     PlayedSequence,
     PlayedSet,
@@ -59,7 +58,7 @@ def test_a_click_is_in_the_frame_of_its_time_within_an_hour() -> None:
     numbers = np.sort(rng.choice(24 * 3600 // 8, 100, replace=False)) * 8 + 3
     times = (numbers + rng.uniform(0.02, 0.98, 100)) / 24
     samples[np.round(times * RATE).astype(int)] = 1.0
-    loudness = frame_mfcc(samples, 24.0, 24 * 3600)[:, 13]
+    loudness = frame_mfcc(samples, Audio2BodyParams(), 24 * 3600)[:, 13]
     assert np.flatnonzero(loudness > loudness.min() + 1).tolist() == np.floor(times * 24).astype(int).tolist()
 
 
@@ -103,8 +102,8 @@ def test_slopes_are_those_of_lines_through_five_frames() -> None:
 @pytest.mark.parametrize(("pitch", "tone"), [(60, 0), (69, 9), (83, 11)])
 def test_a_tone_is_heard_as_its_semitone(pitch: int, tone: int) -> None:
     sine = np.sin(2 * np.pi * 440 * 2 ** ((pitch - 69) / 12) * np.arange(2 * RATE) / RATE).astype(np.float32)
-    chroma = tone_strengths(sine, 24.0, 48)
-    semitones = tone_strengths(sine, 24.0, 48, chroma=False)
+    params = (Audio2BodyParams(tones=tones) for tones in ("chroma", "semitones"))
+    chroma, semitones = (tone_strengths(sine, each, 48) for each in params)
     assert chroma.shape == (48, 12)
     assert set(chroma[4:-4].argmax(axis=1)) == {tone}
     assert set(semitones[4:-4].argmax(axis=1)) == {pitch - 36}
@@ -128,7 +127,7 @@ def test_components_and_points_go_to_and_fro() -> None:
     np.testing.assert_allclose(space.basis @ space.basis.T, np.eye(10), atol=1e-10)
     assert (space.basis[np.arange(10), np.abs(space.basis).argmax(axis=1)] > 0).all()
     assert space.encode(frames).std(axis=0).max() == pytest.approx(1.0)
-    assert len(set(space.scale)) == 1
+    assert len(set(space.sizes)) == 1
     np.testing.assert_allclose(PointSpace.fit(frames, 4, even_scale=False).encode(frames).std(axis=0), 1.0)
 
 
@@ -204,7 +203,7 @@ def test_a_batch_and_one_recording_agree(run: Path) -> None:
     with torch.no_grad():
         together, _ = network(sound)
     for number in range(5):
-        alone, _ = network.predicted(sound[number].numpy())
+        alone = network.predicted(sound[number].numpy())
         np.testing.assert_allclose(together[number].numpy(), alone, atol=1e-6)
 
 
@@ -214,15 +213,6 @@ def test_windows_in_a_row_are_one_pass() -> None:
     np.testing.assert_allclose(
         windows_passed(network, sound).detach().numpy(), network(sound)[0].detach().numpy(), atol=1e-6
     )
-
-
-@pytest.mark.parametrize("blocks", [(60,), (1, 59), (7, 20, 33), (1,) * 60])
-def test_a_stream_gives_the_same_as_one_pass(run: Path, blocks: tuple[int, ...]) -> None:
-    network, sound = load_weights(run, SoundToPoints), played().sequences[3].sound
-    stream = PerformanceStream(network)
-    edges = np.cumsum((0, *blocks))
-    parts = [stream.push(sound[low:high]) for low, high in itertools.pairwise(edges)]
-    np.testing.assert_allclose(np.concatenate([*parts, stream.finish()]), predicted_points(network, sound), atol=1e-6)
 
 
 def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path) -> None:

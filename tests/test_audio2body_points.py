@@ -265,13 +265,11 @@ def test_rejected_frames_lie_on_lines_between_accepted_ones() -> None:
 
 def test_gaps_are_masked_counted_or_cut_out() -> None:
     result = cleaned(with_fault("jump", slice(40, 45)))
-    masked, counted, spliced = (training_frames(result.motion, gaps) for gaps in ("mask", "interpolate", "splice"))
-    assert list(np.flatnonzero(~masked.usable)) == [40, 41, 42, 43, 44]
-    assert counted.usable.all() and spliced.usable.all()
-    assert list(masked.frames) == list(counted.frames) == list(range(96))
-    assert list(spliced.frames) == [*range(40), *range(45, 96)]
-    np.testing.assert_array_equal(spliced.positions, masked.positions[masked.usable])
-    refused("gaps must be mask, interpolate or splice, got 'zero'", training_frames, result.motion, "zero")
+    masked, counted, spliced = (training_frames(result.accepted, gaps) for gaps in ("mask", "interpolate", "splice"))
+    assert list(np.flatnonzero(~masked[1])) == [40, 41, 42, 43, 44]
+    assert counted[1].all() and spliced[1].all()
+    assert list(masked[0]) == list(counted[0]) == list(range(96))
+    assert list(spliced[0]) == [*range(40), *range(45, 96)]
 
 
 def test_step_is_usable_where_both_frames_around_it_are() -> None:

@@ -25,7 +25,7 @@ from harmolab.musician.bow import (
 from harmolab.musician.cleaning import Reference
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import PerformanceStream, predicted_points, predicted_strokes, synthesize_performance
+from harmolab.musician.perform import predicted_points, predicted_strokes, synthesize_performance
 from harmolab.musician.sequences import PlayedSet, PlayedSplit, PointSpace, played_set
 from harmolab.musician.synthetic import PlantedPerformance, planted_performances
 from harmolab.musician.train import errors, errors_between, mean_pose_errors, prepared, train_audio2body
@@ -249,7 +249,6 @@ def test_bow_phase_is_refused_where_there_is_no_bow(
     refused("bow_phase is of violinists", SoundToPoints, PARAMS, PLAYER_50, "piano", 3, NOWHERE)
     refused("bow_phase is of violinists", prepared, replace(played, instrument="piano"), split)
     refused("left_shoulder", prepared, replace(played, skeleton=HANDS_12), split)
-    refused("whole recording", PerformanceStream, network)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
     for call in (predicted_strokes, CELLS.bow_errors):
         with pytest.raises(ValueError, match="without bow_phase"):

@@ -31,7 +31,7 @@ from harmolab.readers.keypoints import load_keypoints
 from harmolab.readers.motion import load_motion
 from harmolab.readers.smpl import SMPL_24, load_body
 from harmolab.types import Audio, BeatTrack, Motion
-from study.experiments.instrument_sets import load_pianomime, load_published, load_tracked
+from study.experiments.instrument_sets import load_pianomime, load_tracked
 from tests.builders import refused
 
 SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))
@@ -72,7 +72,6 @@ FILES = {
     "wholebody.json": 120,
     "holistic.json": 120,
     "hands.json": 120,
-    "train_all.json": 150,
     "set/clip_001.npz": 200,
     "set/clips.csv": 100,
     "pianist.npz": 200,
@@ -174,7 +173,6 @@ def player_files() -> dict[str, bytes]:
         ).encode(),
         "holistic.json": json.dumps({**about, "frames": [frame, None, frame]}).encode(),
         "hands.json": json.dumps({**about, "frames": [{"hands": hands}] * 3}).encode(),
-        "train_all.json": json.dumps({"a": [[[0.5, 1.0]] * 3, [rng.uniform(0, 9, 84).round(2).tolist()] * 3]}).encode(),
         "set/clip_001.npz": saved(np.savez, **clip),
         "set/clips.csv": b"clip,piece,seconds\nclip_001,7,0.2\n",
         "pianist.npz": saved(np.savez, **tracked),
@@ -349,7 +347,6 @@ PLAYER_ARRAYS: dict[str, Callable[[Path], list[np.ndarray]]] = {
     "wholebody.json": points_of,
     "holistic.json": points_of,
     "hands.json": points_of,
-    "train_all.json": lambda path: arrays_of_performance(load_published(path, "piano")[0].performance),
     "set": clips_of,
     "pianist.npz": lambda path: arrays_of_performance(load_tracked(path)),
     "notes.csv": note_arrays,

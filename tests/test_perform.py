@@ -34,7 +34,7 @@ from harmolab.musician.explain import explain_playing
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.page import performance_span
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.performances import load_playing, save_performance
+from harmolab.musician.performances import load_playing
 from harmolab.musician.sequences import PointSpace
 from harmolab.musician.synthetic import PlantedPerformance, planted_performance, planted_performances
 from harmolab.musician.train import compared
@@ -45,7 +45,7 @@ from harmolab.readers.video import write_video
 from harmolab.systems.training import loop as training_loop
 from harmolab.systems.training.about import read_about
 from harmolab.types import Audio, Motion
-from tests.builders import called, cases, refused
+from tests.builders import called, cases, refused, save_performance
 from tests.test_player import data_of
 from tools.ship import ship
 

@@ -9,10 +9,9 @@ import pytest
 from harmolab.cli import app
 from harmolab.musician.events import bow_turns, strikes
 from harmolab.musician.page import Performed, save_performed
-from harmolab.musician.performances import save_performance
 from harmolab.musician.synthetic import PlantedPerformance, planted_performance
 from harmolab.types import Motion
-from tests.builders import called
+from tests.builders import called, save_performance
 from tests.test_player_browser import FRAME, PHONE, WIDE, flashes, opened, wait_until
 
 pytestmark = pytest.mark.browser

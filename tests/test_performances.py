@@ -17,8 +17,6 @@ from harmolab.musician.performances import (
     load_notes,
     load_performance,
     piece_groups,
-    save_notes,
-    save_performance,
     shared_patterns,
     split_by_piece,
 )
@@ -26,8 +24,8 @@ from harmolab.readers.motion import load_detected, save_motion
 from harmolab.readers.player_points import HANDS_12, PLAYER_50
 from harmolab.readers.video import write_video
 from harmolab.types import Audio, Motion, Notes
-from study.experiments.instrument_sets import load_pianomime, load_published, load_tracked
-from tests.builders import cases, refused
+from study.experiments.instrument_sets import load_pianomime, load_tracked
+from tests.builders import cases, refused, save_performance
 from tests.test_player_keypoints import SIZE, holistic, openpose, openpose_folder
 
 FPS = 24.0
@@ -85,29 +83,6 @@ def test_saved_performance_comes_back_whole(tmp_path: Path):
     assert again.audio is not None
     np.testing.assert_allclose(again.audio.samples, sound().samples, atol=1 / 32768)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["one"]
-
-
-def test_saved_twice_is_the_later_one_and_a_foreign_folder_is_left_alone(tmp_path: Path):
-    save_performance(tmp_path / "one", performance(notes=notes_of([60, 62])))
-    save_performance(tmp_path / "one", performance("later"))
-    assert load_performance(tmp_path / "one").name == "later"
-    assert load_performance(tmp_path / "one").notes is None
-    (tmp_path / "one" / "thesis.doc").write_text("three years")
-    refused("one: is there and holds other files", save_performance, tmp_path / "one", performance())
-    assert (tmp_path / "one" / "thesis.doc").read_text() == "three years"
-
-
-def test_write_that_fails_leaves_the_former_performance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    save_performance(tmp_path / "one", performance())
-
-    def full(path: Path, content: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("harmolab.musician.performances.write_json", full)
-    with pytest.raises(OSError, match="No space left"):
-        save_performance(tmp_path / "one", performance("later"))
-    assert load_performance(tmp_path / "one").name == "etude"
-    assert [file.name for file in tmp_path.iterdir()] == ["one"]
 
 
 def test_without_sound_a_performance_needs_notes(tmp_path: Path):
@@ -236,7 +211,7 @@ def test_silence_and_a_single_note_are_a_performance(tmp_path: Path):
     ('{"audio": "../../etc/passwd"}', "audio must be a name inside of the folder"),
     ('{"points": "/etc"}', "points must be a name inside of the folder"),
     ('{"points": "' + 500 * "a" + '.json"}', "points must be a name inside of the folder"),
-    ('{"points": []}', "points must be text"),
+    ('{"points": []}', "points must be a name inside of the folder"),
     ('{"points": "none.json"}', "names 'none.json', which is not in the folder"),
     ('{"piece": 3}', "piece must be text, got '3'"),
     ("{", "cannot be read as the description of a performance"),
@@ -354,8 +329,8 @@ def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path
     assert notes.loudness.tolist() == [1, 1, 1]
 
 
-def test_no_notes_are_written_and_read(tmp_path: Path):
-    save_notes(tmp_path / "notes.csv", notes_of([]))
+def test_a_table_without_notes_is_read(tmp_path: Path):
+    (tmp_path / "notes.csv").write_text("onset_s,offset_s,midi\n")
     assert len(load_notes(tmp_path / "notes.csv")) == 0
 
 
@@ -527,74 +502,6 @@ def test_tracked_video_keeps_what_was_lost_in_its_mask(tmp_path: Path):
     assert one.audio is not None
     (tmp_path / "violinist_9.npz").rename(tmp_path / "cellist.npz")
     refused(r'cellist\.npz: has neither "pian" nor "violin" in its name', load_tracked, tmp_path / "cellist.npz")
-
-
-# The key points that the authors published
-
-
-def published(points: int, frames: int = 3, shift: float = 0.0) -> list[Any]:
-    """Features of two numbers, and points p at (p, 1000 + p): all x, then all y."""
-    row = [*(shift + np.arange(points)).tolist(), *(1000.0 + shift + np.arange(points)).tolist()]
-    return [[[0.5, 1.5]] * frames, [row] * frames]
-
-
-def write_published(path: Path, **videos: Any) -> Path:
-    path.write_text(json.dumps(videos))
-    return path
-
-
-def test_published_files_of_body_and_hands_are_joined_by_video(tmp_path: Path):
-    files = [
-        write_published(tmp_path / "train_body.json", a=published(8), b=published(8)),
-        write_published(tmp_path / "train_righthand.json", a=published(21, shift=100), b=published(21)),
-        write_published(tmp_path / "train_lefthand.json", a=published(21, shift=200), b=published(21)),
-    ]
-    one, two = load_published(files, "violin")
-    motion = one.performance.motion
-    assert [item.performance.name for item in (one, two)] == ["a", "b"]
-    assert (one.performance.instrument, one.performance.piece, motion.fps) == ("violin", "a", 24)
-    at = dict(zip(motion.skeleton.joints, motion.positions[0].tolist(), strict=True))
-    assert (at["right_shoulder"], at["right_wrist"], at["left_shoulder"]) == ([0, 1000], [2, 1002], [3, 1003])
-    assert (at["right_hand"], at["left_little_4"]) == ([100, 1100], [220, 1220])
-    assert len(at) == 6 + 42
-    np.testing.assert_array_equal(one.features, [[0.5, 1.5]] * 3)
-
-
-@pytest.mark.parametrize(("points", "count"), [(6, 6), (7, 6), (8, 6), (42, 42), (48, 48), (49, 48), (50, 48)])
-def test_published_rows_of_every_width_have_names(tmp_path: Path, points: int, count: int):
-    path = write_published(tmp_path / "train_all.json", a=published(points))
-    motion = load_published(path, "piano")[0].performance.motion
-    assert len(motion.skeleton.joints) == count
-    at = dict(zip(motion.skeleton.joints, motion.positions[0, :, 0].tolist(), strict=True))
-    if points >= 42:
-        assert (at["left_hand"], at["right_hand"]) == (points - 42, points - 21)
-
-
-@cases(
-    "videos, fault",
-    ({}, "must be an object with a pair"),
-    ({"a": [[[1.0]]]}, "video 'a' has no pair"),
-    ({"a": published(5)}, "has rows of 10 numbers, all x then all y; known are 12, 14, 16, 42, 84, 96, 98, 100"),
-    ({"a": published(21)}, 'has one hand; its name must hold "lefthand" or "righthand"'),
-    ({"a": published(42, frames=1)}, "motion needs at least two frames"),
-    ({"a": [[[1.0]] * 2, published(42)[1]]}, r"key points of 'a' must have shape \(2, any\), got \(3, 84\)"),
-    ({"a": [[["x"]] * 3, published(42)[1]]}, "features of 'a' must be numbers"),
-    ({"a": [[[float("nan")]] * 3, published(42)[1]]}, "video 'a' holds NaN or infinity"),
-    ({"a": [[], []]}, "features of 'a' must have shape"),
-)
-def test_damaged_published_file_is_refused_by_name(tmp_path: Path, videos: dict[str, Any], fault: str):
-    with pytest.raises(ValueError, match=fault) as raised:
-        load_published(write_published(tmp_path / "train_all.json", **videos), "piano")
-    assert "train_all.json" in str(raised.value)
-
-
-def test_published_files_that_do_not_belong_together_are_refused(tmp_path: Path):
-    body = write_published(tmp_path / "body.json", a=published(6))
-    hand = write_published(tmp_path / "lefthand.json", b=published(21))
-    refused("files of the same videos are needed", load_published, [body, hand], "piano")
-    hand = write_published(tmp_path / "lefthand.json", a=published(21, frames=4))
-    refused(r"has \[3, 4\] frames in its files", load_published, [body, hand], "piano")
-    refused("hold the same points", load_published, [body, body], "piano")
 
 
 # Real recordings

@@ -15,17 +15,9 @@ from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.sequences import PlayedSplit, PointSpace
 from harmolab.musician.synthetic import planted_performance
-from harmolab.readers.player_points import HANDS_12, PLAYER_50
+from harmolab.readers.player_points import PLAYER_50
 from study.experiments.instrument_sets import load_pianomime
-from study.experiments.players import (
-    HANDS,
-    PLANTED,
-    PlayerData,
-    our_settings,
-    trained_player,
-    unseen_errors,
-    with_rendered_sound,
-)
+from study.experiments.players import HANDS, PLANTED, PlayerData, our_settings, trained_player, with_rendered_sound
 from study.profile import RunProfile
 from tests.builders import refused
 from tests.notebook_cells import notebook_cells
@@ -337,24 +329,9 @@ def test_hits_are_means_over_pieces_and_their_spread_is_over_seeds():
     assert "left" not in row
 
 
-# Hands that no training had
-
-
-def test_a_network_that_predicts_the_mean_pose_has_all_of_its_error(tmp_path: Path):
-    data = SimpleNamespace(
-        fps=20.0, instrument="piano", performances=[SimpleNamespace(motion=SimpleNamespace(skeleton=HANDS_12))]
-    )
-    network = untrained(data)
-    torch.nn.init.zeros_(network.linear.weight)
-    torch.nn.init.zeros_(network.linear.bias)
-    run = SimpleNamespace(system=SimpleNamespace(network=network))
-    clips = load_pianomime(pianomime_folder(tmp_path / "set"))
-    outcome = unseen_errors(run, [with_rendered_sound(clip) for clip in clips])
-    assert outcome["clips"] == 1
-    assert outcome["of mean pose"] == pytest.approx(1.0)
-    assert outcome["full"] == outcome["mean pose"] > 0
-
-
-def test_performances_with_other_points_are_refused_by_name():
-    run = SimpleNamespace(system=SimpleNamespace(network=SimpleNamespace(skeleton=HANDS_12)))
-    refused("planted piano 1: has other points", unseen_errors, run, planted_data().performances)
+def test_notes_without_a_sound_are_rendered_as_long_as_the_points(tmp_path: Path):
+    (clip,) = load_pianomime(pianomime_folder(tmp_path / "set"))
+    rendered = with_rendered_sound(clip)
+    assert rendered.rendered
+    assert rendered.audio.duration == pytest.approx(clip.motion.duration, abs=1e-4)
+    refused("its notes are not known", with_rendered_sound, replace(clip, notes=None))

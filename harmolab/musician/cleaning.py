@@ -20,34 +20,15 @@ from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 Gaps = Literal["mask", "interpolate", "splice"]
 
 
-@dataclass(frozen=True, eq=False)
-class TrainingFrames:
-    """Frames of a recording as a network is trained on them.
+def training_frames(accepted: BoolArray, gaps: Gaps) -> tuple[IntArray, BoolArray]:
+    """Frames (N,) of a recording that a network is trained on, and the mask (N,) of those whose error counts.
 
-    Parameters
-    ----------
-    positions : (N, P, 2) array
-    frames : (N,) array of int, the frame of the recording, so of its sound, that each is
-    usable : (N,) mask of the frames whose error counts
+    "mask" keeps the time line and lets the error of frames that are not `accepted` (T,) not count; "interpolate" counts
+    the lines that fill them ("interpolated missing data" of Table 2); "splice" cuts them out, sound and points alike,
+    so that the network goes over every gap as if no time had passed.
     """
-
-    positions: FloatArray
-    frames: IntArray
-    usable: BoolArray
-
-
-def training_frames(motion: Motion, gaps: Gaps = "mask") -> TrainingFrames:
-    """The frames of a cleaned recording (T, P, 2), valid where accepted, with its gaps treated in one of three ways.
-
-    "mask" keeps the time line and lets the error of rejected frames not count; "interpolate" counts the lines that fill
-    them ("interpolated missing data" of Table 2); "splice" cuts them out, sound and points alike, so that the network
-    goes over every gap as if no time had passed.
-    """
-    if gaps not in get_args(Gaps):
-        raise ValueError(f"gaps must be mask, interpolate or splice, got {gaps!r}")
-    frames = np.flatnonzero(motion.valid) if gaps == "splice" else np.arange(motion.n_frames)
-    usable = motion.valid if gaps == "mask" else np.ones(len(frames), bool)
-    return TrainingFrames(motion.positions[frames], frames, usable)
+    frames = np.flatnonzero(accepted) if gaps == "splice" else np.arange(len(accepted))
+    return frames, accepted if gaps == "mask" else np.ones(len(frames), bool)
 
 
 def usable_steps(usable: BoolArray, upsample: int) -> BoolArray:

@@ -55,10 +55,10 @@ class SoundToPoints(nn.Module):
             raise ValueError(f"bow_phase is of violinists, and this is a {instrument}")
         self.params, self.skeleton, self.instrument, self.reference = params, skeleton, instrument, reference
         self.sound_scale = Normaliser(params.n_sound)
-        self.space_scale = SpaceScale(len(skeleton.joints), n_components)
+        self.space_scale = KeptArrays(PointSpace.empty(len(skeleton.joints), n_components))
         self.lstm = nn.LSTM(params.n_sound, params.hidden, batch_first=True)
         self.dropout = nn.Dropout(params.dropout)
-        self.bow_scale = BowScale(len(skeleton.joints)) if params.bow_phase else None
+        self.bow_scale = KeptArrays(Bowing.empty(len(skeleton.joints))) if params.bow_phase else None
         self.linear = nn.Linear(params.hidden, n_components + params.bow_phase)
         with torch.no_grad():
             gate = slice(params.hidden, 2 * params.hidden)  # of forgetting; two biases are added to each gate
@@ -73,12 +73,10 @@ class SoundToPoints(nn.Module):
         return components, state
 
     @torch.no_grad()
-    def predicted(self, steps: NDArray[np.float32], state: State | None = None) -> tuple[FloatArray, State]:
-        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode, and the state after it."""
-        self.eval()
-        device = self.sound_scale.mean.device
-        components, state = self(torch.from_numpy(np.ascontiguousarray(steps))[None].to(device), state)
-        return components[0].double().cpu().numpy(), state
+    def predicted(self, steps: NDArray[np.float32]) -> FloatArray:
+        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode."""
+        components, _ = self.eval()(torch.from_numpy(steps)[None].to(self.sound_scale.mean.device))
+        return np.asarray(components[0].double().cpu().numpy())
 
     def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace, bow: Bowing | None = None) -> None:
         """Normalise sound (F,) and points by the training split from now on."""
@@ -87,12 +85,22 @@ class SoundToPoints(nn.Module):
         self.sound_scale.set(mean, std)
         self.space_scale.set(space)
 
+    @property
+    def space(self) -> PointSpace:
+        """The components, by the training split."""
+        space: PointSpace = self.space_scale.record
+        return space
+
+    @property
+    def bow(self) -> Bowing | None:
+        """The bow, by the training split; None without `params.bow_phase`."""
+        return None if self.bow_scale is None else self.bow_scale.record
+
     def projected(self, points: FloatArray) -> FloatArray:
         """Points (T, 2 P) as far as the components (with `bow_phase` also the bow's place) can tell them."""
-        space = self.space_scale.space
-        if self.bow_scale is None:
+        space, bow = self.space, self.bow
+        if bow is None:
             return space.decode(space.encode(points))
-        bow = self.bow_scale.bow
         return bow.at_place(space.decode(space.encode(bow.at_rest(points))), bow.place(points))
 
     def description(self) -> dict[str, Any]:
@@ -101,7 +109,7 @@ class SoundToPoints(nn.Module):
             "params": asdict(self.params),
             "skeleton": asdict(self.skeleton),
             "instrument": self.instrument,
-            "components": len(self.space_scale.sizes),
+            "components": len(self.space.sizes),
             "reference": {"joints": self.reference.joints, "points": self.reference.points.tolist()},
         }
 
@@ -127,50 +135,21 @@ def _stored_reference(stored: Mapping[str, Any], skeleton: Skeleton) -> Referenc
     return Reference(joints, points)
 
 
-class SpaceScale(nn.Module):
-    """The numbers of a `PointSpace`, kept with the network; it has no weights."""
+class KeptArrays(nn.Module):
+    """The arrays of a `PointSpace` or a `Bowing`, kept with the network by their names; it has no weights."""
 
-    mean: Tensor
-    basis: Tensor
-    sizes: Tensor
-
-    def __init__(self, points: int, components: int) -> None:
+    def __init__(self, record: PointSpace | Bowing) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(2 * points))
-        self.register_buffer("basis", torch.zeros(components, 2 * points))
-        self.register_buffer("sizes", torch.ones(components))
-
-    def set(self, space: PointSpace) -> None:
-        """Keep a space of the same size."""
-        for buffer, values in ((self.mean, space.mean), (self.basis, space.basis), (self.sizes, space.scale)):
-            buffer.copy_(torch.from_numpy(values))
-
-    @property
-    def space(self) -> PointSpace:
-        """The space in numpy."""
-        return PointSpace(*(values.double().cpu().numpy() for values in (self.mean, self.basis, self.sizes)))
-
-
-class BowScale(nn.Module):
-    """The numbers of a `Bowing`, kept with the network; it has no weights."""
-
-    reading: Tensor
-    effect: Tensor
-    levels: Tensor
-    law: Tensor
-    evidence: Tensor
-
-    def __init__(self, points: int) -> None:
-        super().__init__()
-        for name, values in asdict(Bowing.empty(points)).items():
+        self.kind: Any = type(record)
+        for name, values in asdict(record).items():
             self.register_buffer(name, torch.from_numpy(values).float())
 
-    def set(self, bow: Bowing) -> None:
-        """Keep a bow of the same number of points."""
-        for name, values in asdict(bow).items():
-            getattr(self, name).copy_(torch.from_numpy(values))
+    def set(self, record: PointSpace | Bowing) -> None:
+        """Keep the arrays of a record of the same sizes."""
+        for name, values in asdict(record).items():
+            self.get_buffer(name).copy_(torch.from_numpy(values))
 
     @property
-    def bow(self) -> Bowing:
-        """The bow in numpy."""
-        return Bowing(**{name: values.double().cpu().numpy() for name, values in self.named_buffers()})
+    def record(self) -> Any:
+        """The record in numpy."""
+        return self.kind(**{name: values.double().cpu().numpy() for name, values in self.named_buffers()})

@@ -1,10 +1,10 @@
-"""A performance from sound: the network over a recording, in one pass or block by block as the sound comes."""
+"""A performance from sound: the network over a recording, in one pass."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.musician.bow import Strokes, loudness, turns_of
-from harmolab.musician.networks import SoundToPoints, State
+from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.sequences import continued, frames_of, steps_of
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.types import Audio, FloatArray, Motion, Notes
@@ -58,75 +58,27 @@ def predicted_points(
     With `bow_phase`, `strokes` may be given in place of those that `predicted_strokes` hears.
     """
     params = network.params
-    components = _predicted_steps(network, sound)[:, : len(network.space_scale.sizes)]
-    points = network.space_scale.space.decode(frames_of(components, params.upsample, params.delay_steps))
-    if network.bow_scale is None:
+    components = _predicted_steps(network, sound)[:, : len(network.space.sizes)]
+    points = network.space.decode(frames_of(components, params.upsample, params.delay_steps))
+    bow = network.bow
+    if bow is None:
         return points
-    bow, strokes = network.bow_scale.bow, predicted_strokes(network, sound) if strokes is None else strokes
+    strokes = predicted_strokes(network, sound) if strokes is None else strokes
     return bow.at_place(points, bow.places(strokes, len(points), params.fps))
 
 
 def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Strokes:
     """The strokes of the bow for what is heard (T, F); ValueError for a network without `bow_phase`."""
-    if network.bow_scale is None:
+    bow = network.bow
+    if bow is None:
         raise ValueError("this network was trained without bow_phase; it knows no strokes")
     params = network.params
     signal = _predicted_steps(network, sound)[params.delay_steps :, -1]
     turns = turns_of(signal, params.step_rate)
-    return network.bow_scale.bow.strokes(turns, loudness(sound, params), params.fps)
+    return bow.strokes(turns, loudness(sound, params), params.fps)
 
 
 def _predicted_steps(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:
     """Outputs of the network, (S + delay, n) steps, over a whole recording (T, F)."""
     params = network.params
-    return network.predicted(continued(steps_of(sound, params.upsample), params.delay_steps))[0]
-
-
-class PerformanceStream:
-    """Points as the sound comes, block by block: the same as in one pass.
-
-    Parameters
-    ----------
-    network : trained
-
-    Raises
-    ------
-    ValueError
-        For a network with `bow_phase`, which hears the whole recording before it knows down-bows from up-bows.
-    """
-
-    def __init__(self, network: SoundToPoints) -> None:
-        if network.bow_scale is not None:
-            raise ValueError("bow_phase needs the whole recording; take synthesize_performance, or train without it")
-        self.network = network
-        self._state: State | None = None
-        self._last: NDArray[np.float32] | None = None  # frame of sound that steps go on from
-        self._steps = 0  # of the network so far
-
-    def push(self, sound: NDArray[np.float32]) -> FloatArray:
-        """Further frames of what is heard, (F, channels): the points (F', 2 P) that they complete."""
-        return self._passed(self._steps_to(sound))
-
-    def finish(self) -> FloatArray:
-        """The sound is over: the points that the delay still holds back."""
-        if self._last is None:
-            raise ValueError("no sound came")
-        return self._passed(np.repeat(self._last, self.network.params.delay_steps, axis=0))
-
-    def _steps_to(self, sound: NDArray[np.float32]) -> NDArray[np.float32]:
-        upsample = self.network.params.upsample
-        frames = sound if self._last is None else np.concatenate([self._last, sound])
-        steps = steps_of(frames, upsample)
-        steps = steps if self._last is None else steps[1:]
-        self._last = frames[-1:]
-        return steps
-
-    def _passed(self, steps: NDArray[np.float32]) -> FloatArray:
-        params, network = self.network.params, self.network
-        space = network.space_scale.space
-        if not len(steps):
-            return np.zeros((0, space.mean.size))
-        components, self._state = network.predicted(steps, self._state)
-        numbers = np.arange(self._steps, self._steps + len(steps)) - params.delay_steps
-        self._steps += len(steps)
-        return space.decode(components[(numbers >= 0) & (numbers % params.upsample == 0)])
+    return network.predicted(continued(steps_of(sound, params.upsample), params.delay_steps))

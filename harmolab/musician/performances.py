@@ -45,7 +45,6 @@ The first line has the names, in any order; other columns are not read. MIDI fil
 or MIDI library writes such a table.
 """
 
-import math
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -62,17 +61,15 @@ from harmolab.files import (
     MAX_TEXT_BYTES,
     MissingFrameRate,
     PathLike,
-    atomic_folder,
+    named_faults,
     number_column,
     read_columns,
     read_json,
     reading,
-    write_json,
-    write_text,
 )
 from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
-from harmolab.readers.audio import load_sound, save_audio
-from harmolab.readers.motion import load_detected, load_motion, load_offset, save_motion
+from harmolab.readers.audio import load_sound
+from harmolab.readers.motion import load_detected, load_motion, load_offset
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.readers.video import average_rate, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
@@ -161,55 +158,44 @@ def about_performance(folder: Path) -> dict[str, Any]:
         for name, value in about.items():
             if name not in _FIELDS:
                 raise ValueError(f"has a field {name[:30]!r} that is not known; fields are {', '.join(_FIELDS)}")
-            _FIELDS[name](name, value)
+            fits, rule = _FIELDS[name]
+            if not fits(value):
+                raise ValueError(f"{name} must be {rule}, got {str(value)[:60]!r}")
         return about
 
 
-def _text(name: str, value: Any) -> None:
-    if not isinstance(value, str):
-        raise ValueError(f"{name} must be text, got {str(value)[:30]!r}")
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
 
 
-def _truth(name: str, value: Any) -> None:
-    if not isinstance(value, bool):
-        raise ValueError(f"{name} must be true or false, got {str(value)[:30]!r}")
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 36_000
 
 
-def _number(name: str, value: Any) -> None:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or abs(value) > 36_000:
-        raise ValueError(f"{name} must be a number, got {str(value)[:30]!r}")
+def _is_inside(name: Any) -> bool:
+    is_short = isinstance(name, str) and 0 < len(name) <= _LONGEST_NAME
+    return is_short and not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
 
 
-def _instrument(name: str, value: Any) -> None:
-    if value not in INSTRUMENTS:
-        raise ValueError(f"{name} must be {' or '.join(INSTRUMENTS)}, got {str(value)[:30]!r}")
+def _is_truth(value: Any) -> bool:
+    return isinstance(value, bool)
 
 
-def _file_name(name: str, value: Any) -> None:
-    _text(name, value)
-    if not 0 < len(value) <= _LONGEST_NAME or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
-        raise ValueError(f"{name} must be a name inside of the folder, got {value[:60]!r}")
-
-
-def _file_names(name: str, value: Any) -> None:
-    for one in value if isinstance(value, list) and value else [value]:
-        _file_name(name, one)
-
-
-_FIELDS: dict[str, Callable[[str, Any], object]] = {
-    "instrument": _instrument,
-    "fps": _number,
-    "size": lambda name, value: checked_size(value),
-    "mirrored": _truth,
-    "offset_s": _number,
-    "piece": _text,
-    "audio": _file_name,
-    "points": _file_names,
-    "rendered": _truth,
-    "name": _text,
-    "source": _text,
-    "comment": lambda name, value: None,
+_TEXT, _NUMBER, _TRUTH = (_is_text, "text"), (_is_number, "a number"), (_is_truth, "true or false")
+_INSIDE = "a name inside of the folder"
+_FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "instrument": (lambda value: value in INSTRUMENTS, " or ".join(INSTRUMENTS)),
+    "fps": _NUMBER,
+    "size": (lambda value: bool(checked_size(value)), ""),
+    "mirrored": _TRUTH,
+    "offset_s": _NUMBER,
+    "piece": _TEXT,
+    "audio": (_is_inside, _INSIDE),
+    "points": (lambda value: all(map(_is_inside, value if isinstance(value, list) and value else [value])), _INSIDE),
+    "rendered": _TRUTH,
+    "name": _TEXT,
+    "source": _TEXT,
+    "comment": (lambda value: True, ""),
 }
 
 
@@ -339,27 +325,12 @@ def load_notes(path: PathLike) -> Notes:
         return Notes(onsets[order], offsets[order], keys.astype(np.int64)[order], loudness[order], hands[order])
 
 
-def save_notes(path: PathLike, notes: Notes) -> None:
-    """Write notes as a table that `load_notes` reads back to the last bit; whole or not at all."""
-    names = {number: name for name, number in _HANDS.items()}
-    arrays = (notes.onsets, notes.offsets, notes.pitches, notes.loudness)
-    rows = zip(*(array.tolist() for array in arrays), [names[hand] for hand in notes.hands.tolist()], strict=True)
-    write_text(path, "\n".join([",".join(_COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n")
-
-
 SAMPLE_RATE = 44100.0  # hertz: that of the paper's sound
-_AUDIO = "audio.wav"
 _MAX_DEPTH = 4
 _NO_POINTS = (
     "has no points of the player: motion.npz, a .json or .jsonl of key points, or a folder of OpenPose's frames"
 )
 _NO_SOUND = "has no sound (.wav, .flac, .ogg, .mp3 or a video) and no notes.csv"
-
-
-class _Points(NamedTuple):
-    motion: Motion
-    detected: BoolArray | None
-    offset: float | None
 
 
 def load_performance(
@@ -398,21 +369,18 @@ def load_performance(
     plays = about.get("instrument") or named_instrument(folder) or instrument
     if not plays:
         raise ValueError(f'{folder}: does not say the instrument; write {{"instrument": "piano"}} into its {ABOUT}')
-    points = _points(files, about, fps, is_musician)
+    motion, detected, begin = _points(files, about, fps, is_musician)
     if audio is None and files.sound is not None:
         audio = load_sound(files.sound, sample_rate=sample_rate)
-    offset = about.get("offset_s", points.offset) or 0.0
-    if audio is not None:
-        _check_end(folder, offset + points.motion.duration, audio.duration, points.motion.fps)
-    full = folder.resolve()
-    try:
+    offset, full = about.get("offset_s", begin) or 0.0, folder.resolve()
+    with named_faults(folder):
+        if audio is not None:
+            _check_end(motion, offset, audio)
         return Performance(
-            about.get("name", full.name), plays, audio, points.motion, points.detected,  # type: ignore[arg-type]
+            about.get("name", full.name), plays, audio, motion, detected,  # type: ignore[arg-type]
             None if files.notes is None else load_notes(files.notes), offset,
             about.get("piece", ""), about.get("rendered", False), about.get("source", full.parent.name),
         )  # fmt: skip
-    except ValueError as error:
-        raise ValueError(f"{folder}: {str(error).removeprefix(f'{folder}: ')}") from None
 
 
 def load_playing(
@@ -441,11 +409,12 @@ def load_playing(
         if performance.instrument != instrument:
             raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
         return performance if offset is None else replace(performance, offset=offset)
-    points = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
-    begin = next((time for time in (offset, points.offset) if time is not None), 0.0)
-    _check_end(path, begin + points.motion.duration, audio.duration, points.motion.fps)
+    motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
+    offset = (begin or 0.0) if offset is None else offset
+    with named_faults(path):
+        _check_end(motion, offset, audio)
     try:
-        return Performance(path.stem, instrument, audio, points.motion, points.detected, offset=begin)  # type: ignore[arg-type]
+        return Performance(path.stem, instrument, audio, motion, detected, offset=offset)  # type: ignore[arg-type]
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
 
@@ -459,13 +428,13 @@ def _fault(files: PerformanceFiles) -> str:
 
 def _points(
     files: PerformanceFiles, about: dict[str, Any], fps: float | None, is_musician: IsMusician | None
-) -> _Points:
+) -> tuple[Motion, BoolArray | None, float | None]:
     """The points of a folder, their mask, and the offset that their file holds."""
     path, rate = files.points[0], about.get("fps")
     if any(file.suffix.lower() == ".npz" for file in files.points):
         if len(files.points) > 1:
             raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
-        return _Points(load_motion(path, fps=rate), load_detected(path), load_offset(path))
+        return load_motion(path, fps=rate), load_detected(path), load_offset(path)
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
     try:
         points = load_player_points(
@@ -476,39 +445,16 @@ def _points(
         raise MissingFrameRate(
             f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
         ) from None
-    return _Points(points.motion, points.detected, None)
+    return points.motion, points.detected, None
 
 
-def _check_end(folder: Path, end: float, seconds: float, fps: float) -> None:
+def _check_end(motion: Motion, offset: float, audio: Audio) -> None:
     """ValueError for points that end long after the sound."""
-    if end - seconds > max(1.0, 0.05 * seconds):
-        late = f"{end - seconds:.2f} s after the sound"
-        raise ValueError(f"{folder}: the points, at {fps:g} frames a second, end {late}; is that rate right?")
-
-
-def save_performance(folder: PathLike, performance: Performance) -> None:
-    """Write a performance as a folder, whole or not at all: audio.wav, motion.npz, notes.csv, performance.json.
-
-    `load_performance` gives points, mask, notes and names back to the last bit; the sound is kept with 16 bits, and at
-    the rate that it has.
-
-    Raises
-    ------
-    ValueError
-        The folder is there and holds other files.
-    """
-    folder = Path(folder)
-    ours = {_AUDIO, MOTION, NOTES, ABOUT}
-    if folder.exists() and (not folder.is_dir() or {child.name for child in folder.iterdir()} - ours):
-        raise ValueError(f"{folder}: is there and holds other files; choose another folder")
-    about = {name: getattr(performance, name) for name in ("name", "instrument", "piece", "rendered", "source")}
-    with atomic_folder(folder) as part:
-        if performance.audio is not None:
-            save_audio(part / _AUDIO, performance.audio)
-        save_motion(part / MOTION, performance.motion, offset=performance.offset, detected=performance.detected)
-        if performance.notes is not None:
-            save_notes(part / NOTES, performance.notes)
-        write_json(part / ABOUT, about)
+    late = offset + motion.duration - audio.duration
+    if late > max(1.0, 0.05 * audio.duration):
+        raise ValueError(
+            f"the points, at {motion.fps:g} frames a second, end {late:.2f} s after the sound; is that rate right?"
+        )
 
 
 def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
@@ -563,14 +509,6 @@ PATTERN_NOTES = 4
 CHORD_SECONDS = 0.05  # onsets in one such step count as one chord, whose notes are taken low before high
 
 
-class PieceSplit(NamedTuple):
-    """Performances of each side; no piece is on two sides."""
-
-    train: tuple[Performance, ...]
-    validation: tuple[Performance, ...]
-    test: tuple[Performance, ...]
-
-
 def note_patterns(notes: Notes) -> set[tuple[int, ...]]:
     """All pitches of four notes in a row: by onset, in steps of 50 ms, low before high."""
     order = np.lexsort((notes.pitches, np.round(notes.onsets / CHORD_SECONDS)))
@@ -617,8 +555,10 @@ def split_by_piece(
     validation_share: float = 0.15,
     seed: int = 0,
     most_shared: float = MOST_SHARED,
-) -> PieceSplit:
-    """Performances dealt out by `piece_groups` at random, never by clip, so that no side has seen another's music.
+) -> list[tuple[Performance, ...]]:
+    """Train, validation and test side: performances dealt out by `piece_groups` at random, never by clip.
+
+    So no side has seen another's music.
 
     Parameters
     ----------
@@ -652,9 +592,5 @@ def split_by_piece(
         side = needy[turn] if turn < needy.size else np.argmax(np.where(shares > 0, deficits, -np.inf))
         sides[group] = side
         deficits[side] -= seconds[groups == group].sum()
-    return PieceSplit(
-        *(
-            tuple(one for one, group in zip(performances, groups, strict=True) if sides[group] == side)
-            for side in range(3)
-        )
-    )
+    dealt = list(zip(performances, sides[groups], strict=True))
+    return [tuple(one for one, own in dealt if own == side) for side in range(3)]

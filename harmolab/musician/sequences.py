@@ -22,7 +22,7 @@ from harmolab.musician.cleaning import (
     usable_steps,
 )
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.performances import Performance, PieceSplit
+from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
 from harmolab.types import BoolArray, FloatArray, Motion
@@ -41,12 +41,17 @@ class PointSpace:
     ----------
     mean : (2 P,) array
     basis : (n, 2 P) array, orthonormal rows; the largest entry of each is positive
-    scale : (n,) array, what a component is divided by
+    sizes : (n,) array, what a component is divided by
     """
 
     mean: FloatArray
     basis: FloatArray
-    scale: FloatArray
+    sizes: FloatArray
+
+    @classmethod
+    def empty(cls, points: int, components: int) -> "PointSpace":
+        """One of so many points and components that nothing was learnt for."""
+        return cls(np.zeros(2 * points), np.zeros((components, 2 * points)), np.ones(components))
 
     @classmethod
     def fit(cls, frames: FloatArray, components: float, *, even_scale: bool = True) -> "PointSpace":
@@ -79,12 +84,12 @@ class PointSpace:
 
     def encode(self, frames: FloatArray) -> FloatArray:
         """Components (..., n), scaled, of frames (..., 2 P)."""
-        components: FloatArray = (frames - self.mean) @ self.basis.T / self.scale
+        components: FloatArray = (frames - self.mean) @ self.basis.T / self.sizes
         return components
 
     def decode(self, components: FloatArray) -> FloatArray:
         """Frames (..., 2 P) of scaled components (..., n)."""
-        frames: FloatArray = (components * self.scale) @ self.basis + self.mean
+        frames: FloatArray = (components * self.sizes) @ self.basis + self.mean
         return frames
 
 
@@ -166,7 +171,7 @@ class PlayedSplit:
             raise ValueError("no performance to train on")
 
     @classmethod
-    def of(cls, sides: PieceSplit) -> Self:
+    def of(cls, sides: Sequence[Sequence[Performance]]) -> Self:
         """The names of the performances on each side."""
         return cls(*(tuple(each.name for each in side) for side in sides))
 
@@ -380,21 +385,16 @@ def read_sequence(
     performance = at_rate(performance, params.fps)
     result = cleaned(performance, cleaning_rules(performance) if is_test or params.reject else CleaningRules.off())
     motion = placed(result, reference, alignment=params.alignment)
-    frames = training_frames(motion, "mask" if is_test else params.gaps)
-    points = _flat(frames.positions)
-    accepted = result.accepted[frames.frames]
-    sound = _input(performance, params, motion)[frames.frames]
-    return PlayedSequence(performance.name, performance.piece, sound, points, frames.usable, accepted)
+    frames, learnt = training_frames(motion.valid, "mask" if is_test else params.gaps)
+    points = motion.positions[frames].reshape(len(frames), -1)
+    sound = _input(performance, params, motion)[frames]
+    return PlayedSequence(performance.name, performance.piece, sound, points, learnt, result.accepted[frames])
 
 
 def cleaning_rules(performance: Performance) -> CleaningRules:
     """The rules for a performance: hands without a body have no box whose width could measure a jump."""
     has_body = "left_shoulder" in performance.motion.skeleton.joints
     return CleaningRules() if has_body else CleaningRules(swapped=None, jump=None, centre=None)
-
-
-def _flat(positions: FloatArray) -> FloatArray:
-    return positions.reshape(len(positions), -1)
 
 
 def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:

@@ -52,14 +52,9 @@ def sound_features(
 
 def _listened(audio: Audio, params: Audio2BodyParams, n_frames: int, start: float) -> SingleArray:
     samples = normalised_loudness(audio)
-    parts = [
-        frame_mfcc(
-            samples, params.fps, n_frames, start=start, mfcc=params.mfcc, mels=params.mels,
-            energy_delta=params.energy_delta,
-        )
-    ]  # fmt: skip
+    parts = [frame_mfcc(samples, params, n_frames, start=start)]
     if params.tones != "none":
-        parts.append(tone_strengths(samples, params.fps, n_frames, start=start, chroma=params.tones == "chroma"))
+        parts.append(tone_strengths(samples, params, n_frames, start=start))
     return np.concatenate(parts, axis=1)
 
 
@@ -72,44 +67,34 @@ def normalised_loudness(audio: Audio) -> SingleArray:
     return samples / np.float32(level) if level > SILENCE else np.zeros_like(samples)
 
 
-def frame_mfcc(
-    samples: SingleArray,
-    fps: float,
-    n_frames: int,
-    *,
-    start: float = 0.0,
-    mfcc: int = 13,
-    mels: int = 40,
-    energy_delta: bool = True,
-) -> SingleArray:
+def frame_mfcc(samples: SingleArray, params: Audio2BodyParams, n_frames: int, *, start: float = 0.0) -> SingleArray:
     """Mel cepstrum and log mean energy of each frame, and their derivatives: (T, 2 mfcc + 2).
 
     Parameters
     ----------
     samples : (S,) array at `RATE`
-    fps : float, hertz
-        Window and hop are both 1 / fps: frame t begins at sample round(44100 (start + t / fps)), so nothing drifts.
+    params : Audio2BodyParams
+        Window and hop are both 1 / fps: frame t begins at sample round(44100 (start + t / fps)), so nothing drifts. The
+        zeroth coefficient is one; mel bands go from 0 to 22,050 Hz; without `energy_delta` the last column is left out.
     n_frames : int, T; beyond the end there is silence
     start : float, seconds
-    mfcc, mels : int, coefficients (the zeroth is one), mel bands from 0 to 22,050 Hz
-    energy_delta : bool, without it the last column is left out
 
     Returns
     -------
     Columns: coefficients, ln(mean square + 1e-6), then the slope of each over five frames
     """
-    width = int(np.ceil(RATE / fps))
+    width, mfcc = int(np.ceil(RATE / params.fps)), params.mfcc
     window = np.hamming(width).astype(np.float32)
     size = 1 << (width - 1).bit_length()
-    bands = _mel_bands(size, mels)
+    bands = _mel_bands(size, params.mels)
     values = np.empty((n_frames, mfcc + 1), np.float32)
     for first in range(0, n_frames, AT_ONCE):
-        frames = _frames(samples, fps, start, range(first, min(first + AT_ONCE, n_frames)), width)
+        frames = _frames(samples, params.fps, start, range(first, min(first + AT_ONCE, n_frames)), width)
         power = _power(frames * window, size) / np.square(window).sum()
         rows = values[first : first + len(frames)]
         rows[:, :mfcc] = dct(np.log(power @ bands + SILENCE), axis=1, norm="ortho")[:, :mfcc]
         rows[:, mfcc] = np.log(np.square(frames).mean(axis=1) + SILENCE)
-    return np.concatenate([values, slopes(values)[:, : mfcc + energy_delta]], axis=1)
+    return np.concatenate([values, slopes(values)[:, : mfcc + params.energy_delta]], axis=1)
 
 
 def _frames(
@@ -149,20 +134,18 @@ def slopes(values: FloatArray | SingleArray) -> SingleArray:
     return np.asarray(total / np.square(steps).sum(), np.float32)
 
 
-def tone_strengths(
-    samples: SingleArray, fps: float, n_frames: int, *, start: float = 0.0, chroma: bool = True
-) -> SingleArray:
-    """Strength of each semitone from C2 to C7, (T, 61), or summed over octaves, (T, 12): ln(1 + power).
+def tone_strengths(samples: SingleArray, params: Audio2BodyParams, n_frames: int, *, start: float = 0.0) -> SingleArray:
+    """Strength of each semitone from C2 to C7, (T, 61), or of `tones` "chroma" over octaves, (T, 12): ln(1 + power).
 
     They are listened to in windows of 186 ms about the middle of each frame.
     """
     samples = soxr.resample(samples, RATE, TONE_RATE, quality="HQ")
-    window, bands = np.hamming(TONE_WINDOW).astype(np.float32), _tone_bands(chroma)
-    late = round(TONE_RATE / fps / 2) - TONE_WINDOW // 2
+    window, bands = np.hamming(TONE_WINDOW).astype(np.float32), _tone_bands(params.tones == "chroma")
+    late = round(TONE_RATE / params.fps / 2) - TONE_WINDOW // 2
     values = np.empty((n_frames, bands.shape[1]), np.float32)
     for first in range(0, n_frames, AT_ONCE):
         numbers = range(first, min(first + AT_ONCE, n_frames))
-        frames = _frames(samples, fps, start, numbers, TONE_WINDOW, rate=TONE_RATE, late=late)
+        frames = _frames(samples, params.fps, start, numbers, TONE_WINDOW, rate=TONE_RATE, late=late)
         power = _power(frames * window, TONE_WINDOW) / np.square(window).sum()
         values[first : first + len(frames)] = np.log1p(power @ bands)
     return values

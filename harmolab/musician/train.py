@@ -168,11 +168,11 @@ def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
     short to tell its direction.
     """
     network.eval()
-    squares, n = [], len(network.space_scale.sizes)
+    squares, sizes = [], network.space_scale.get_buffer("sizes")
     for part in range(0, len(windows), network.params.batch):
         own = windows.take(torch.arange(part, min(part + network.params.batch, len(windows))))
-        difference = (windows_passed(network, own.sound) - own.target)[..., :n] * network.space_scale.sizes
-        mean = difference.square().sum(dim=2) / network.space_scale.mean.numel()
+        difference = (windows_passed(network, own.sound) - own.target)[..., : len(sizes)] * sizes
+        mean = difference.square().sum(dim=2) / (2 * len(network.skeleton.joints))
         squares.append(torch.stack([mean, mean + own.residual], dim=2)[own.mask > 0])
     values = torch.cat(squares).sqrt().mean(dim=0)
     return Errors(*values.tolist())
@@ -206,7 +206,7 @@ def frame_errors(points: FloatArray, truth: FloatArray) -> FloatArray:
 
 def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
     """Errors of the mean pose of the training side, which hears nothing."""
-    space = network.space_scale.space
+    space = network.space
     predicted = [np.broadcast_to(space.mean, each.points.shape) for each in sequences]
     return errors_between(predicted, [network.projected(each.points) for each in sequences], sequences)
 
@@ -293,7 +293,7 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
         raise ValueError(f"{name}: every frame of its points is rejected, so there is nothing to compare with")
     numbers = [network.skeleton.joints.index(joint) for joint in joints]
     predicted = _selected(predicted_points(network, sequence.sound), numbers)
-    mean = _selected(network.space_scale.space.mean[None], numbers)
+    mean = _selected(network.space.mean[None], numbers)
     own_error, mean_error = (
         float(frame_errors(each, sequence.points)[sequence.accepted].mean()) for each in (predicted, mean)
     )

@@ -9,28 +9,24 @@ pianomime
     evidence of anything; z is not read.
 tracked
     Single videos tracked with MediaPipe: body, hands or both, in pixels.
-published
-    The key points that the authors of "Audio to Body Dynamics" published, see `load_published`.
 """
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, Arrays, PathLike, read_columns, read_json, reading
+from harmolab.files import MAX_TEXT_BYTES, Arrays, PathLike, read_columns, reading
 from harmolab.musician.keypoints import player_points
 from harmolab.musician.performances import SOUNDS, Performance
-from harmolab.readers.arrays import checked_motion, number_array, read_npz
+from harmolab.readers.arrays import checked_motion, read_npz
 from harmolab.readers.audio import load_audio
-from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints, player_skeleton
+from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
 from harmolab.types import FloatArray, Notes
 
-PIANOMIME, TRACKED, PUBLISHED = "pianomime", "tracked", "Audio2BodyDynamics"
-PUBLISHED_FPS = 24.0  # of the paper's videos
+PIANOMIME, TRACKED = "pianomime", "tracked"
 
 _CLIP = {"positions_tenth_mm": "i", "fps": "f", "joints": "U", "notes": "f"}
 _TRACK = {"body": "f", "visibility": "f", "joints": "U", "left_hand": "f", "right_hand": "f", "fps": "f", "notes": "f"}
@@ -38,8 +34,6 @@ _FINGERS = {"wrist": "hand"} | {finger: f"{finger}_4" for finger in ("thumb", "i
 _GRID = 3  # decimals of the seconds of a note: they are multiples of 0.05 s in single precision
 # The same performance as a clip of pianomime: one piece, so that it stays on that side of a split.
 _TWINS = {"piano_top_view": "clip_186"}
-# The six points of the body that the authors' program draws: arms from the shoulder, in OpenPose's order.
-_ARMS = tuple(f"{side}_{part}" for side in ("right", "left") for part in ("shoulder", "elbow", "wrist"))
 
 
 def load_pianomime(folder: PathLike) -> list[Performance]:
@@ -178,101 +172,3 @@ def _notes(table: FloatArray, *, velocity: int | None = None, hand: int | None =
     hands = np.full(len(rows), -1) if hand is None else rows[:, hand].astype(np.int64)
     seconds = np.round(rows[:, :2], _GRID)
     return Notes(seconds[:, 0], seconds[:, 1], rows[:, 2].astype(np.int64), loudness, hands)
-
-
-class PublishedPerformance(NamedTuple):
-    """A performance whose sound was published as features only: (T, D) numbers, one row for each frame."""
-
-    performance: Performance
-    features: FloatArray
-
-
-def load_published(
-    paths: PathLike | Sequence[PathLike], instrument: str, *, fps: float = PUBLISHED_FPS
-) -> list[PublishedPerformance]:
-    """The key points and features of sound that the paper's authors published, as JSON (`data.zip` of release 1.0).
-
-    An object has for each video's id a pair: features of its sound (N x D) and key points (N x C). A row of key points
-    has all x, then all y. The parts of a body may be in files of their own, "..._body.json", "..._lefthand.json" and
-    "..._righthand.json"; name all that belong together. **No such file could be had**: this is read from the
-    description in the authors' repository and from what their program draws, and what it does not draw has no name.
-
-    ===  ==========================================================================
-    C    points
-    ===  ==========================================================================
-    12   right shoulder, elbow, wrist, then left; 14 and 16 have one or two more points of the body, which are left out
-    42   one hand, in OpenPose's order; the file's name tells which
-    84   left, then right hand
-    96   body (12), left and right hand; 98 and 100 likewise with 14 and 16
-    ===  ==========================================================================
-
-    Parameters
-    ----------
-    paths : str or path, or several of the same videos
-    instrument : "piano" or "violin"
-    fps : float, frames per second
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Both name the file.
-    """
-    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
-    contents = [_published_file(file) for file in files]
-    if not contents or any(content.keys() != contents[0].keys() for content in contents):
-        raise ValueError(f"{', '.join(map(str, files)) or 'no file'}: files of the same videos are needed")
-    return [_published(name, files, contents, instrument, fps) for name in contents[0]]
-
-
-def _published_file(path: Path) -> dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]]:
-    """Features (N, D), points (N, P, 2) and their names of every video of a file."""
-    with reading(path, "published key points", max_bytes=MAX_JSON_BYTES):
-        content = read_json(path)
-        if not isinstance(content, dict) or not content:
-            raise ValueError("must be an object with a pair of features and key points for each video")
-        videos = {}
-        for name, pair in content.items():
-            if not isinstance(pair, list) or len(pair) < 2:
-                raise ValueError(f"video {name[:30]!r} has no pair of features and key points")
-            features = number_array(pair[0], f"features of {name[:30]!r}", (None, None))
-            rows = number_array(pair[1], f"key points of {name[:30]!r}", (len(features), None))
-            if not (np.isfinite(features).all() and np.isfinite(rows).all()):
-                raise ValueError(f"video {name[:30]!r} holds NaN or infinity")
-            names = _published_names(path, rows.shape[1])
-            videos[name] = features, rows.reshape(len(rows), 2, -1).swapaxes(1, 2), names
-        return videos
-
-
-def _published_names(path: Path, width: int) -> tuple[str, ...]:
-    """Names of the points in rows of `width` numbers, "" for those that are not known."""
-    one = [side for side in SIDES if f"{side}hand" in re.sub(r"[^a-z]", "", path.stem.lower())]
-    if width == 2 * len(hand_joints("left")) and len(one) != 1:
-        raise ValueError('has one hand; its name must hold "lefthand" or "righthand"')
-    hands = (*hand_joints("left"), *hand_joints("right"))
-    layouts = {42: hand_joints(one[0]) if one else (), 84: hands}
-    for body in (6, 7, 8):
-        names = (*_ARMS, *("",) * (body - len(_ARMS)))
-        layouts |= {2 * body: names, 2 * body + 84: (*names, *hands)}
-    if width not in layouts:
-        counts = ", ".join(map(str, sorted(layouts)))
-        raise ValueError(f"has rows of {width} numbers, all x then all y; known are {counts}")
-    return layouts[width]
-
-
-def _published(
-    video: str, files: list[Path], contents: list[dict[str, Any]], instrument: str, fps: float
-) -> PublishedPerformance:
-    """One video of several files."""
-    with reading(files[0], "published key points", max_bytes=MAX_JSON_BYTES):
-        parts = [content[video] for content in contents]
-        if len({len(points) for _, points, _ in parts}) > 1:
-            raise ValueError(f"video {video[:30]!r} has {[len(points) for _, points, _ in parts]} frames in its files")
-        names = [name for part in parts for name in part[2]]
-        keep = [number for number, name in enumerate(names) if name]
-        if len({names[number] for number in keep}) < len(keep):
-            raise ValueError(f"{', '.join(map(str, files))} hold the same points")
-        points = np.concatenate([part[1] for part in parts], axis=1)[:, keep]
-        motion = checked_motion(points, fps, player_skeleton([names[number] for number in keep]))
-        return PublishedPerformance(
-            Performance(video, instrument, None, motion, piece=video, source=PUBLISHED), parts[0][0]
-        )

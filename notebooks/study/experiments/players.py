@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -14,10 +14,10 @@ import pandas as pd
 from harmolab.musician.cleaning import Cleaned, cleaned
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, split_by_piece
-from harmolab.musician.sequences import PlayedSet, PlayedSplit, cleaning_rules, played_set, read_sequence
+from harmolab.musician.sequences import PlayedSet, PlayedSplit, cleaning_rules, played_set
 from harmolab.musician.synthetic import PlantedPerformance, planted_performances, rendered_notes
 from harmolab.musician.system import Audio2Body
-from harmolab.musician.train import Errors, errors, mean_pose_errors, train_audio2body
+from harmolab.musician.train import Errors, train_audio2body
 from harmolab.readers.player_points import INSTRUMENTS, SIDES, hand_joints
 from harmolab.systems.training.checkpoints import HISTORY
 from study.experiments.generation import kept_run
@@ -202,37 +202,6 @@ def _read(data: PlayerData, *values: Any) -> PlayedSet:
 def part_of(joint: str) -> str:
     """The part, one of `PARTS`, that a point belongs to; wrists of the body move with their hands."""
     return next((f"{side} hand" for side in SIDES if joint in (*hand_joints(side), f"{side}_wrist")), "body")
-
-
-def unseen_errors(run: TrainedPlayer, performances: Sequence[Performance]) -> dict[str, float]:
-    """Full errors of performances that a network never saw, cleaned and placed as test pieces are.
-
-    Real hands are ``map(with_rendered_sound, load_pianomime(folder))``. Whether one repeats a piece of the training is
-    not checked here.
-
-    Parameters
-    ----------
-    run : TrainedPlayer
-    performances : with sound
-
-    Returns
-    -------
-    dict of "clips", "frames" (accepted), "full", "mean pose" (units of the points), "of mean pose" (their ratio)
-
-    Raises
-    ------
-    ValueError
-        For a performance with other points than the network's; it is named.
-    """
-    network = run.system.network
-    for each in performances:
-        if each.motion.skeleton != network.skeleton:
-            raise ValueError(f"{each.name}: has other points than those that the network was trained on")
-    sequences = [read_sequence(each, network.params, network.reference, is_test=True) for each in performances]
-    full, mean_pose = errors(network, sequences).full, mean_pose_errors(network, sequences).full
-    frames = sum(int(each.accepted.sum()) for each in sequences)
-    ratio = full / mean_pose
-    return {"clips": len(sequences), "frames": frames, "full": full, "mean pose": mean_pose, "of mean pose": ratio}
 
 
 def cleaned_performance(performance: Performance) -> Cleaned:

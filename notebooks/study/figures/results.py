@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -57,10 +58,10 @@ def draw_auc(ax: Axes, rows: pd.DataFrame) -> Axes:
         "miss": ("x", "below: prefers late music", value < low),
     }
     for name, (mark, words, chosen) in states.items():
-        look = {"color": COLOURS[name], "markersize": 7, "markeredgewidth": 2, "label": words}
+        look: dict[str, Any] = {"color": COLOURS[name], "markersize": 7, "markeredgewidth": 2, "label": words}
         ax.plot(value[chosen], places[chosen], mark, **look)
         for auc, end, place in zip(value[chosen], high[chosen], places[chosen], strict=True):
-            text = {"xytext": (8, 0), "textcoords": "offset points", "va": "center", "fontsize": 9}
+            text: dict[str, Any] = {"xytext": (8, 0), "textcoords": "offset points", "va": "center", "fontsize": 9}
             ax.annotate(f"{auc:.2f}", (max(auc, end), place), color=COLOURS[name], **text)
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
     ax.set(xlim=(0, 1.15), ylim=(-0.6, len(rows) - 0.4), yticks=places)
@@ -78,12 +79,12 @@ def auc_figure(table: pd.DataFrame) -> Figure:
     table : DataFrame with the columns of table08b_auc
     """
     corpora = list(table[table["score"].isin(SCORE_LABELS)].groupby("corpus", sort=False))
-    order = corpora[0][1].sort_values("AUC")["score"]
+    order = corpora[0][1].sort_values("AUC", ascending=False, kind="stable")["score"][::-1]
     lines = -(-len(corpora) // 2)
     with styled_axes((9.0, (0.24 * len(order) + 0.75) * lines + 0.9), lines, 2, sharey=True) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, corpora, strict=False):
             draw_auc(ax, rows.set_index("score").reindex(order)).set_title("\n".join(auc_words(rows)), fontsize=10)
-            if is_synthetic(corpus):
+            if is_synthetic(str(corpus)):
                 mark_synthetic(ax)
         for ax in axes[len(corpora) :]:
             ax.set_visible(False)
@@ -130,7 +131,7 @@ def _draw_course(ax: Axes, course: pd.DataFrame) -> tuple[float, int]:
     places, speeds, beats = course["beat"], course["shape speed"], round(course["beat"].max())
     ax.fill_between(places, speeds, 0.0, color=COLOURS["visual"], alpha=0.25, linewidth=0)
     ax.plot(places, speeds, color=COLOURS["visual"], linewidth=2)
-    fastest = float(places[speeds.idxmax()])
+    fastest = float(places.iloc[speeds.argmax()])
     ax.annotate(
         "fastest here", (fastest, speeds.max()), (0, 16), textcoords="offset points", ha="center", va="bottom",
         fontsize=9, arrowprops={"arrowstyle": "->", "color": COLOURS["ink"]}, annotation_clip=False,
@@ -178,7 +179,7 @@ def picks_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
 
 def picks_words(table: pd.DataFrame) -> str:
     """The best score of `picks_figure` beside guessing."""
-    best = table.loc[table["harmolab"].idxmax()]
+    best = table.iloc[table["harmolab"].argmax()]
     return f"Best score: {best['judge']}, {'' if best['low'] > 0.5 else 'not clearly '}better than guessing"
 
 

@@ -87,7 +87,7 @@ def _draw_level_counts(ax: Axes, counts: pd.DataFrame) -> None:
     """Bars of a row a music, a column a level, with the number of recordings in each piece."""
     for level, words in enumerate(LEVELS):
         left = counts.loc[:, : level - 1].sum(axis=1)
-        look = {"color": LEVEL_COLOURS[level], "edgecolor": COLOURS["ink"], "label": f"{level} {words}"}
+        look: dict[str, Any] = {"color": LEVEL_COLOURS[level], "edgecolor": COLOURS["ink"], "label": f"{level} {words}"}
         bars = ax.barh(counts.index, counts[level], left=left, **look)
         ax.bar_label(bars, [str(count or "") for count in counts[level]], label_type="center", fontsize=11)
     ax.set(xlabel="recordings", xlim=(0, None), ylim=(len(counts) - 0.4, -0.6))
