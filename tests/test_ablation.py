@@ -12,10 +12,9 @@ from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
-from study.experiments import ablation, judging
-from study.experiments.ablation import PAPER_MEANS, seed_means
+from study.experiments import judging
 from study.experiments.generation import VARIANTS
-from study.experiments.judging import danced, danced_units, unit_columns
+from study.experiments.judging import PAPER_MEANS, danced, danced_units, seed_means, unit_columns
 from study.profile import RunProfile
 from tests.builders import bobbing, refused
 from tests.notebook_cells import notebook_cells
@@ -196,20 +195,19 @@ def stubs(monkeypatch: pytest.MonkeyPatch) -> UnitSet:
     def generate(generator: str, units: UnitSet) -> list[Motion]:
         return [dances.get(generator, still)] * len(units)
 
-    for module in (ablation, judging):
-        monkeypatch.setattr(module, "trained", trained)
-        monkeypatch.setattr(module, "generate_units", generate)
+    monkeypatch.setattr(judging, "trained", trained)
+    monkeypatch.setattr(judging, "generate_units", generate)
     return units
 
 
 def test_table_has_every_variant_and_the_recorded_motion_for_each_corpus_and_seed(
     stubs: UnitSet, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(ablation, "generator_corpora", lambda profile: ("one", "two"))
+    monkeypatch.setattr(judging, "generator_corpora", lambda profile: ("one", "two"))
     monkeypatch.setattr(
-        ablation, "judge", lambda motions, *_, seed: {"height": float(np.ptp(motions[0].positions[..., 1]))}
+        judging, "judge", lambda motions, *_, seed: {"height": float(np.ptp(motions[0].positions[..., 1]))}
     )
-    table = ablation.ablation(PROFILE)
+    table = judging.ablation(PROFILE)
     assert len(table) == 2 * 3 * 5
     assert table["seed"].unique().tolist() == [1, 2, 3]
     heights = table[(table["corpus"] == "two") & (table["seed"] == 3)].set_index("variant")["height"]

@@ -12,9 +12,10 @@ from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import score_motion
-from study.experiments.baselines import (
+from study.experiments.contests import (
     BASELINES,
     DRAWN,
+    Excerpt,
     Material,
     another_song,
     danced_at,
@@ -26,7 +27,6 @@ from study.experiments.baselines import (
     resting_pieces,
     retimed_dance,
 )
-from study.experiments.songs import Excerpt
 from tests.builders import planted_dance, refused
 
 FEATURES = FeatureParams.paper()
@@ -116,7 +116,7 @@ def test_rests_are_counted_in_beats_and_of_two_close_ones_the_first_is_taken(mon
     period = unit.n_frames / unit.fps / 8
     rests = period * np.array([0.5, 1.4, 1.7, 3.5, 4.4])
     monkeypatch.setattr(
-        "study.experiments.baselines.visual_beats", lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0)
+        "study.experiments.contests.visual_beats", lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0)
     )
     anchors = rest_anchors(unit, material(unit).units)
     np.testing.assert_array_equal(anchors.beats, [0, 1, 3, 4])
@@ -160,7 +160,7 @@ def test_the_nearest_neighbour_of_a_units_own_music_is_that_unit(monkeypatch: py
         taken.append(unit.dance)
         return music_anchors(unit, units)
 
-    monkeypatch.setattr("study.experiments.baselines.music_anchors", anchors)
+    monkeypatch.setattr("study.experiments.contests.music_anchors", anchors)
     nearest_neighbour(material(*units), excerpt("waltz", 1, start=3.0), np.random.default_rng(0))
     assert taken[0] == "waltz"  # the seconds that the unit was danced to; later ones are other music
 

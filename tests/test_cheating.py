@@ -13,8 +13,9 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Audio, BeatTrack, Clip, Motion
-from study.experiments import cheating as module
-from study.experiments.cheating import (
+from study.experiments import judging as module
+from study.experiments.generation import SYNTHETIC
+from study.experiments.judging import (
     LATE,
     TRUE,
     generators_half_a_beat_late,
@@ -22,9 +23,7 @@ from study.experiments.cheating import (
     studied_clips,
     trick_means,
 )
-from study.experiments.generation import SYNTHETIC
-from study.figures.cheating import SIDES, draw_dumbbells, listening_figure, tricks_figure
-from study.figures.variants import LOOKS
+from study.figures.variants import LOOKS, SIDES, draw_dumbbells, listening_figure, tricks_figure
 from study.profile import RunProfile
 from study.saving import smallest_text
 from tests.builders import bobbing, refused

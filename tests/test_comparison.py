@@ -14,7 +14,7 @@ from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Motion
-from study.experiments import contestants, contests, generation, measuring, songs
+from study.experiments import contestants, contests, generation
 from study.experiments.contestants import (
     BANK,
     CHOREOGRAPHER,
@@ -27,9 +27,17 @@ from study.experiments.contestants import (
     of_system,
     own_tempo,
 )
-from study.experiments.contests import Contest, training_spans
+from study.experiments.contests import (
+    BALLROOM,
+    Contest,
+    Excerpt,
+    ballroom_files,
+    recorded_songs,
+    seven_dances,
+    training_spans,
+    windows,
+)
 from study.experiments.generation import SYNTHETIC, training_split
-from study.experiments.songs import BALLROOM, Excerpt, ballroom_files, recorded_songs, seven_dances, windows
 from study.profile import RunProfile
 from tests.builders import planted_dance
 from tests.notebook_cells import notebook_cells
@@ -50,7 +58,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("HARMOLAB_CACHE", str(folder))
         patch.delenv("HARMOLAB_DATA", raising=False)
         patch.setattr(generation, "SECONDS", 10.0)
-        patch.setattr(songs, "SONG_SECONDS", 18.0)
+        patch.setattr(contests, "SONG_SECONDS", 18.0)
         forget()
         yield folder
         forget()
@@ -122,7 +130,7 @@ def test_songs_of_seven_dances_are_synthetic_with_planted_dancers_and_tracked_be
 
 
 def test_no_song_of_the_comparison_is_in_the_corpus_that_systems_are_trained_on():
-    seeds = {songs.UNHEARD + 1000 * dance + number for dance in range(7) for number in range(24)}
+    seeds = {contests.UNHEARD + 1000 * dance + number for dance in range(7) for number in range(24)}
     root = generation.corpus_root(PROFILE, SYNTHETIC)
     made_of = [pd.read_json(file, typ="series")["seed"] for file in root.glob("*/beats.json")]
     assert len(made_of) == 10
@@ -246,7 +254,7 @@ def test_table_of_systems_says_all_that_is_asked(tables: tuple[pd.DataFrame, pd.
 def test_a_second_run_dances_nothing_and_a_killed_one_goes_on(rows: dict[str, Row], monkeypatch: pytest.MonkeyPatch):
     system = OnTheBeat()
     rows["toy"] = Row(partial(made, system=system), "choreographer", "yes")
-    keep = measuring.keep_arrays
+    keep = contestants.keep_arrays
     kept: list[str] = []
 
     def killed(name: str, arrays: dict) -> None:
@@ -255,12 +263,12 @@ def test_a_second_run_dances_nothing_and_a_killed_one_goes_on(rows: dict[str, Ro
         kept.append(name)
         keep(name, arrays)
 
-    monkeypatch.setattr(measuring, "keep_arrays", killed)
+    monkeypatch.setattr(contestants, "keep_arrays", killed)
     toys = entries(PROFILE, ["toy"], trainings=0)
     with pytest.raises(KeyboardInterrupt):
         compared(toys)
     assert system.dances == 4 * PROFILE.draws  # three dances kept, the fourth lost
-    monkeypatch.setattr(measuring, "keep_arrays", keep)
+    monkeypatch.setattr(contestants, "keep_arrays", keep)
     first = compared(toys)
     assert system.dances == (4 + 4) * PROFILE.draws + 7 + 1 + CELLS.TIMED
     for table, again in zip(first, compared(toys), strict=True):

@@ -10,9 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from harmolab.lab.figures.style import COLOURS
-from study.figures.ablation import APART, ablation_figure, draw_measure, draw_trade_off, trade_off_figure
-from study.figures.results import draw_choices, forced_choice_figure
-from study.figures.variants import LOOKS
+from study.figures.variants import (
+    APART,
+    LOOKS,
+    ablation_figure,
+    draw_choices,
+    draw_measure,
+    draw_trade_off,
+    forced_choice_figure,
+    trade_off_figure,
+)
 from study.saving import smallest_text
 from tests.builders import cases
 
@@ -175,7 +182,8 @@ def test_band_of_the_coin_narrows_with_the_root_of_the_number_of_units(ax: Axes)
 
 
 def test_votes_say_in_the_picture_that_nobody_was_asked():
-    figure = forced_choice_figure({"made up": [vote("above chance", 0.2), vote("paper's harmony", 0.9)]})
+    votes = [vote("above chance", 0.2), vote("paper's harmony", 0.9)]
+    figure = forced_choice_figure([{**one, "corpus": "made up"} for one in votes])
     ours, papers = (LOOKS[name].label for name in ("recommended", "paper"))
     assert figure.axes[0].get_title(loc="left") == (
         "Made up, 25 units, no people asked:\n"

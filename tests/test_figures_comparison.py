@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.figures.comparison import COMPARED, THIN, WIDE, comparison_figure, draw_compared
+from study.figures.variants import COMPARED, THIN, WIDE, comparison_figure, draw_compared
 from study.saving import smallest_text
 
 

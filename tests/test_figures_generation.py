@@ -20,8 +20,7 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
 from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
-from study.figures.quality import distances_figure, draw_distances
-from study.figures.variants import LOOKS
+from study.figures.variants import LOOKS, distances_figure, draw_distances
 from study.saving import smallest_text
 from tests.builders import cases
 from tests.notebook_cells import notebook_cells

@@ -64,8 +64,8 @@ from harmolab.systems.training.loop import Shard, step
 from harmolab.systems.training.motion_code import decode_motion
 from harmolab.systems.training.units import DanceUnit, MeterFrames, load_units
 from harmolab.systems.training.weights import load_weights
-from study.experiments import entry_tests_lee
-from study.experiments.entry_tests_lee import entry_lee2019
+from study.experiments import rivals
+from study.experiments.rivals import entry_lee2019
 from tests.builders import bobbing, cases, refused
 from tests.tiny_training import DANCER, FPS, tiny_split
 
@@ -605,7 +605,7 @@ def test_untrained_networks_do_not_pass_the_entry_tests(network: DancingToMusic)
 def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
     network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(entry_tests_lee, "rebuilt", lambda network, pieces: pieces)
+    monkeypatch.setattr(rivals, "rebuilt", lambda network, pieces: pieces)
     results = entry_lee2019(network, SPLIT)
     assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
     assert results["speed of rebuilt pieces over recorded"] == (1.0, (0.7, 1.2), True)

@@ -14,10 +14,8 @@ from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
 from harmolab.types import Clip, Motion
 from study.experiments import contestants, unheard_songs
-from study.experiments.contestants import RIGHT_SONG, Contestant, Row
-from study.experiments.contests import Contest
-from study.experiments.measuring import kept_name
-from study.experiments.songs import Excerpt
+from study.experiments.contestants import RIGHT_SONG, Contestant, Row, kept_name
+from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import recorded_dancers, unheard_song
 from study.figures.music2dance import boxes_figure, chance_figure, endurance_summary, limits_figure, marks_figure
 from study.profile import RunProfile

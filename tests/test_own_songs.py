@@ -9,20 +9,11 @@ import torch
 
 from harmolab import synthetic_clip
 from harmolab.data.recordings import Recording
-from harmolab.lab.evaluate.measured import statue
+from harmolab.lab.evaluate.measured import Dance, statue
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.types import Motion
 from study.experiments.locked import statue_on_turntable
-from study.experiments.own_songs import (
-    OWN,
-    RECORDED,
-    SHOWN,
-    Reference,
-    dance_measures,
-    own_names,
-    song_means,
-    song_rows,
-)
+from study.experiments.own_songs import OWN, RECORDED, SHOWN, distances_from, own_names, song_means, song_table
 
 
 @pytest.fixture(scope="module")
@@ -36,43 +27,45 @@ def motion_of(recording: Recording) -> Motion:
     return recording.clip.motion
 
 
-def test_a_dancer_who_rests_on_the_beat_has_harmony_in_the_body(waltz: Recording):
-    assert waltz.clip.beats is not None
-    row = dance_measures(motion_of(waltz), waltz.clip.beats, dance="waltz")
-    assert row["body"] > 0.8
-    assert all(np.isfinite(row[name]) for name in SHOWN)
+def dance_of(recording: Recording, system: str, motion: Motion) -> Dance:
+    assert recording.clip.beats is not None
+    return Dance(system, "waltz_1", motion, recording.clip.beats, 1, "waltz")
 
 
-def test_a_statue_on_a_turntable_is_found_out_by_its_own_column(waltz: Recording):
-    assert waltz.clip.beats is not None
-    row = dance_measures(statue_on_turntable(motion_of(waltz), waltz.clip.beats), waltz.clip.beats, dance="waltz")
-    assert row["statue"] == pytest.approx(row["room"], abs=0.05)
-    assert row["room"] > 0.8
-    assert np.isnan(row["body"])  # no movement
-    assert row["passed"] is False and "spread" in row["fails"]
+def test_a_dancer_who_rests_on_the_beat_has_harmony_in_the_body_and_a_statue_on_a_turntable_is_revealed(
+    waltz: Recording,
+):
+    motion, music = motion_of(waltz), waltz.clip.beats
+    assert music is not None
+    dances = [dance_of(waltz, RECORDED, motion), dance_of(waltz, "statue", statue_on_turntable(motion, music))]
+    recorded, turned = song_means(song_table(dances, {})).to_dict("records")
+    assert recorded["body"] > 0.8 and all(np.isfinite(recorded[name]) for name in SHOWN)
+    assert turned["statue"] == pytest.approx(turned["room"], abs=0.05)
+    assert turned["room"] > 0.8
+    assert np.isnan(turned["body"])  # no movement
+    assert turned["guard"] == "0 of 1" and turned["spread"] < recorded["spread"]
 
 
 def test_rows_of_songs_are_in_order_and_distances_are_of_all_together(waltz: Recording):
     motion = motion_of(waltz)
     torch.manual_seed(0)
-    reference = Reference.of([motion], PoseNet(motion.skeleton, fps=15.0))
-    rows = song_rows([waltz, waltz], {"statue": lambda recording: statue(motion_of(recording))}, reference)
-    assert rows["motion"].tolist() == [RECORDED, RECORDED, "statue", "statue"]
-    assert set(rows["song"]) == {"waltz_1"}
-    by_motion = rows.groupby("motion")["fid_kinetic"]
-    assert (by_motion.nunique() == 1).all()
-    assert by_motion.first()["statue"] > by_motion.first()[RECORDED]
+    distances = distances_from([motion], PoseNet(motion.skeleton, fps=15.0))
+    pairs = ((RECORDED, motion), (RECORDED, motion), ("statue", statue(motion)))
+    table = song_table([dance_of(waltz, name, each) for name, each in pairs], distances)
+    assert (table[table["measure"].isin(distances)]["song"] == "").all()
+    means = song_means(table)
+    assert means["motion"].tolist() == [RECORDED, "statue"]
+    assert means["fid_kinetic"][1] > means["fid_kinetic"][0]
 
 
 def test_seeds_of_one_system_are_one_row_of_the_means():
-    rows = pd.DataFrame(
-        {
-            "motion": ["recorded", "gan, seed 1", "gan, seed 2", "gan, seed 2"],
-            "spread": [16.0, 8.0, 10.0, 12.0],
-            "passed": [True, False, None, True],
-        }
-    )
-    means = song_means(rows).set_index("motion")
+    values = {("recorded", 1): (16.0, 1.0), ("gan", 1): (8.0, 0.0), ("gan", 2): (10.0, np.nan), ("gan", 3): (12.0, 1.0)}
+    lines = [
+        (system, seed, measure, value)
+        for (system, seed), pair in values.items()
+        for measure, value in zip(("likeness_spread", "likeness"), pair, strict=True)
+    ]
+    means = song_means(pd.DataFrame(lines, columns=["system", "seed", "measure", "value"])).set_index("motion")
     assert means["spread"].to_dict() == {"recorded": 16.0, "gan": 10.0}
     assert means["guard"].to_dict() == {"recorded": "1 of 1", "gan": "1 of 3"}
 

@@ -56,7 +56,7 @@ from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tenso
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import MeterFrames
 from harmolab.systems.training.weights import load_weights, save_weights
-from study.experiments.entry_tests_ren import entry_ren2020
+from study.experiments.rivals import entry_ren2020
 from tests import tiny_training as tiny
 from tests.builders import cases, refused
 

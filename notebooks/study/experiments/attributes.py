@@ -10,11 +10,12 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
 
-from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
+from harmolab.data.recordings import Recording, recording_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import DANCES
 from harmolab.significance import bootstrap_interval as bootstrap_interval
@@ -26,7 +27,7 @@ from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import Clip
 from study.experiments.generation import kept_run
-from study.experiments.study import corpus_folders, data_root
+from study.experiments.study import corpus_folders, data_root, readable_recordings
 from study.profile import RunProfile
 
 SONG_SECONDS = 45.0  # of a synthetic song
@@ -50,14 +51,8 @@ def recorded_songs() -> LabelledSongs | None:
 
 def _recordings() -> Iterator[Recording]:
     """Readable recordings of a known dance."""
-    for root in corpus_folders(RunProfile.full()).values():
-        for folder in find_recordings(root).folders:
-            try:
-                recording = load_recording(folder)
-            except (ValueError, FileNotFoundError):
-                continue
-            if recording.clip.dance in DANCES:
-                yield recording
+    every = chain.from_iterable(map(readable_recordings, corpus_folders(RunProfile.full()).values()))
+    return (recording for recording in every if recording.clip.dance in DANCES)
 
 
 @cache
@@ -86,10 +81,9 @@ def synthetic_songs(profile: RunProfile) -> LabelledSongs:
     """Synthetic songs of the seven dances."""
     count = max(2, min(SONGS_A_DANCE, profile.n_clips // 10))
     songs = []
-    for label, dance in enumerate(DANCES):
-        for number in range(count):
-            clip = _synthetic_song(dance, number)
-            songs.append(Song(clip.name, blind_features(clip.audio), label))
+    for (label, dance), number in product(enumerate(DANCES), range(count)):
+        clip = _synthetic_song(dance, number)
+        songs.append(Song(clip.name, blind_features(clip.audio), label))
     return LabelledSongs(tuple(songs), tuple(DANCES))
 
 

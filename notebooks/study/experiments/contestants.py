@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+import platform
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from harmolab.files import plain
+from harmolab.files import Arrays, cached_arrays, keep_arrays, plain
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.systems.choreographer.banks import shipped_bank
@@ -26,12 +29,10 @@ from harmolab.systems.lee2019.networks import BEAT
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
 from harmolab.types import BeatTrack, Motion
-from study.experiments.baselines import BASELINES, DRAWN, Baseline
-from study.experiments.contests import Contest, contests
+from study.experiments.contests import BASELINES, DRAWN, Baseline, Contest, Excerpt, contests
 from study.experiments.generation import VARIANTS, generator_corpora, trained
 from study.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from study.experiments.rivals import Asked, lee2019, ren2020
-from study.experiments.songs import Excerpt
 from study.profile import RunProfile
 
 LEE_FPS = FeatureParams.paper().fps
@@ -105,14 +106,21 @@ class Row:
         return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
-def of_system(system: Any, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any) -> Contestant:
-    """A system as a contestant, one whose door also takes the name of a dance.
+def of_system(
+    system: Any,
+    identity: str,
+    *,
+    beats: Beats = lambda excerpt: excerpt.beats,
+    dances: Collection[str] = DANCES,
+    **facts: Any,
+) -> Contestant:
+    """A system as a contestant, told the name of a dance that is among `dances`.
 
     `beats` are those of the song that it is told; `facts` as in `Contestant`.
     """
 
     def dance(excerpt: Excerpt, seed: int) -> Motion:
-        name = excerpt.clip.dance if excerpt.clip.dance in DANCES else ""
+        name = excerpt.clip.dance if excerpt.clip.dance in dances else ""
         return system.generate(
             excerpt.clip.audio, beats(excerpt), start=excerpt.start, seconds=excerpt.seconds, seed=seed, dance=name
         )
@@ -139,11 +147,7 @@ def _bank(contest: Contest, training: int) -> Contestant:
     """The choreographer of the movement that comes with harmolab, whatever the contest's corpus; it dances salsa."""
     bank = shipped_bank()
     identity = _digest(BANK, plain(bank.params), [take.name for take in bank.takes])
-    return Contestant(partial(_of_no_dance, bank), identity, limits=bank.limits)
-
-
-def _of_no_dance(bank: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
-    return bank.generate(excerpt.clip.audio, excerpt.beats, start=excerpt.start, seconds=excerpt.seconds, seed=seed)
+    return of_system(bank, identity, dances=(), limits=bank.limits)
 
 
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
@@ -265,3 +269,93 @@ def entries(profile: RunProfile, rows: Iterable[str] = tuple(ROWS), *, trainings
     names = [name for name in rows if trainings != 0 or not ROWS[name].is_trained]
     pairs = [(contest, name) for contest in every for name in names if applies(name, contest)]
     return [Entry(contest, name, ROWS[name].contestants(contest)) for contest, name in pairs]
+
+
+# Their dances are kept under all that they depend on: a comparison that was killed goes on where it was.
+
+VERSION = 1  # of what is kept
+
+# Numbers, or arrays of one length, of a motion danced to an excerpt: frame 0 belongs to the excerpt's start.
+Measure = Callable[[Motion, Excerpt], Mapping[str, Any]]
+
+
+def measured(
+    kind: str,
+    contest: Contest,
+    name: str,
+    contestant: Contestant,
+    songs: Sequence[Excerpt],
+    measure: Measure,
+    *,
+    draws: int = 1,
+    settings: Any = None,
+) -> pd.DataFrame:
+    """A contestant's dances to some songs, each danced `draws` times; measured now unless they were before.
+
+    Parameters
+    ----------
+    kind : str, of the table
+    contest, name, contestant : what is kept is theirs; `name` is that of the row
+    songs : Excerpts
+    measure : function of a motion and its excerpt to numbers by name; an array is one entry of the table
+    draws : int; the seeds are 1 to this
+    settings : all that the measures depend on besides, as JSON holds it
+
+    Returns
+    -------
+    DataFrame, a row a dance, with the columns song, clip, dance, draw, and those of `measure`
+    """
+    tables = []
+    for dance in dict.fromkeys(song.clip.dance for song in songs):
+        own = [song for song in songs if song.clip.dance == dance]
+        pairs = [(song, draw) for song in own for draw in range(1, draws + 1)]
+        key = kept_name(kind, contest, name, contestant, own, {"draws": draws, "settings": settings})
+        arrays = cached_arrays(key)
+        if arrays is None:
+            arrays = _stacked([measure(contestant.dance(song, draw), song) for song, draw in pairs])
+            keep_arrays(key, arrays)
+        about = [{"song": song.song, "clip": song.name, "dance": dance, "draw": draw} for song, draw in pairs]
+        tables.append(pd.DataFrame(about).assign(**{each: list(values) for each, values in arrays.items()}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _stacked(rows: Sequence[Mapping[str, Any]]) -> Arrays:
+    """Each number of all rows in one array; of arrays that differ in length, the ends are left out."""
+    columns = {name: [np.asarray(row[name], np.float64) for row in rows] for name in rows[0]}
+    return {
+        name: np.array([value[: min(map(len, values))] if value.ndim else value for value in values])
+        for name, values in columns.items()
+    }
+
+
+def kept(key: str, names: Iterable[str], measure: Callable[[], Arrays]) -> Arrays:
+    """The arrays of some names that were kept under a key; measured and kept now unless they were."""
+    arrays = cached_arrays(key)
+    if arrays is None or set(arrays) != set(names):
+        arrays = measure()
+        keep_arrays(key, arrays)
+    return arrays
+
+
+def kept_name(
+    kind: str, contest: Contest, name: str, contestant: Contestant, excerpts: Sequence[Excerpt], more: Any
+) -> str:
+    """Name of what is kept: a hash of all that it depends on."""
+    songs = [[one.name, one.seconds, _sound_of(one)] for one in excerpts]
+    about = [VERSION, kind, contest.about, name, contestant.identity, songs, more]
+    return f"compared-{hashlib.sha256(json.dumps(plain(about), sort_keys=True).encode()).hexdigest()[:32]}"
+
+
+def _sound_of(excerpt: Excerpt) -> str:
+    """A hash of a song and its beats."""
+    digest = hashlib.sha256(excerpt.clip.audio.samples.tobytes())
+    digest.update(excerpt.beats.times.tobytes())
+    return digest.hexdigest()
+
+
+def processor() -> str:
+    """Name of this machine's processor."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text("utf-8").splitlines() if info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

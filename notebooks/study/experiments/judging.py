@@ -1,15 +1,18 @@
-"""Hard scores of motions danced to units of music, from any source, beside those of the recorded motion.
+"""Generators judged by what they dance to units of music, beside the recorded motion (notebooks 08, 09, 11, 12).
 
 Everything here takes motions: a system is judged by the joints it moves, not by how it codes them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import in_body
@@ -18,15 +21,27 @@ from harmolab.metrics.features import diversity, frechet_distance, kinetic_featu
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
 from harmolab.score import HarmonyScore, score_harmony
+from harmolab.significance import mean_interval
 from harmolab.systems.harmogan.networks import generate_units
 from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import BeatTrack, Motion
-from study.experiments.generation import VARIANTS, trained
+from study.experiments.examples import excerpt
+from study.experiments.generation import SYNTHETIC, VARIANTS, Trained, generator_corpora, trained
+from study.experiments.printed import TABLES, printed
+from study.experiments.study import data_root, readable_recordings, study_recordings, synthetic_corpus
 from study.profile import RunProfile
 
 RECORDED = "recorded"
 MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score
+DISTANCES = ("fid", "fid_raw", "fid_kinetic")  # from the recorded motion
+TRUE, LATE = "true", "half a beat late"  # music
+_PRINTED_ROWS = {"paper, without": "HarmoGAN without L_harmo", "paper": "HarmoGAN", "lee2019": "Lee", "ren2020": "Ren"}
+# Means over the seven dances of the paper's Tables 1 and 2 (Ballroom music; not comparable number by number).
+PAPER_MEANS: Mapping[str, Mapping[str, float]] = {
+    variant: {f"paper_{'harmony' if name == 'h' else name}": round(printed(name, row), 4) for name in TABLES}
+    for variant, row in _PRINTED_ROWS.items()
+}
 
 
 def danced_units(
@@ -95,14 +110,17 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
         If the motions are not as many as the units, or move other joints than the pose network's.
     """
     recorded = recorded_motions(units)
+    harmony = pd.DataFrame([unit_columns(*pair) for pair in zip(motions, units.units, strict=True)]).mean()
+    for mode in MODES:
+        harmony[f"{mode}count_ratio"] = harmony[f"{mode}n_visual"] / max(harmony[f"{mode}n_audio"], 1e-9)
     meters, recorded_meters = (meter_motions(whole, units) for whole in (motions, recorded))
     values, target = (embed_meters(whole, units, pose_net) for whole in (motions, recorded))
     kinetic, reference = (np.stack([kinetic_features(motion) for motion in cut]) for cut in (meters, recorded_meters))
     kinetic, reference = standardise(kinetic, reference), standardise(reference, reference)
     return {
-        **_harmony(motions, units),
-        "jerk": float(np.mean([jerk(motion) for motion in meters])),
-        "foot_skating": float(np.mean([foot_skating(motion) for motion in meters])),
+        **harmony,
+        "jerk": np.mean([jerk(motion) for motion in meters]),
+        "foot_skating": np.mean([foot_skating(motion) for motion in meters]),
         "fid": frechet_distance(values, target, seed=seed).value,
         "fid_raw": frechet_distance(values, target, correct_bias=False).value,
         "fid_kinetic": frechet_distance(kinetic, reference, seed=seed).value,
@@ -130,14 +148,6 @@ def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
     others = {"body_": in_body(motion), "statue_": statue(motion)}
     scores = {name: score_unit(other, unit, MODES[""]) for name, other in others.items()}
     return columns | {f"{name}above_chance": score.harmony_above_chance for name, score in scores.items()}
-
-
-def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
-    """Means over units of `unit_columns`; M / N is the ratio of the means."""
-    columns = [unit_columns(*pair) for pair in zip(motions, units.units, strict=True)]
-    means = {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
-    ratios = {mode: means[f"{mode}n_visual"] / max(means[f"{mode}n_audio"], 1e-9) for mode in MODES}
-    return means | {f"{mode}count_ratio": ratio for mode, ratio in ratios.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,3 +194,135 @@ def danced(units: UnitSet, dances: Mapping[str, Sequence[Motion]], place: int) -
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
     beats = unit_beats(unit, motions[RECORDED])
     return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
+
+
+# What the harmony loss buys and what it costs, over corpora and seeds (notebooks 08 and 09)
+
+
+def ablation(profile: RunProfile) -> pd.DataFrame:
+    """Measures of `judge` on the test units, for each corpus, variant and seed.
+
+    Returns
+    -------
+    DataFrame with the columns corpus, variant, seed and the measures; the variant "recorded" is the recorded motion
+    itself, judged with the same pose network.
+    """
+    rows = []
+    for corpus, seed in product(generator_corpora(profile), range(1, profile.n_seeds + 1)):
+        runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
+        units, pose_net = runs["paper"].split.test, runs["paper"].pose_net
+        of_all = {name: judged(run, seed) for name, run in runs.items()}
+        recorded = judge(recorded_motions(units), units, pose_net, seed=seed)
+        of_all[RECORDED] = recorded | dict.fromkeys(DISTANCES, np.nan)  # it has no distance from itself
+        rows += [{"corpus": corpus, "variant": name, "seed": seed, **own} for name, own in of_all.items()]
+    return pd.DataFrame(rows)
+
+
+def judged(run: Trained, seed: int) -> dict[str, float]:
+    """`judge` of a generator's motion for the test units."""
+    return judge(generate_units(run.generator, run.split.test), run.split.test, run.pose_net, seed=seed)
+
+
+def seed_means(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
+    """Means over seeds with 95 % intervals (Student's t), one row for each corpus, variant and measure.
+
+    Parameters
+    ----------
+    table : DataFrame, as `ablation` returns it
+    measures : names of its columns
+
+    Returns
+    -------
+    DataFrame with the columns corpus, variant, measure, mean, low, high, seeds, paper. `low` and `high` are NaN for a
+    single seed; `paper` is the paper's value where it prints one, NaN elsewhere.
+    """
+    means = group_means(table, ["corpus", "variant"], measures).rename(columns={"n": "seeds"})
+    pairs = zip(means["variant"], means["measure"], strict=True)
+    return means.assign(paper=[PAPER_MEANS.get(variant, {}).get(measure, np.nan) for variant, measure in pairs])
+
+
+def group_means(table: pd.DataFrame, keys: Sequence[str], measures: Sequence[str]) -> pd.DataFrame:
+    """Mean and 95 % interval (Student's t) of each measure in each group of rows.
+
+    Parameters
+    ----------
+    table : DataFrame
+    keys : names of the columns whose values make a group
+    measures : names of numeric columns
+
+    Returns
+    -------
+    DataFrame with the columns of `keys`, then measure, mean, low, high, n; groups in the order of their first rows.
+    `low` and `high` are NaN for a group of one row.
+    """
+    rows = []
+    for names, part in table.groupby(list(keys), sort=False):
+        for measure in measures:
+            mean, low, high = mean_interval(part[measure].to_numpy(np.float64))
+            group = dict(zip(keys, names, strict=True))
+            rows.append({**group, "measure": measure, "mean": mean, "low": low, "high": high, "n": len(part)})
+    return pd.DataFrame(rows)
+
+
+# Motions with their music, and with the same music half a beat late (notebook 12). A score that asks about it
+# must give a trick, which knows nothing of it, what it gives to chance; a dancer who follows the music loses by it.
+
+
+def studied_clips(profile: RunProfile, corpus: str) -> Iterator[tuple[str, Motion, BeatTrack]]:
+    """(name, motion, tracked beats) of six seconds from the middle of each sequence, as many as the profile takes."""
+    planted = corpus == SYNTHETIC and data_root() is not None
+    recordings = readable_recordings(synthetic_corpus(profile)) if planted else study_recordings(profile, corpus)
+    for clip in (excerpt(recording, 6.0) for recording in recordings):
+        if clip.motion is not None and clip.beats is not None and len(clip.beats) > 1:
+            yield clip.name, clip.motion, clip.beats
+
+
+def late_rows(motion: Motion, beats: BeatTrack) -> Iterator[dict[str, Any]]:
+    """Scores and jerk of a motion, a row for the true music and one for music half a beat late."""
+    visual = {mode: visual_beats(motion, params=params) for mode, params in MODES.items()}
+    about = {"jerk": jerk(motion)}
+    for music, track in ((TRUE, beats), (LATE, half_a_beat_late(beats))):
+        scores = {mode: score_harmony(track, visual[mode], params=MODES[mode], n_rotations=0) for mode in MODES}
+        yield {"music": music, **harmony_columns(scores), **about}
+
+
+def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
+    """The same for the recorded motion of the test units and for the generators of the first seed.
+
+    They are judged on the meter, as everywhere; every beat of the unit is moved by half its median period.
+
+    Returns
+    -------
+    DataFrame, a row for each corpus, unit ("clip"), variant ("trick") and music, with its scores and jerk.
+    """
+    rows = []
+    for corpus in generator_corpora(profile):
+        units, dances = danced_units(profile, corpus)
+        for name, motions in dances.items():
+            for motion, unit in zip(motions, units.units, strict=True):
+                about = {"corpus": corpus, "clip": unit.name, "trick": name, "jerk": jerk(meter_motion(motion, unit))}
+                late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
+                for music, each in ((TRUE, unit), (LATE, late)):
+                    rows.append({**about, "music": music, **unit_columns(motion, each)})
+    return pd.DataFrame(rows)
+
+
+def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """`group_means` over clips, of each corpus, trick and music, of a table of `generators_half_a_beat_late`."""
+    means = group_means(table, ["corpus", "trick", "music"], measures)
+    return means[["corpus", "trick", "music", "measure", "n", "mean", "low", "high"]]
+
+
+def half_a_beat_late(beats: BeatTrack) -> BeatTrack:
+    """The same beats half a median period later; what passes the end comes in again at the start.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two beats.
+    """
+    if len(beats) < 2:
+        raise ValueError(f"half a beat needs two beats or more, got {len(beats)}")
+    moved = np.mod(beats.times + np.median(np.diff(beats.times)) / 2, beats.duration)
+    times, first = np.unique(moved, return_index=True)
+    return BeatTrack(times, beats.strengths[first], beats.fps, beats.duration)

@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.lee2019.networks import DancingToMusic
 from harmolab.systems.lee2019.params import LeeParams
-from harmolab.systems.lee2019.train import Lee2019, train_lee2019
+from harmolab.systems.lee2019.train import (
+    Lee2019,
+    code_error,
+    critic_accuracy,
+    drawn_movements,
+    movement_nats,
+    rebuilt,
+    speed,
+    split_pieces,
+    style_accuracy,
+    train_lee2019,
+)
+from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.systems.ren2020.train import Ren2020, train_ren2020
+from harmolab.systems.ren2020.train import Ren2020, danced_units, pose_loss, speed_ratio, train_ren2020
 from harmolab.systems.training.checkpoints import HISTORY
 from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.loop import Tensors
 from harmolab.systems.training.splits import Split
 from study.experiments.clock import training_minutes
-from study.experiments.entry_tests_lee import entry_lee2019
-from study.experiments.entry_tests_ren import entry_ren2020
 from study.experiments.generation import kept_run, training_split
 from study.profile import RunProfile
 
@@ -81,3 +96,84 @@ def _run(name: str, train: Any, split: Split, params: Any) -> Path:
     """Folder of a finished training of these settings."""
     about = {name: params, "features": split.train.features, "split": split.to_dict()}
     return kept_run(name, about, lambda options: train(split, options, params))
+
+
+# Is a system, as trained here, trained well enough to be compared? It is asked about known figures.
+
+
+def _asked(values: dict[str, tuple[float, float, float]]) -> Asked:
+    """For each test its value, the range asked for, and whether the value lies in it."""
+    return {name: (value, (low, high), bool(low <= value <= high)) for name, (value, low, high) in values.items()}
+
+
+def entry_lee2019(network: DancingToMusic, split: Split) -> Asked:
+    """The entry tests: for each its value, the range asked for, and whether the value lies in it.
+
+    The first four are about pieces of the training split, rebuilt by the means of their codes; a guess of the dance is
+    the most frequent one of the validation units, whose songs are heard in training too.
+
+    Parameters
+    ----------
+    network : DancingToMusic, trained
+    split : that it was trained on
+    """
+    network.eval()
+    train, held_out = (split_pieces(network, units) for units in (split.train, split.validation))
+    pieces = train.poses.flatten(0, 1)
+    again, still = rebuilt(network, pieces), pieces.mean(dim=1, keepdim=True).expand_as(pieces)
+    drawn, recorded = drawn_movements(network, pieces), speed(network, pieces)
+    guess = Counter(unit.dance for unit in split.validation.units).most_common(1)[0][1] / len(held_out)
+    right = critic_accuracy(network, held_out)
+    values = {
+        "L1 of rebuilt pieces over their own mean pose's": (
+            code_error(network, again, pieces) / code_error(network, still, pieces), 0.0, 0.5,
+        ),
+        "speed of rebuilt pieces over recorded": (speed(network, again) / recorded, 0.7, 1.2),
+        "speed of drawn movements over recorded": (speed(network, drawn) / recorded, 0.6, 1.2),
+        "divergence of z_move (nats)": (movement_nats(network, pieces), 20.0, math.inf),
+        "dance told by style, over guessing": (style_accuracy(network, held_out) / guess, 2.0, math.inf),
+        "critic of units right": (right["units"], 0.55, 0.95),
+        "critic of dances right": (right["dance"], 0.55, 0.95),
+    }  # fmt: skip
+    return _asked(values)
+
+
+def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) -> Asked:
+    """The entry tests: for each its value, the range asked for, and whether the value lies in it.
+
+    Feature terms must fall on the whole, as weighted in the loss. Feature matching alone is no condition: its features
+    are those of a discriminator that goes on learning, so it may rise while the dances come nearer. Nor is the speed on
+    new units: "slight body swings" are what the system is known for.
+
+    Parameters
+    ----------
+    network : RenGenerator, trained
+    split : that it was trained on
+    history : its ``history.csv``
+    """
+    train, test = Tensors.of(split.train), Tensors.of(split.test)
+    target = network.motion_scale(train.motion)
+    one, other = (danced_units(network, train, seed=seed) for seed in (0, 1))
+    mean_pose = float(pose_loss(target * 0, target, train.mask))
+    rows = history[history["phase"] == "adversarial"]
+    features = network.params.perceptual_weight * rows["perceptual"] + network.params.feature_weight * rows["feature"]
+    losses = rows.drop(columns="phase").filter(regex="^(?!val_)").to_numpy(float)
+    values = {
+        "L1 of training units over the mean pose's": (float(pose_loss(one, target, train.mask)) / mean_pose, 0, 2 / 3),
+        "feature terms, last tenth of epochs over first": (_fall(features), 0, 1),
+        "of these, feature matching alone": (_fall(rows["feature"]), 0, np.inf),
+        "losses that are not finite": (float((~np.isfinite(losses)).sum()), 0, 0),
+        "difference between two seeds (SD)": (float(pose_loss(one, other, train.mask)), 1e-6, np.inf),
+        "speed on test units over recorded": (
+            speed_ratio(network, danced_units(network, test, seed=0), test),
+            0,
+            np.inf,
+        ),
+    }
+    return _asked(values)
+
+
+def _fall(values: pd.Series[float]) -> float:
+    """The mean over the last epochs as a share of that over the first."""
+    count = max(1, len(values) // 10)
+    return float(values.tail(count).mean() / values.head(count).mean())

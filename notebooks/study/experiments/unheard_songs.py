@@ -9,9 +9,8 @@ from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import DANCES
 from harmolab.systems.music2dance.codes import body_points
 from harmolab.types import Clip, Motion
-from study.experiments.contests import Contest
+from study.experiments.contests import Contest, Excerpt, recorded_songs, synthetic_songs
 from study.experiments.generation import SYNTHETIC, generator_corpora
-from study.experiments.songs import Excerpt, recorded_songs, synthetic_songs
 from study.profile import RunProfile
 
 QUICK_SECONDS, QUICK_DRAWS, QUICK_DANCES = 10.0, 2, ("cha-cha", "waltz")

@@ -8,6 +8,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,11 +17,11 @@ from numpy.typing import NDArray
 from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
 from harmolab.types import Audio, Clip, FloatArray
 from study.figures.framework import box_height, count_text, draw_diagram
-from study.figures.variants import Record, rows_by_name
+from study.figures.variants import RIVAL, Look, Table, draw_mean, of_measure, rows_by_name
 from study.figures.words import clip_words, count_words, is_synthetic, listed
 from study.saving import mark_synthetic
 
-RIVAL = "#56809E"  # of systems that are not ours, as in Fig. 12 of the harmony paper
+_SEEDS: Mapping[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 1.5}
 TONES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 POINTS = 1500  # of the wave's outline
 LABEL = 20  # letters in a line of a model's name
@@ -146,27 +147,25 @@ def _box_lines(stage: Any) -> list[str]:
     return [stage.name, *filter(None, ["; ".join(filter(None, layer))]), shape]
 
 
-def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, remark: str = "") -> Figure:
+def accuracy_figure(rows: Table, differences: Table, *, remark: str = "") -> Figure:
     """Table 1 as dots with intervals, a row for each set of songs; at the right what the convolution gains on others.
+
+    The title names the sets of songs on which the convolution is the best model.
 
     Parameters
     ----------
-    table : records of Table 1 (notebook 15)
-    differences : records of its differences
+    rows : of Table 1 (notebook 15)
+    differences : of its differences
     remark : drawn in red below everything
     """
-    every = list(table)
-    sets: dict[str, list[Record]] = {}
-    for row in every:
-        sets.setdefault(row["set"], []).append(row)
-    gaps = [row for row in differences if row["measure"] == "balanced"]
+    table, gaps = pd.DataFrame(rows), of_measure(differences, "balanced", "set")
+    sets = {str(name): part for name, part in table.groupby("set", sort=False)}
     size = (9.2, 2.5 * len(sets) + 1.0)
     with styled_axes(size, len(sets), 2, width_ratios=(1.5, 1), sharex="col") as (figure, axes):
         axes[1].set_title("convolution minus ...")
-        for line, (name, rows) in enumerate(sets.items()):
-            left, right = axes[2 * line], axes[2 * line + 1]
-            draw_accuracies(left, rows).set_title(f"{name}: {rows[0]['n']} songs")
-            draw_differences(right, [row for row in gaps if row["set"] == name])
+        for (name, part), left, right in zip(sets.items(), axes[::2], axes[1::2], strict=True):
+            draw_accuracies(left, part).set_title(f"{name}: {part['n'].iloc[0]} songs")
+            draw_differences(right, gaps.loc[[name]])
             for ax in (left, right):
                 ax.tick_params(labelbottom=True)
                 if is_synthetic(name):
@@ -176,79 +175,60 @@ def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, r
         )
         axes[-1].set_xlabel("\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}\n"
                             "points of per cent; grey: cannot tell")  # fmt: skip
-        figure.legend(handles=_handles(), loc="outside lower left", ncols=3)
-        figure.suptitle(_accuracy_title(sets), fontsize=11.5, x=0.01, ha="left")
-        if remark:
-            figure.supxlabel(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
+        look: dict[str, Any] = {"color": COLOURS["ink"], "markersize": 8, "linewidth": 2}
+        handles = [
+            Line2D([], [], **{**look, "color": RIVAL}, marker="o", label="networks"),
+            Line2D([], [], **look, marker="D", label="without a network"),
+            Line2D([], [], **_SEEDS, color=COLOURS["ink"], label="least and best seed"),
+        ]
+        figure.legend(handles=handles, loc="outside lower left", ncols=3)
+        best = table.loc[table.groupby("set", sort=False)["balanced"].idxmax()]
+        ahead = list(best.loc[best["model"].str.contains("convolution"), "set"])
+        where = f" ({listed(ahead)})" if ahead else ""
+        title = f"The temporal convolution is the best model on {len(ahead)} of {len(sets)} sets of songs{where}"
+        figure.suptitle(title, fontsize=11.5, x=0.01, ha="left")
+        figure.supxlabel(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
     return figure
 
 
-def _accuracy_title(sets: Mapping[str, Sequence[Record]]) -> str:
-    """The sets of songs on which the convolution is the best model."""
-    best = {name: max(rows, key=lambda row: row["balanced"])["model"] for name, rows in sets.items()}
-    ahead = [name for name, model in best.items() if "convolution" in model]
-    where = f" ({listed(ahead)})" if ahead else ""
-    return f"The temporal convolution is the best model on {len(ahead)} of {len(sets)} sets of songs{where}"
-
-
-def _handles() -> list[Line2D]:
-    """Entries of the legend."""
-    network = Line2D([], [], color=RIVAL, marker="o", markersize=8, linewidth=2, label="networks")
-    other = Line2D([], [], color=COLOURS["ink"], marker="D", markersize=8, linewidth=2, label="without a network")
-    look: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 1.5}
-    return [network, other, Line2D([], [], color=COLOURS["ink"], label="least and best seed", **look)]
-
-
-def draw_accuracies(ax: Axes, rows: Sequence[Record]) -> Axes:
+def draw_accuracies(ax: Axes, rows: Table) -> Axes:
     """One dot a model at its balanced accuracy by song; round for networks, diamonds for linear models.
 
     Parameters
     ----------
     ax : Axes
-    rows : records of Table 1, of one set of songs
+    rows : of Table 1, of one set of songs
     """
-    places = rows_by_name(ax, *_model_names(row["model"] for row in rows))
-    ax.axvline(rows[0]["chance"], color=COLOURS["chance"], linestyle=":", linewidth=1.5)
-    for row in rows:
-        place, network = places[row["model"]], "LSTM" in row["model"]
+    table = pd.DataFrame(rows).rename(columns={"balanced": "mean", "balanced low": "low", "balanced high": "high"})
+    ax.axvline(table["chance"].iloc[0], color=COLOURS["chance"], linestyle=":", linewidth=1.5)
+    for place, (_, row) in zip(_places(ax, table["model"]), table.iterrows(), strict=True):
+        network = "LSTM" in row["model"]
         colour = RIVAL if network else COLOURS["chance" if row["model"] == "majority" else "ink"]
-        ax.plot([row["balanced low"], row["balanced high"]], [place, place], color=colour, linewidth=2, gid="interval")
-        ax.plot(row["balanced"], place, "o" if network else "D", color=colour, markersize=8)
-        ends = [row["least seed"], row["best seed"]]
-        ax.plot(ends, [place, place], "|", color=colour, markersize=12, markeredgewidth=1.5, gid="seeds")
-        ax.annotate(
-            f"{row['balanced']:.1f}", (row["balanced"], place), xytext=(0, 7), textcoords="offset points",
-            ha="center", fontsize=9, color=colour,
-        )  # fmt: skip
+        look = Look("", colour, "o" if network else "D", filled=True)
+        draw_mean(ax, row, place, look, number=f"{row['mean']:.1f}")
+        ax.plot(row[["least seed", "best seed"]], [place, place], **_SEEDS, color=colour, gid="seeds")
     ax.set_xlim(0, 103)
     return ax
 
 
-def _model_names(models: Iterable[str]) -> tuple[list[str], dict[str, str]]:
-    """Names of models, and name -> the same in two lines where it is long."""
-    names = list(models)
-    return names, {name: fill(name, LABEL, break_on_hyphens=False) for name in names}
+def _places(ax: Axes, models: Iterable[str]) -> Iterable[int]:
+    """Heights of the rows of models, whose names stand in two lines where they are long."""
+    return rows_by_name(ax, [fill(name, LABEL, break_on_hyphens=False) for name in models]).values()
 
 
-def draw_differences(ax: Axes, rows: Sequence[Record]) -> Axes:
+def draw_differences(ax: Axes, rows: Table) -> Axes:
     """Gain of a model on others: green and a circle where the interval is above 0, red and a cross below, else grey.
 
     Parameters
     ----------
     ax : Axes
-    rows : records of the differences, of one set and measure
+    rows : of the differences, of one set and measure
     """
-    places = rows_by_name(ax, *_model_names(row["against"] for row in rows))
+    table = pd.DataFrame(rows).rename(columns={"difference": "mean"})
     ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
-    for row in rows:
-        place = places[row["against"]]
+    for place, (_, row) in zip(_places(ax, table["against"]), table.iterrows(), strict=True):
         kind = "hit" if row["low"] > 0 else "miss" if row["high"] < 0 else "chance"
-        mark = {"hit": "o", "miss": "x", "chance": "s"}[kind]
-        ax.plot([row["low"], row["high"]], [place, place], color=COLOURS[kind], linewidth=2, gid="interval")
-        ax.plot(row["difference"], place, mark, color=COLOURS[kind], markersize=8, markeredgewidth=2)
-        ax.annotate(
-            f"{row['difference']:+.1f}", (row["difference"], place), xytext=(0, 8), textcoords="offset points",
-            ha="center", fontsize=9, color=COLOURS[kind],
-        )  # fmt: skip
+        look = Look("", COLOURS[kind], {"hit": "o", "miss": "x", "chance": "s"}[kind], filled=True)
+        draw_mean(ax, row, place, look, number=f"{row['mean']:+.1f}", up=8)
     ax.margins(x=0.15)
     return ax

@@ -9,24 +9,14 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-import pandas as pd
 from matplotlib.figure import Figure
 
 from harmolab.lab.report.pages import MANIFEST
 from harmolab.systems.music2dance.params import Music2DanceParams
-from study.figures.ablation import ablation_figure, trade_off_figure
-from study.figures.attributes import accuracy_figure
-from study.figures.cheating import listening_figure, tricks_figure
-from study.figures.comparison import comparison_figure
-from study.figures.feet import ways_figure
-from study.figures.listening import rates_figure
-from study.figures.music2dance import chance_figure, limits_figure, marks_figure
-from study.figures.player_results import components_figure, hits_figure, player_table_figure
-from study.figures.quality import distances_figure
-from study.figures.results import auc_figure, disturbances_figure, forced_choice_figure, patterns_figure, picks_figure
-from study.figures.variants import Record, by_corpus
-from study.figures.verdicts import levels_figure, nulls_figure
+from study.figures import attributes, feet, listening, music2dance, player_results, results, variants, verdicts
+from study.findings import RunTables
 from study.profile import RunProfile
 from study.saving import Saved, figures_folder, save_figure
 
@@ -47,71 +37,62 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
     FileNotFoundError
         If a table is missing.
     """
-    means = _records(folder, "table11_ablation")
-    return {
-        "cheating_generators": listening_figure(_records(folder, "table_generators_late")),
-        "cheating_tricks": tricks_figure(_records(folder, "table_cheating_tricks")),
-        "fig08_picking_inharmonious_clips": picks_figure(_table(folder, "table08h_picked_clips"), corpus=CORPUS),
-        "fig08b_auc_of_all_scores": auc_figure(_table(folder, "table08b_auc")),
-        "fig08c_bar_patterns": patterns_figure(_table(folder, "fig08c_bar_patterns"), corpus=CORPUS),
-        "fig08d_disturbances": disturbances_figure(_table(folder, "table08g_beat_jitter")),
-        "fig08e_listening_study": rates_figure(
-            _records(folder, "table08e_listening_study"), label="right answers", title="Who picks out late dances?"
+    tables = RunTables(folder)
+    means = tables["table11_ablation"]
+    study_rows: list[Any] = tables["table08e_listening_study"].to_dict("records")
+    figures = {
+        "cheating_generators": variants.listening_figure(tables["table_generators_late"]),
+        "cheating_tricks": variants.tricks_figure(tables["table_cheating_tricks"]),
+        "fig08_picking_inharmonious_clips": results.picks_figure(tables["table08h_picked_clips"], corpus=CORPUS),
+        "fig08b_auc_of_all_scores": results.auc_figure(tables["table08b_auc"]),
+        "fig08c_bar_patterns": results.patterns_figure(tables["fig08c_bar_patterns"], corpus=CORPUS),
+        "fig08d_disturbances": results.disturbances_figure(tables["table08g_beat_jitter"]),
+        "fig08e_listening_study": listening.rates_figure(
+            study_rows, label="right answers", title="Who picks out late dances?"
         ),
-        "fig08f_levels": levels_figure(_table(folder, "table08i_levels")),
-        "fig08g_false_alarms": nulls_figure(_table(folder, "table08f_false_alarms")),
-        "fig09_frechet_distances": distances_figure(_records(folder, "table09_motion_quality")),
-        "fig12_systems": comparison_figure(_records(folder, "table12_systems")),
-        "fig13_machine_comparison": forced_choice_figure(by_corpus(_records(folder, "table13_machine_comparison"))),
-        "fig11_harmony_loss": ablation_figure(means, _records(folder, "table11b_gains")),
-        **_trade_off(folder, means),
-        **_music2dance_figures(folder),
-        **_player_figures(folder),
+        "fig08f_levels": verdicts.levels_figure(tables["table08i_levels"]),
+        "fig08g_false_alarms": verdicts.nulls_figure(tables["table08f_false_alarms"]),
+        "fig09_frechet_distances": variants.distances_figure(tables["table09_motion_quality"]),
+        "fig12_systems": variants.comparison_figure(tables["table12_systems"]),
+        "fig13_machine_comparison": variants.forced_choice_figure(tables["table13_machine_comparison"]),
+        "fig11_harmony_loss": variants.ablation_figure(means, tables["table11b_gains"]),
+        **_music2dance_figures(tables),
+        **_player_figures(tables),
     }
+    if "table11d_trade_off" in set(tables):
+        figures["fig11b_trade_off"] = variants.trade_off_figure(means, tables["table11d_trade_off"])
+    return figures
 
 
-def _trade_off(folder: Path, means: list[Record]) -> dict[str, Figure]:
-    if not (folder / "table11d_trade_off.csv").is_file():
-        return {}
-    return {"fig11b_trade_off": trade_off_figure(means, _records(folder, "table11d_trade_off"))}
-
-
-def _music2dance_figures(folder: Path) -> dict[str, Figure]:
+def _music2dance_figures(tables: RunTables) -> dict[str, Figure]:
     """Figures of Music2Dance."""
     params = Music2DanceParams.recommended()
     used = {name: getattr(params, name) for name in DRAWN}
     files = {length: f"m2d_{length.replace(' ', '_')}" for length in LENGTHS}
-    limits = {file: limits_figure(_table(folder, f"{file}_table"), length=length) for length, file in files.items()}
-    accuracies = (_records(folder, name) for name in ("m2d_table01", "m2d_table01b_differences"))
+    ways: list[Any] = tables["m2d_table02"].to_dict("records")
     return {
-        **limits,
-        "m2d_chance": chance_figure(_table(folder, "m2d_table_chance"), used=used),
-        "m2d_fig06_machine_marks": marks_figure(_table(folder, "m2d_table03_machine"), WEIGHTS, corpus=CORPUS),
-        "m2d_table01_accuracy": accuracy_figure(*accuracies),
-        "m2d_table02_foot_models": ways_figure(_records(folder, "m2d_table02")),
+        **{file: music2dance.limits_figure(tables[f"{file}_table"], length=length) for length, file in files.items()},
+        "m2d_chance": music2dance.chance_figure(tables["m2d_table_chance"], used=used),
+        "m2d_fig06_machine_marks": music2dance.marks_figure(tables["m2d_table03_machine"], WEIGHTS, corpus=CORPUS),
+        "m2d_table01_accuracy": attributes.accuracy_figure(tables["m2d_table01"], tables["m2d_table01b_differences"]),
+        "m2d_table02_foot_models": feet.ways_figure(ways),
     }
 
 
-def _player_figures(folder: Path) -> dict[str, Figure]:
+def _player_figures(tables: RunTables) -> dict[str, Figure]:
     """Figures of Audio to Body Dynamics."""
-    hits = {instrument: _table(folder, f"a2b_hits_{instrument}") for instrument in ("violin", "piano")}
+    hands, violin, piano = (tables[f"a2b_{name}"] for name in ("hands", "table01_violin", "table02_piano"))
     return {
-        "a2b_component_correlations": components_figure(_table(folder, "a2b_component_correlations")),
-        "a2b_hands": player_table_figure(
-            _table(folder, "a2b_hands"), players="real hands, rendered sound", unit="millimetres"
+        "a2b_component_correlations": player_results.components_figure(tables["a2b_component_correlations"]),
+        "a2b_hands": player_results.player_table_figure(
+            hands, players="real hands, rendered sound", unit="millimetres"
         ),
-        "a2b_hits": hits_figure(hits),
-        "a2b_table01_violin": player_table_figure(_table(folder, "a2b_table01_violin"), players="planted violinist"),
-        "a2b_table02_piano": player_table_figure(_table(folder, "a2b_table02_piano"), players="planted pianist"),
+        "a2b_hits": player_results.hits_figure(
+            {instrument: tables[f"a2b_hits_{instrument}"] for instrument in ("violin", "piano")}
+        ),
+        "a2b_table01_violin": player_results.player_table_figure(violin, players="planted violinist"),
+        "a2b_table02_piano": player_results.player_table_figure(piano, players="planted pianist"),
     }
-
-
-def _table(folder: Path, name: str) -> pd.DataFrame:
-    return pd.read_csv(folder / f"{name}.csv")
-
-
-def _records(folder: Path, name: str) -> list[Record]:
-    return [{str(key): value for key, value in row.items()} for row in _table(folder, name).to_dict("records")]
 
 
 def redraw(profile: RunProfile) -> list[Saved]:

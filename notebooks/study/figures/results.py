@@ -1,9 +1,8 @@
-"""Results over a corpus: AUC of every score with its chance band, bar patterns, disturbances, pairwise choices."""
+"""Results over a corpus: AUC of every score with its chance band, bar patterns, disturbances."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from study.figures.variants import LOOKS, Record, rows_by_name
+from study.figures.variants import rows_by_name
 from study.figures.words import corpus_words, is_synthetic, sentence
 from study.saving import mark_synthetic
 
@@ -38,8 +37,6 @@ NEAR = 0.15  # beats, within which a moment is on a beat
 SCORE_COLOURS = ("#222222", "#CC79A7", "#56B4E9", "#8C6D31", "#7F7F7F", "#6A3D9A", "#B8A9C9")
 SCORE_MARKS = ("o-", "s--", "^-.", "x:", "d-", "v--", "P-.")
 JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_eval_f")
-# The scores that choose between two dances, in their colours above.
-JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
 def draw_auc(ax: Axes, rows: pd.DataFrame) -> Axes:
@@ -211,55 +208,3 @@ def disturbance_words(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES
         f"“{SCORE_LABELS.get(best, best)}” stands the most: at the right end AUC {last[best]:.2f}, "
         f"the others {rest.min():.2f} to {rest.max():.2f}"
     )
-
-
-def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:
-    """Share of units on which each score prefers one variant over another, a row a pair; the grey band is a coin's.
-
-    Parameters
-    ----------
-    ax : Axes
-    rows : records with "first", "second", "judge", "share" (of units on which the judge prefers the first), "n"
-    """
-    pairs = list(dict.fromkeys((row["first"], row["second"]) for row in rows))[::-1]
-    half = 1.96 * 0.5 / np.sqrt(max(row["n"] for row in rows))
-    ax.axvspan(0.5 - half, 0.5 + half, color=COLOURS["faint"], zorder=0, label="a coin, 95 % of the time")
-    ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
-    ax.hlines(range(len(pairs)), 0.0, 1.0, color=COLOURS["faint"], linewidth=1, zorder=1)
-    for place, (judge, (marker, colour)) in enumerate(JUDGES.items()):
-        choices = [row for row in rows if row["judge"] == judge]
-        levels = [pairs.index((row["first"], row["second"])) + 0.18 - 0.36 * place for row in choices]
-        shares = [1.0 - row["share"] for row in choices]
-        ax.plot(shares, levels, linestyle="none", marker=marker, markersize=9, color=colour, label=judge, zorder=3)
-        for share, level in zip(shares, levels, strict=True):
-            ax.annotate(f"{share:.0%}", (share, level), (8, 0), textcoords="offset points", va="center", fontsize=9)
-    names = [f"{LOOKS[second].label}\nover {LOOKS[first].label}" for first, second in pairs]
-    ax.set(yticks=range(len(pairs)), yticklabels=names, xlim=(-0.03, 1.1), ylim=(-0.6, len(pairs) - 0.4))
-    ax.set_xlabel("share of units on which the score prefers the upper name")
-    ax.tick_params(axis="y", length=0)
-    return ax
-
-
-def forced_choice_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
-    """`draw_choices` for each corpus, one above the other; titles name the variant that each score likes best."""
-    with styled_axes((9.0, 4.3 * len(tables) + 0.4), len(tables)) as (figure, axes):
-        for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
-            about = f"{sentence(corpus_words(corpus))}, {rows[0]['n']} units, no people asked"
-            draw_choices(ax, rows).set_title(f"{about}:\n{_favourites(rows)}", fontsize=10.5)
-            if is_synthetic(corpus):
-                mark_synthetic(ax)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    return figure
-
-
-def _favourites(rows: Sequence[Record]) -> str:
-    """The variant that each judge prefers in most comparisons, in words."""
-    votes: dict[str, dict[str, float]] = {}
-    for row in rows:
-        own = votes.setdefault(row["judge"], {})
-        for name, share in ((row["first"], row["share"]), (row["second"], 1.0 - row["share"])):
-            own[name] = own.get(name, 0.0) + share
-    best = {judge: LOOKS[max(own, key=own.__getitem__)].label for judge, own in votes.items()}
-    if len(best) > 1 and len(set(best.values())) == 1:
-        return f"both scores like “{next(iter(best.values()))}” best"
-    return "\n".join(f"“{judge}” likes “{name}” best" for judge, name in best.items())

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Any
-
-import numpy as np
 
 from harmolab.types import Clip
-
-Record = Mapping[str, Any]
 
 CORPUS_WORDS = MappingProxyType(
     {
@@ -74,14 +69,3 @@ def listed(words: Sequence[str]) -> str:
     'one, two and three'
     """
     return " and ".join([part for part in (", ".join(words[:-1]), *words[-1:]) if part])
-
-
-def clearly_above(high: Record, low: Record) -> bool:
-    """True if one record's interval lies above another's; of records without intervals, if its mean does.
-
-    Parameters
-    ----------
-    high, low : records with "mean", "low" and "high" (NaN for no interval)
-    """
-    bottom, top = high["low"], low["high"]
-    return bool(high["mean"] > low["mean"] if np.isnan(bottom) or np.isnan(top) else bottom > top)
