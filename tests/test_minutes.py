@@ -13,11 +13,12 @@ from harmolab.beats.audio import audio_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
 from harmolab.types import Clip, Motion
+from study import diagram
 from study.experiments import contestants, unheard_songs
 from study.experiments.contestants import RIGHT_SONG, Contestant, Row, kept_name
 from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import recorded_dancers, unheard_song
-from study.figures.music2dance import boxes_figure, chance_figure, endurance_summary, limits_figure, marks_figure
+from study.figures.music2dance import chance_figure, endurance_summary, limits_figure, marks_figure
 from study.profile import RunProfile
 from tests.builders import cases
 from tests.notebook_cells import notebook_cells
@@ -232,12 +233,10 @@ def test_highest_mark_is_doubted_inside_another_interval(high: float, doubt: str
     assert title == f"Machine marks, nobody was asked: b highest with 8.0 of 10{doubt}"
 
 
-def test_boxes_are_drawn_with_their_words_and_missing_ones_are_left_out():
-    places = {"a": (0, 0, "audio"), "b": (1, 0, "motion"), "c": (1, 1, "both"), "d": (2, 0, "both")}
-    figure = boxes_figure({"a": "one", "b": "two\nlines", "c": "three"}, places, [("a", "b"), ("a", "c"), ("a", "d")])
-    words = [text.get_text() for text in figure.axes[0].texts]
-    assert {"a", "one", "b", "two", "lines", "c", "three"} <= set(words) and "d" not in words
-    assert len([patch for patch in figure.axes[0].patches if patch.get_gid() == "arrow"]) == 2
+def test_boxes_are_drawn_with_their_words():
+    (ax,) = diagram("m2d_fig02_chain", {"recordings": "one", "motion code": "two\nlines"}).axes
+    assert {"recordings", "one", "motion code", "two", "lines"} <= {text.get_text() for text in ax.texts}
+    assert [patch.get_gid() for patch in ax.patches].count("arrow") == 5
 
 
 def test_the_cache_of_a_contest_is_its_own(contest: Contest):

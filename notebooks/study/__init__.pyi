@@ -29,7 +29,7 @@ from .experiments.own_songs import song_means as song_means
 from .experiments.player_frames import even_frames as even_frames
 from .experiments.player_frames import predicted_pieces as predicted_pieces
 from .experiments.player_frames import quantile_frames as quantile_frames
-from .experiments.player_frames import tracked_pianist as tracked_pianist
+from .experiments.player_frames import tracked_player as tracked_player
 from .experiments.player_frames import tracked_violinist as tracked_violinist
 from .experiments.player_frames import worst_frames as worst_frames
 from .experiments.players import cleaned_performance as cleaned_performance
@@ -50,14 +50,13 @@ from .figures.attributes import accuracy_figure as accuracy_figure
 from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import song_figure as song_figure
 from .figures.feet import ways_figure as ways_figure
+from .figures.framework import diagram as diagram
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
 from .figures.listening import rates_figure as rates_figure
 from .figures.listening import study_title as study_title
 from .figures.moving_box import moving_box as moving_box
-from .figures.music2dance import chain_figure as chain_figure
 from .figures.music2dance import chance_figure as chance_figure
-from .figures.music2dance import framework_boxes_figure as framework_boxes_figure
 from .figures.music2dance import limits_figure as limits_figure
 from .figures.music2dance import marks_figure as marks_figure
 from .figures.player_overlays import onsets_figure as onsets_figure
@@ -69,7 +68,6 @@ from .figures.player_points import faults_figure as faults_figure
 from .figures.player_points import features_figure as features_figure
 from .figures.player_points import frames_figure as frames_figure
 from .figures.player_points import overview_figure as overview_figure
-from .figures.player_points import player_network_figure as player_network_figure
 from .figures.player_results import components_figure as components_figure
 from .figures.player_results import hits_figure as hits_figure
 from .figures.player_results import player_table_figure as player_table_figure

@@ -63,10 +63,8 @@ def _pianomime_clip(path: Path, piece: str) -> Performance:
         if names != HANDS_12.joints or tenths.shape[1:] != (len(names), 3):
             raise ValueError(f"has points {names[:3]} ... of shape {tenths.shape}; 12 of both hands are needed")
         motion = checked_motion(tenths[..., :2] / 10.0, _rate(arrays), HANDS_12)
-        notes = _notes(arrays["notes"], hand=3)
-        return Performance(
-            path.stem, "piano", None, motion, notes=notes, piece=f"{PIANOMIME}_{piece}", source=PIANOMIME
-        )
+        about: dict[str, Any] = {"piece": f"{PIANOMIME}_{piece}", "source": PIANOMIME}
+        return Performance(path.stem, "piano", None, motion, notes=_notes(arrays["notes"], hand=3), **about)
 
 
 def _pianomime_name(name: str) -> str:
@@ -75,7 +73,7 @@ def _pianomime_name(name: str) -> str:
     return f"{dict(zip('lr', SIDES, strict=True)).get(letter, letter)}_{_FINGERS.get(part, part)}"
 
 
-def load_tracked(path: PathLike, *, extras: Sequence[str] = (), sample_rate: float | None = 44100.0) -> Performance:
+def load_tracked(path: PathLike, *, extras: Sequence[str] = ()) -> Performance:
     """A tracked video: points in pixels with the mask of what was detected, its sound and notes where there are any.
 
     Parameters
@@ -84,7 +82,6 @@ def load_tracked(path: PathLike, *, extras: Sequence[str] = (), sample_rate: flo
         (T, 21, 2), "notes" (N, 4) of onset, offset, MIDI and velocity, or some of these, and "fps"; sound of the same
         name stands beside it. "pian" or "violin" in its name tells the instrument. NaN is not detected.
     extras : of "nose" and "neck", those to keep
-    sample_rate : as in `load_audio`
 
     Raises
     ------
@@ -101,10 +98,9 @@ def load_tracked(path: PathLike, *, extras: Sequence[str] = (), sample_rate: flo
         points = player_points(values, names, _rate(arrays), extras=extras)
         notes = _notes(arrays["notes"], velocity=3) if "notes" in arrays else None
     sound = next((file for suffix in SOUNDS if (file := path.with_suffix(suffix)).is_file()), None)
-    audio = None if sound is None else load_audio(sound, sample_rate=sample_rate)
-    return Performance(
-        path.stem, instrument, audio, points.motion, points.detected, notes, piece=_tracked_piece(path), source=TRACKED
-    )
+    audio = None if sound is None else load_audio(sound, sample_rate=44100.0)
+    about: dict[str, Any] = {"piece": _tracked_piece(path), "source": TRACKED}
+    return Performance(path.stem, instrument, audio, points.motion, points.detected, notes, **about)
 
 
 def _tracked_points(arrays: Arrays) -> tuple[FloatArray, tuple[str, ...]]:

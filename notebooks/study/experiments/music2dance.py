@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
@@ -27,39 +26,29 @@ from study.profile import RunProfile
 
 _PAPER, _OURS = Music2DanceParams.paper(), Music2DanceParams.recommended()
 CALM = 0.1  # temperature of the second version's code; Eq. 12 has 1
-DANCER_SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
-    {
-        "paper": _PAPER,
-        "paper, calm": replace(_PAPER, temperature=CALM),
-        "paper, LSTM": replace(_PAPER, generator="lstm"),
-        "paper, LSTM, calm": replace(_PAPER, generator="lstm", temperature=CALM),
-        "recommended": _OURS,
-    }
-)
+DANCER_SETTINGS: Mapping[str, Music2DanceParams] = {
+    "paper": _PAPER,
+    "paper, calm": replace(_PAPER, temperature=CALM),
+    "paper, LSTM": replace(_PAPER, generator="lstm"),
+    "paper, LSTM, calm": replace(_PAPER, generator="lstm", temperature=CALM),
+    "recommended": _OURS,
+}
 DANCING = ("temperature", "draw_memory", "smoothing")  # settings that training does not use
 QUICK: Mapping[str, Any] = {
-    "first_epochs": 4,
-    "second_epochs": 2,
-    "residual": 8,
-    "skip": 16,
-    "groups": 1,
-    "lstm": 16,
-    "clusters": 6,
-}
+    "first_epochs": 4, "second_epochs": 2, "residual": 8, "skip": 16, "groups": 1, "lstm": 16, "clusters": 6,
+}  # fmt: skip
 
 
 # What the ablations leave out or change; each is trained for a part of the schedule, and so is the whole beside them.
-ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        "whole": {},
-        "mel": {"song": replace(_PAPER.song, features="mel")},
-        "no mapping": {"mapping": False},
-        "no end effectors": {"end_effectors": False},
-        "no clusters": {"clusters": 0},
-        "no second phase": {"second_epochs": 0},
-        "LSTM": {"generator": "lstm"},
-    }
-)
+ABLATIONS: Mapping[str, Mapping[str, Any]] = {
+    "whole": {},
+    "mel": {"song": replace(_PAPER.song, features="mel")},
+    "no mapping": {"mapping": False},
+    "no end effectors": {"end_effectors": False},
+    "no clusters": {"clusters": 0},
+    "no second phase": {"second_epochs": 0},
+    "LSTM": {"generator": "lstm"},
+}
 ABLATION_EPOCHS: Mapping[str, Any] = {"first_epochs": 130, "second_epochs": 20}  # 10 % of the schedule
 
 
@@ -113,6 +102,7 @@ def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParam
 
 def coded_sequences(profile: RunProfile, corpus: str, params: Music2DanceParams) -> SequenceSet:
     """The recordings of a corpus as a training takes them; read once for all trainings that hear and see the same."""
+    params = profiled(profile, params)
     read = {name: getattr(params, name) for name in ("song", "representation", "end_effectors", "fps", "window")}
     return replace(_read(profile, corpus, replace(_PAPER, **read)), params=params)
 
@@ -120,7 +110,7 @@ def coded_sequences(profile: RunProfile, corpus: str, params: Music2DanceParams)
 @cache
 def dancer_split(profile: RunProfile, corpus: str) -> Split:
     """The split of HarmoGAN (`training_split`), from the one reading of the recordings that dancers are trained on."""
-    return split_units(coded_sequences(profile, corpus, profiled(profile, _PAPER)).units, seed=profile.seed)
+    return split_units(coded_sequences(profile, corpus, _PAPER).units, seed=profile.seed)
 
 
 @cache

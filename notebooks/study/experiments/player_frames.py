@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from harmolab.musician.sequences import PlayedSequence, read_sequence, sides
 from harmolab.musician.synthetic import PlantedPerformance
 from harmolab.musician.train import frame_errors
 from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
-from harmolab.types import FloatArray, IntArray, Motion
+from harmolab.types import FloatArray, Motion
 from study.experiments.players import PlayerData, our_settings, planted_data, read_set, tracked_players, trained_player
 from study.profile import RunProfile
 
@@ -74,7 +74,7 @@ class PickedFrame:
 
     piece: PredictedPiece
     frame: int
-    rule: str
+    rule: str = "even steps"
 
     @property
     def error(self) -> float:
@@ -131,68 +131,44 @@ def recommended_network(profile: RunProfile, data: PlayerData) -> SoundToPoints:
 
 
 def _predicted(
-    network: SoundToPoints,
-    performance: Performance,
-    sequence: PlayedSequence,
-    planted: PlantedPerformance | None = None,
+    network: SoundToPoints, performance: Performance, sequence: PlayedSequence, truth: PlantedPerformance | None = None
 ) -> PredictedPiece:
-    predicted = predicted_points(network, sequence.sound)
-    shape, fps = (len(predicted), -1, 2), network.params.fps
-    return PredictedPiece(
-        performance,
-        Motion(sequence.points.reshape(shape), fps, network.skeleton, sequence.accepted),
-        Motion(predicted.reshape(shape), fps, network.skeleton),
-        frame_errors(predicted, sequence.points),
-        planted,
-    )
+    predicted, shape, fps = predicted_points(network, sequence.sound), (len(sequence.sound), -1, 2), network.params.fps
+    tracked = Motion(sequence.points.reshape(shape), fps, network.skeleton, sequence.accepted)
+    motion = Motion(predicted.reshape(shape), fps, network.skeleton)
+    return PredictedPiece(performance, tracked, motion, frame_errors(predicted, sequence.points), truth)
 
 
-def quantile_frames(
-    pieces: Sequence[PredictedPiece], quantiles: Sequence[float] = QUANTILES
-) -> tuple[PickedFrame, ...]:
+def quantile_frames(pieces: Sequence[PredictedPiece], quantiles: Sequence[float] = QUANTILES) -> list[PickedFrame]:
     """For each quantile the accepted frame whose error has that rank among all of them (Figs. 7, 8).
 
     Of n frames in the order of their errors it is number q (n - 1), rounded; of equal errors the earlier frame is
     first.
     """
-    numbers, frames, errors = _accepted(pieces)
-    order = np.argsort(errors, kind="stable")
-    places = order[[round(quantile * (errors.size - 1)) for quantile in quantiles]]
-    return tuple(
-        PickedFrame(pieces[numbers[place]], int(frames[place]), f"{100 * quantile:g} % of the frames are better")
-        for place, quantile in zip(places, quantiles, strict=True)
-    )
+    frames = sorted(_accepted(pieces), key=lambda frame: frame.error)
+    picked = [(frames[round(quantile * (len(frames) - 1))], quantile) for quantile in quantiles]
+    return [replace(frame, rule=f"{100 * quantile:g} % of the frames are better") for frame, quantile in picked]
 
 
-def worst_frames(
-    pieces: Sequence[PredictedPiece], count: int = N_WORST, *, apart: float = APART
-) -> tuple[PickedFrame, ...]:
-    """The accepted frames with the largest errors (Fig. 11); two of one piece lie `apart` seconds or more apart."""
-    numbers, frames, errors = _accepted(pieces)
+def worst_frames(pieces: Sequence[PredictedPiece], count: int = N_WORST) -> list[PickedFrame]:
+    """The accepted frames with the largest errors (Fig. 11); two of one piece lie `APART` seconds or more apart."""
     picked: list[PickedFrame] = []
-    for place in np.argsort(-errors, kind="stable"):
-        if len(picked) == count:
-            break
-        piece, frame = pieces[numbers[place]], int(frames[place])
-        steps = [abs(frame - other.frame) for other in picked if other.piece is piece]
-        if min(steps, default=np.inf) >= apart * piece.tracked.fps:
-            picked.append(PickedFrame(piece, frame, f"number {len(picked) + 1} from the worst"))
-    return tuple(picked)
+    for frame in sorted(_accepted(pieces), key=lambda frame: -frame.error):
+        steps = [abs(frame.frame - other.frame) for other in picked if other.piece is frame.piece]
+        if len(picked) < count and min(steps, default=np.inf) >= APART * frame.piece.tracked.fps:
+            picked.append(replace(frame, rule=f"number {len(picked) + 1} from the worst"))
+    return picked
 
 
-def even_frames(piece: PredictedPiece, count: int) -> tuple[PickedFrame, ...]:
+def even_frames(piece: PredictedPiece, count: int) -> list[PickedFrame]:
     """So many accepted frames of a piece, at even steps from the first to the last."""
-    frames = np.flatnonzero(piece.tracked.valid)
-    places = np.rint(np.linspace(0, frames.size - 1, count)).astype(int)
-    return tuple(PickedFrame(piece, int(frame), "even steps") for frame in frames[places])
+    frames = _accepted([piece])
+    return [frames[place] for place in np.rint(np.linspace(0, len(frames) - 1, count)).astype(int)]
 
 
-def _accepted(pieces: Sequence[PredictedPiece]) -> tuple[IntArray, IntArray, FloatArray]:
-    """(number of the piece, frame, error) of all accepted frames, piece after piece."""
-    frames = [np.flatnonzero(piece.tracked.valid) for piece in pieces]
-    numbers = np.repeat(np.arange(len(pieces)), [own.size for own in frames])
-    errors = [piece.errors[own] for piece, own in zip(pieces, frames, strict=True)]
-    return numbers, np.concatenate(frames), np.concatenate(errors)
+def _accepted(pieces: Sequence[PredictedPiece]) -> list[PickedFrame]:
+    """All accepted frames, piece after piece."""
+    return [PickedFrame(piece, int(frame)) for piece in pieces for frame in np.flatnonzero(piece.tracked.valid)]
 
 
 def tracked_violinist(profile: RunProfile) -> PredictedPiece | None:
@@ -200,18 +176,13 @@ def tracked_violinist(profile: RunProfile) -> PredictedPiece | None:
 
     To be looked at: the planted violinist is no measure of a real one. None without recordings.
     """
-    performance = _tracked(OVERLAID)
-    if performance is None:
+    if (performance := tracked_player(OVERLAID)) is None:
         return None
     network = recommended_network(profile, planted_data(profile, "violin"))
     sequence = read_sequence(performance, network.params, network.reference, is_test=True)
     return _predicted(network, performance, sequence)
 
 
-def tracked_pianist() -> Performance | None:
-    """The body of a tracked pianist, seen from the side, to be looked at. None without recordings."""
-    return _tracked(BODY_ONLY)
-
-
-def _tracked(name: str) -> Performance | None:
+def tracked_player(name: str = BODY_ONLY) -> Performance | None:
+    """A tracked musician by name: a pianist's body, seen from the side, to be looked at. None without recordings."""
     return next((each for each in tracked_players() if each.name == name), None)

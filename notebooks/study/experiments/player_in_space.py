@@ -20,18 +20,18 @@ from harmolab.types import FloatArray, Motion
 HALF_SHOULDERS, HALF_HIPS, SPINE, UPPER_ARM, FOREARM = 0.175, 0.09, 0.5, 0.29, 0.25
 HIP_HEIGHT = 0.54  # on a seat of 0.45
 KEY_HEIGHT, KEY_DEPTH = 0.74, 0.34  # of the wrists: above the floor, before the shoulders
-# Root of a finger from the wrist (along the hand, to the side of the thumb) and its three bones.
+# Root of a finger from the wrist (along the hand, to the side of the thumb), its three bones, radians of its spread.
 HAND = MappingProxyType(
     {
-        "thumb": (0.03, 0.03, (0.04, 0.032, 0.026)),
-        "index": (0.088, 0.025, (0.042, 0.026, 0.021)),
-        "middle": (0.09, 0.005, (0.046, 0.03, 0.022)),
-        "ring": (0.086, -0.014, (0.043, 0.028, 0.022)),
-        "little": (0.078, -0.031, (0.034, 0.021, 0.019)),
+        "thumb": (0.03, 0.03, (0.04, 0.032, 0.026), 0.7),
+        "index": (0.088, 0.025, (0.042, 0.026, 0.021), 0.12),
+        "middle": (0.09, 0.005, (0.046, 0.03, 0.022), 0.0),
+        "ring": (0.086, -0.014, (0.043, 0.028, 0.022), -0.1),
+        "little": (0.078, -0.031, (0.034, 0.021, 0.019), -0.2),
     }
 )
-SPREAD = MappingProxyType({"thumb": 0.7, "index": 0.12, "middle": 0.0, "ring": -0.1, "little": -0.2})  # radians
-TURNS = MappingProxyType({"piano": np.radians(35.0), "violin": 0.0})  # of the player against the camera
+TURNS = MappingProxyType({"piano": np.radians(35.0), "violin": 0.0})  # radians, from the camera to the picture's right
+FPS = 24.0
 UP, FRONT = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -64,13 +64,11 @@ class PlayerInSpace:
 
     Parameters
     ----------
-    instrument : "piano" or "violin"
     space : Motion, (T, 50, 3) metres, y up, z towards the camera, joints of `PLAYER_50`
     points : Motion, (T, 50, 2), the same in the picture: pixels, y down, with noise
     camera : Camera
     """
 
-    instrument: str
     space: Motion
     points: Motion
     camera: Camera
@@ -78,33 +76,24 @@ class PlayerInSpace:
 
 def elbow_angles(motion: Motion) -> FloatArray:
     """(T, 2) radians between upper arm and forearm, left and right; pi is a straight arm. ValueError without arms."""
-    angles = []
-    for side in SIDES:
-        names = (f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist")
-        if not set(names) <= set(motion.skeleton.joints):
-            raise ValueError(f"an elbow's angle needs {', '.join(names)}; joints are {motion.skeleton.joints}")
-        shoulder, elbow, wrist = (motion.positions[:, motion.skeleton.joints.index(name)] for name in names)
-        upper, lower = shoulder - elbow, wrist - elbow
-        lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
-        angles.append(np.arccos(np.clip((upper * lower).sum(axis=1) / lengths, -1.0, 1.0)))
-    return np.stack(angles, axis=1)
+    shoulders, elbows, wrists = (
+        motion.positions[:, [motion.skeleton.joints.index(f"{side}_{part}") for side in SIDES]]
+        for part in ("shoulder", "elbow", "wrist")
+    )
+    upper, lower = shoulders - elbows, wrists - elbows
+    lengths = np.linalg.norm(upper, axis=2) * np.linalg.norm(lower, axis=2)
+    return np.arccos(np.clip((upper * lower).sum(axis=2) / lengths, -1.0, 1.0))
 
 
-def player_in_space(
-    instrument: str, *, seconds: float = 20.0, fps: float = 24.0, seed: int = 1, noise: float = 1.0,
-    camera: Camera | None = None, turn: float | None = None,
-) -> PlayerInSpace:  # fmt: skip
-    """A player on a seat before a camera.
+def player_in_space(instrument: str, *, seconds: float = 20.0, seed: int = 1, noise: float = 1.0) -> PlayerInSpace:
+    """A player on a seat before a camera; the pianist is turned, so that the left end is nearer to the camera.
 
     Parameters
     ----------
     instrument : "piano" or "violin"
-    seconds, fps : float, length and rate
+    seconds : float, length
     seed : int
     noise : float, pixels, standard deviation of each coordinate of the points
-    camera : Camera, default 4 m away
-    turn : float, radians that the player is turned from the camera to the picture's right; default 35 degrees at the
-        piano, whose left end is then nearer to the camera in the picture, and 0 with the violin
 
     Raises
     ------
@@ -113,32 +102,29 @@ def player_in_space(
     """
     if instrument not in INSTRUMENTS:
         raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
-    if not (0 <= noise < np.inf and 2 <= seconds * fps < np.inf):
-        raise ValueError(f"a player needs two frames and a noise of 0 or more, got {seconds} s, {fps} fps, {noise} px")
+    if not (0 <= noise < np.inf and 2 <= seconds * FPS < np.inf):
+        raise ValueError(f"a player needs two frames and a noise of 0 or more, got {seconds} s, {noise} px")
     rng = np.random.default_rng(seed)
-    times = np.arange(round(seconds * fps)) / fps
+    times = np.arange(round(seconds * FPS)) / FPS
     trunk = _trunk(times, rng)
     arms = _pianist(times, rng) if instrument == "piano" else _violinist(times, rng, trunk)
     places = {**trunk, **_limbs(times, rng, trunk, arms)}
     own = np.stack([places[name] for name in PLAYER_50.joints], axis=1)
-    space = turned(own, TURNS[instrument] if turn is None else turn)
-    camera = Camera() if camera is None else camera
+    space, camera = turned(own, TURNS[instrument]), Camera()
     points = camera.pixels(space) + rng.normal(0.0, noise, (*space.shape[:2], 2))
-    return PlayerInSpace(instrument, Motion(space, fps, PLAYER_50), Motion(points, fps, PLAYER_50), camera)
+    return PlayerInSpace(Motion(space, FPS, PLAYER_50), Motion(points, FPS, PLAYER_50), camera)
 
 
 def _wave(times: FloatArray, rng: np.random.Generator, period: float) -> FloatArray:
     """(T,) a slow wave between -1 and 1 of about that period, with a random phase."""
-    period = period * rng.uniform(0.8, 1.25)
-    return np.sin(2 * np.pi * (times / period + rng.uniform()))
+    return np.sin(2 * np.pi * (times / (period * rng.uniform(0.8, 1.25)) + rng.uniform()))
 
 
 def _steps(times: FloatArray, rng: np.random.Generator, low: float, high: float, pause: float) -> FloatArray:
     """(T,) places between `low` and `high` that change every `pause` seconds or so, by smooth moves of 0.2 s."""
     changes = np.cumsum(rng.uniform(0.5 * pause, 1.5 * pause, int(times[-1] / (0.5 * pause)) + 2))
     targets = rng.uniform(low, high, changes.size + 1)
-    fps = 1.0 / max(times[1] - times[0], 1e-9)
-    return smooth(targets[np.searchsorted(changes, times)], 0.08, fps)
+    return smooth(targets[np.searchsorted(changes, times)], 0.08, FPS)
 
 
 def _trunk(times: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
@@ -188,7 +174,7 @@ def _violinist(times: FloatArray, rng: np.random.Generator, trunk: dict[str, Flo
     fingering = _Arm(left, pole, UP + 0.6 * np.cross(UP, neck) - 0.3 * neck, -np.cross(UP, neck))
     tilt = _steps(times, rng, -0.25, 0.25, 0.9)
     away = np.stack([-np.cos(angle), np.sin(tilt), np.sin(angle)], axis=1)
-    stroke = 0.19 + 0.12 * np.sin(np.cumsum(2 * np.pi * _steps(times, rng, 0.4, 1.1, 1.5)) * (times[1] - times[0]))
+    stroke = 0.19 + 0.12 * np.sin(np.cumsum(2 * np.pi * _steps(times, rng, 0.4, 1.1, 1.5)) / FPS)
     right = chin + 0.19 * neck + away * stroke[:, None] + 0.04 * UP
     raised = np.stack([-np.ones_like(times), -0.6 + 0.2 * _wave(times, rng, 5.0), np.full_like(times, 0.1)], axis=1)
     return [fingering, _Arm(right, raised, -away - 0.6 * UP, np.broadcast_to(-UP, right.shape) - 0.3 * neck)]
@@ -214,10 +200,9 @@ def _limbs(
 
 def _finger(name: str, wrist: FloatArray, axes: FloatArray, bend: FloatArray) -> dict[str, FloatArray]:
     """The four points of a finger; `axes` (3, T, 3) of the hand: along, to the thumb, out of the palm."""
-    finger = name.rpartition("_")[2]
-    forward, aside, bones = HAND[finger]
+    forward, aside, bones, spread = HAND[name.rpartition("_")[2]]
     along, thumbwards, palm = axes
-    ahead = np.cos(SPREAD[finger]) * along + np.sin(SPREAD[finger]) * thumbwards
+    ahead = np.cos(spread) * along + np.sin(spread) * thumbwards
     places = [wrist + forward * along + aside * thumbwards]
     for number, bone in enumerate(bones):
         angle = (bend * (1 + 0.6 * number))[:, None]

@@ -26,9 +26,8 @@ from study.experiments.study import data_root
 from study.profile import RunProfile
 
 PLANTED, HANDS = "planted", "real hands, rendered sound"
-TRAINED_ON, TESTED_ON, SECONDS = 36, 9, 30.0  # planted pieces, and their length
-QUICK_TRAINED_ON, QUICK_TESTED_ON, QUICK_SECONDS = 6, 2, 12.0
-EPOCHS = MappingProxyType({PLANTED: 30, HANDS: 30})  # the paper has 300
+PIECES, QUICK_PIECES = (36, 9, 30.0), (6, 2, 12.0)  # planted ones to train and to test on, and their length
+EPOCHS = 30  # the paper has 300
 QUICK: Mapping[str, Any] = MappingProxyType({"epochs": 2, "hidden": 32, "batch": 25})
 TEST_SHARE, HELD_OUT = 0.2, 1 / 6  # of the hands; of the training pieces, where whole ones are validated on
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most
@@ -98,17 +97,13 @@ class PlayerData:
 @cache
 def planted_data(profile: RunProfile, instrument: str) -> PlayerData:
     """Planted pieces of an instrument: 36 of 30 s to train on and 9 to test on; few short ones in a quick profile."""
-    is_quick = profile.epochs is not None
-    trained_on, tested_on = (QUICK_TRAINED_ON, QUICK_TESTED_ON) if is_quick else (TRAINED_ON, TESTED_ON)
-    seconds = QUICK_SECONDS if is_quick else SECONDS
-    planted = list(planted_performances(instrument, trained_on + tested_on, seconds=seconds))
-    names = [each.performance.name for each in planted]
-    last = trained_on - max(1, round(HELD_OUT * trained_on))
-    split = PlayedSplit(tuple(names[:last]), tuple(names[last:trained_on]), tuple(names[trained_on:]))
-    return PlayerData(
-        PLANTED, instrument, tuple(each.performance for each in planted), split,
-        MappingProxyType(dict(zip(names, planted, strict=True))),
-    )  # fmt: skip
+    trained_on, tested_on, seconds = PIECES if profile.epochs is None else QUICK_PIECES
+    planted = {each.performance.name: each
+               for each in planted_performances(instrument, trained_on + tested_on, seconds=seconds)}  # fmt: skip
+    names, last = tuple(planted), trained_on - max(1, round(HELD_OUT * trained_on))
+    split = PlayedSplit(names[:last], names[last:trained_on], names[trained_on:])
+    performances = tuple(each.performance for each in planted.values())
+    return PlayerData(PLANTED, instrument, performances, split, MappingProxyType(planted))
 
 
 @cache
@@ -118,8 +113,7 @@ def hands_data(profile: RunProfile) -> PlayerData | None:
     Performances that share a quarter of their note patterns are on one side.
     """
     root = data_root()
-    folder = None if root is None else root / "instruments" / "pianomime"
-    if profile.epochs is not None or folder is None or not folder.is_dir():
+    if profile.epochs is not None or root is None or not (folder := root / "instruments" / "pianomime").is_dir():
         return None
     clips = load_pianomime(folder)
     rows = np.random.default_rng(profile.seed).permutation(len(clips))[:HAND_CLIPS]
@@ -139,9 +133,8 @@ def with_rendered_sound(performance: Performance) -> Performance:
 
 def player_corpora(profile: RunProfile) -> tuple[PlayerData, ...]:
     """All data that players are trained on: both planted instruments, and real hands where they are."""
-    hands = hands_data(profile)
-    planted = tuple(planted_data(profile, instrument) for instrument in INSTRUMENTS)
-    return planted if hands is None else (*planted, hands)
+    data = (*(planted_data(profile, instrument) for instrument in INSTRUMENTS), hands_data(profile))
+    return tuple(own for own in data if own is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +153,7 @@ def trained_player(
 
     Of fewer epochs it is the network that a longer training of the same seed passes through, the best so far.
     """
-    params = profiled(profile, data, replace(settings, seed=seed))
+    params = player_params(profile, data, replace(settings, seed=seed))
     params = params if epochs is None else replace(params, epochs=epochs)
     split = data.sides(params)
     length = sum(each.motion.n_frames for each in data.performances)
@@ -182,9 +175,9 @@ def our_settings(data: PlayerData) -> Audio2BodyParams:
     return replace(ours, delay=PLANTED_DELAY) if data.label == PLANTED else ours
 
 
-def profiled(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams) -> Audio2BodyParams:
+def player_params(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams) -> Audio2BodyParams:
     """Settings at the data's frame rate, for so many epochs; a quick profile trains a small network for two of them."""
-    params = replace(settings, fps=data.fps, epochs=EPOCHS[data.label])
+    params = replace(settings, fps=data.fps, epochs=EPOCHS)
     return replace(params, **QUICK) if profile.epochs is not None else params
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,7 +13,6 @@ from harmolab.systems.music2dance.codes import PositionCode, RotationCode
 from harmolab.systems.music2dance.feet import FootModel, FootParams, simulated_sliding
 from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, WindowSource, training_statistics
 from harmolab.systems.music2dance.train import HELD_OUT, even_rows
-from harmolab.systems.training.layers import Statistics
 from harmolab.systems.training.splits import Split
 from harmolab.types import BoolArray, FloatArray
 
@@ -53,30 +53,22 @@ class SlidWindows:
         away = (codes - self.recorded)[..., self.channels] / self.units
         return float(np.square(away[self.counted]).mean())
 
-    def corrected(self, model: FootModel | None) -> FloatArray:
-        """The slid codes (N, T, C) as a foot model corrects them; without one, as they are."""
-        if model is None:
-            return self.slid
-        pairs = zip(self.slid, self.signals, strict=True)
-        return np.stack([model.correct(code, signals) for code, signals in pairs])
+    def corrected(self, model: FootModel) -> FloatArray:
+        """The slid codes (N, T, C) as a foot model corrects them."""
+        return np.stack([model.correct(*pair) for pair in zip(self.slid, self.signals, strict=True)])
 
     def decoded(self, codes: FloatArray) -> FloatArray:
         """Positions (N, T, J, 3) of codes (N, T, C), metres."""
         return np.stack([self.code.decode(code, self.fps) for code in codes])
 
 
-def slid_windows(
-    split: Split, sequences: SequenceSet, *, side: str = "test", params: FootParams | None = None, seed: int = 0,
-    most: int = 64,
-) -> SlidWindows:  # fmt: skip
+def slid_windows(split: Split, sequences: SequenceSet, *, side: str = "test", most: int = 64) -> SlidWindows:
     """Windows of the figures of one side of a split, with the sliding that foot models are trained on.
 
     Parameters
     ----------
     split, sequences : of the same recordings
     side : "test", "validation", or "train" for figures that foot models do learn on
-    params : FootParams of the simulated sliding; the paper's when left out
-    seed : int, of the draw
     most : int, windows, evenly apart; only their frames of held-out figures count
 
     Raises
@@ -86,39 +78,23 @@ def slid_windows(
     """
     statistics = training_statistics(sequences, split.groups["train"])
     # A share of less than 1 on the training side, too: windows are drawn alike, and only frames of the side count.
-    source = WindowSource.of(
-        sequences, split.groups[side], dances=sequences.dances, statistics=statistics, share=HELD_OUT
-    )
-    model = _untrained(sequences, params or FootParams(), statistics)
-    rows = even_rows(source, most)
-    windows = source.batch(rows)
+    about: dict[str, Any] = {"dances": sequences.dances, "statistics": statistics, "share": HELD_OUT}
+    source = WindowSource.of(sequences, split.groups[side], **about)
+    model = FootModel(FootParams(), sequences.code)  # it knows the channels and their scale, and changes nothing
+    model.motion_scale.set(statistics.motion_mean, statistics.motion_std)
+    windows = source.batch(rows := even_rows(source, most))
     with torch.no_grad():
-        slid, signals = simulated_sliding(model, windows, sequences.params.fps, seed)
-    channels = _measured(model)
-    rotations = isinstance(model.motion_code, RotationCode)
+        slid, signals = simulated_sliding(model, windows, sequences.params.fps, seed=0)
+    rotations, std = isinstance(model.motion_code, RotationCode), statistics.motion_std
+    channels = [place for place in model.lower if (place >= RATES if rotations else float(std[place]) > LEAST_STD)]
     return SlidWindows(
         code=model.motion_code,
         fps=sequences.params.fps,
         recorded=np.stack([source.raw(row)[0] for row in rows]).astype(np.float64),
-        slid=(slid * statistics.motion_std + statistics.motion_mean).double().numpy(),
+        slid=(slid * std + statistics.motion_mean).double().numpy(),
         contacts=windows.contacts.numpy() > 0.5,
         signals=signals.double().numpy(),
         counted=windows.valid.numpy() > 0.5,
         channels=channels,
-        units=np.ones(len(channels)) if rotations else statistics.motion_std[channels].double().numpy(),
+        units=np.ones(len(channels)) if rotations else std[channels].double().numpy(),
     )
-
-
-def _untrained(sequences: SequenceSet, params: FootParams, statistics: Statistics) -> FootModel:
-    """A model that knows the channels and their scale, and changes nothing."""
-    model = FootModel(params, sequences.code)
-    model.motion_scale.set(statistics.motion_mean, statistics.motion_std)
-    return model
-
-
-def _measured(model: FootModel) -> list[int]:
-    """Channels that errors are of: the lower body's rotations, or those of its positions and rates that vary."""
-    if isinstance(model.motion_code, RotationCode):
-        return [channel for channel in model.lower if channel >= RATES]
-    std = model.motion_scale.std
-    return [channel for channel in model.lower if float(std[channel]) > LEAST_STD]

@@ -1,6 +1,6 @@
-"""Fig. 7: HarmoGAN in training and dancing a song (a, b), and its networks part by part (c).
+"""Diagrams: HarmoGAN in training and dancing a song (Fig. 7a, b), its networks part by part (c), and other networks.
 
-Places and words of boxes and arrows are drawn once in ``fig07.json`` (inches from the lower left corner);
+Places and words of boxes and arrows are drawn once in ``diagrams.json`` (inches from the lower left corner);
 sizes and weights in braces there are measured.
 """
 
@@ -21,7 +21,7 @@ from harmolab.lab.figures.style import COLOURS, figure_style
 from harmolab.systems.harmogan.params import TrainParams
 from study.figures.variants import Record
 
-DRAWING = Path(__file__).with_name("fig07.json")
+DRAWING = Path(__file__).with_name("diagrams.json")
 # Pale forms of the colours for music and movement, dark enough to be told apart without their edges.
 TINTS = {"audio": "#D3E5F1", "motion": "#FBE5BC", "both": "#F2F2F2"}
 _EDGES = {"audio": COLOURS["audio"], "motion": COLOURS["visual"], "both": COLOURS["chance"]}
@@ -39,12 +39,12 @@ def framework_figure(parts: Iterable[Record], params: Mapping[str, TrainParams])
     """
     names = [name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")]
     weights = {name: ", ".join(f"{key} {_weight(each, name)}" for key, each in params.items()) for name in names}
-    return _diagram("framework", _sizes(parts) | {f"weight.{name}": text for name, text in weights.items()})
+    return diagram("framework", _sizes(parts) | {f"weight.{name}": text for name, text in weights.items()})
 
 
 def networks_figure(parts: Iterable[Record]) -> Figure:
     """Fig. 7c: generator and discriminators side by side; `parts` as for `framework_figure`."""
-    return _diagram("networks", _sizes(parts))
+    return diagram("networks", _sizes(parts))
 
 
 def _weight(params: TrainParams, name: str) -> str:
@@ -77,10 +77,10 @@ def count_text(count: int) -> str:
     return str(count)
 
 
-def _diagram(name: str, values: Mapping[str, str]) -> Figure:
+def diagram(name: str, values: Mapping[str, str]) -> Figure:
     """The drawing of that name, with `values` in place of the words in braces."""
     text = DRAWING.read_text("utf-8")
-    drawing = json.loads(re.sub(r"\{([a-z_.0-9]+)\}", lambda m: json.dumps(values.get(m[1], m[0]))[1:-1], text))[name]
+    drawing = json.loads(re.sub(r"\{([\w. ]+)\}", lambda m: json.dumps(values.get(m[1], m[0]))[1:-1], text))[name]
     with figure_style():
         figure = Figure(figsize=drawing["size"])
         figure.set_layout_engine("none")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from itertools import chain
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,6 +19,7 @@ from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.readers.player_points import joint_widths
 from harmolab.score import HarmonyScore
 from harmolab.types import FloatArray, Motion
+from study.experiments.player_frames import PickedFrame
 
 BROAD, NARROW = 5.0, 2.0  # points, of a limb that is tracked, and predicted
 FINGER = 0.5  # of a limb's width, as of the lines from shoulders to hips
@@ -27,17 +28,6 @@ BODY = "#E4E4E4"
 MARKED = ("together", "a note without a movement, or a movement without a note")
 MARGIN = 0.06  # of the picture, around the points
 WIDTH = 10.6  # inches
-
-
-class Overlay(Protocol):
-    """A frame with tracked and predicted points, (P, 2), y down."""
-
-    @property
-    def skeleton(self) -> Skeleton: ...
-    @property
-    def tracked(self) -> FloatArray: ...
-    @property
-    def predicted(self) -> FloatArray: ...
 
 
 def draw_points(ax: Axes, points: FloatArray, skeleton: Skeleton, *, colour: str, width: float) -> Axes:
@@ -64,27 +54,19 @@ def head_of(points: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, float] 
     return (at["left_shoulder"] + at["right_shoulder"]) / 2 + NECK * up, HEAD * float(np.hypot(*across))
 
 
-def draw_body(ax: Axes, points: FloatArray, skeleton: Skeleton) -> Axes:
-    """A pale trunk between shoulders and hips, and a pale head (`head_of`), as far as there are points for them."""
+def draw_tracked(ax: Axes, points: FloatArray, skeleton: Skeleton, limits: FloatArray) -> Axes:
+    """Tracked points in a part of a picture, over a pale trunk and head (`head_of`) where there are points for them."""
     at, head = dict(zip(skeleton.joints, points, strict=True)), head_of(points, skeleton)
     corners = ("left_shoulder", "right_shoulder", "right_hip", "left_hip")
     trunk = [Polygon([at[name] for name in corners])] if set(corners) <= at.keys() else []
-    parts = trunk if head is None else [*trunk, Circle((float(head[0][0]), float(head[0][1])), head[1])]
+    parts = trunk if head is None else [*trunk, Circle(tuple(head[0]), head[1])]
     ax.add_collection(PatchCollection(parts, facecolor=BODY, edgecolor="none", zorder=0))
-    return ax
+    draw_points(ax, points, skeleton, colour=COLOURS["miss"], width=BROAD)
+    return frame_picture(ax, limits)
 
 
-def draw_overlay(ax: Axes, overlay: Overlay) -> Axes:
-    """Predicted points, narrow and green, over the tracked ones, broad and red."""
-    draw_body(ax, overlay.tracked, overlay.skeleton)
-    draw_points(ax, overlay.tracked, overlay.skeleton, colour=COLOURS["miss"], width=BROAD)
-    return draw_points(ax, overlay.predicted, overlay.skeleton, colour=COLOURS["hit"], width=NARROW)
-
-
-def overlay_figure(
-    overlays: Sequence[Overlay], titles: Sequence[str], *, title: str, columns: int = 3, tracked: str = "tracked"
-) -> Figure:
-    """`draw_overlay` of several frames, in one scale and one frame of the picture.
+def overlay_figure(overlays: Sequence[PickedFrame], titles: Sequence[str], *, title: str, columns: int = 3) -> Figure:
+    """Predicted points, narrow and green, over the tracked ones, broad and red, in one scale and frame of the picture.
 
     Parameters
     ----------
@@ -92,20 +74,19 @@ def overlay_figure(
     titles : one for each
     title : str, above all; says where the data are from
     columns : int
-    tracked : name of the red points in the legend
     """
     skeleton = overlays[0].skeleton
     limits = picture_limits([points for each in overlays for points in (each.tracked, each.predicted)], skeleton)
     rows = -(-len(overlays) // columns)
     across, down = np.ptp(limits, axis=0)
-    cell = WIDTH / columns
-    size = (WIDTH, rows * (cell * down / across + 0.3 + 0.18 * titles[0].count("\n")) + 0.55)
-    with styled_axes(size, rows, columns) as (figure, axes):
+    height = WIDTH / columns * down / across + 0.3 + 0.18 * titles[0].count("\n")
+    with styled_axes((WIDTH, rows * height + 0.55), rows, columns) as (figure, axes):
         for ax in axes[len(overlays) :]:
             ax.set_axis_off()
         for ax, overlay, words in zip(axes, overlays, titles, strict=False):
-            frame_picture(draw_overlay(ax, overlay), limits).set_title(words, fontsize=10)
-        looks = ((tracked, COLOURS["miss"], BROAD), ("predicted from the sound", COLOURS["hit"], NARROW))
+            draw_tracked(ax, overlay.tracked, skeleton, limits).set_title(words, fontsize=10)
+            draw_points(ax, overlay.predicted, skeleton, colour=COLOURS["hit"], width=NARROW)
+        looks = (("tracked", COLOURS["miss"], BROAD), ("predicted from the sound", COLOURS["hit"], NARROW))
         handles: list[Artist] = [Line2D([], [], color=hue, linewidth=width, label=name) for name, hue, width in looks]
         if head_of(overlays[0].tracked, skeleton) is not None:
             handles.append(Patch(facecolor=BODY, label="trunk and head: drawn, not tracked"))
@@ -121,9 +102,7 @@ def points_figure(motion: Motion, times: Sequence[float], *, title: str) -> Figu
     across, down = np.ptp(limits, axis=0)
     with styled_axes((WIDTH, WIDTH / len(frames) * down / across + 0.7), 1, len(frames)) as (figure, axes):
         for ax, points, time in zip(axes, frames, times, strict=True):
-            draw_body(ax, points, motion.skeleton)
-            draw_points(ax, points, motion.skeleton, colour=COLOURS["miss"], width=BROAD)
-            frame_picture(ax, limits).set_title(f"{time:.1f} s", fontsize=10)
+            draw_tracked(ax, points, motion.skeleton, limits).set_title(f"{time:.1f} s", fontsize=10)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
@@ -131,8 +110,12 @@ def points_figure(motion: Motion, times: Sequence[float], *, title: str) -> Figu
 def picture_limits(frames: Sequence[FloatArray], skeleton: Skeleton) -> FloatArray:
     """(2, 2) low and high corner of a picture with the points of some frames (P, 2), their heads and a margin."""
     heads = [head for points in frames if (head := head_of(points, skeleton)) is not None]
-    edges = [centre + sign * radius for centre, radius in heads for sign in (-1.0, 1.0)]
-    places = np.concatenate([*frames, *(edge[None] for edge in edges)])
+    edges = [centre[None] + sign * radius for centre, radius in heads for sign in (-1.0, 1.0)]
+    return with_margin(np.concatenate([*frames, *edges]))
+
+
+def with_margin(places: FloatArray) -> FloatArray:
+    """(2, 2) low and high corner around places (N, 2), with a margin."""
     low, high = places.min(axis=0), places.max(axis=0)
     margin = MARGIN * float((high - low).max())
     return np.stack([low - margin, high + margin])
@@ -153,15 +136,14 @@ def stills_figure(stills: Mapping[str, Sequence[FloatArray]], times: Sequence[fl
     cell = (WIDTH - 0.3) / len(times)
     size = (WIDTH, len(stills) * cell * height / width + 0.55)
     with styled_axes(size, len(stills), len(times)) as (figure, axes):
-        for row, (name, pictures) in enumerate(stills.items()):
-            for column, picture in enumerate(pictures):
-                ax = axes[row * len(times) + column]
-                ax.imshow(picture, interpolation="antialiased")
-                ax.set(xticks=[], yticks=[])
-                ax.spines[:].set_visible(False)
-                if row == 0:
-                    ax.set_title(f"{times[column]:.1f} s", fontsize=10)
-            axes[row * len(times)].set_ylabel(name, fontsize=11)
+        for ax, picture in zip(axes, chain.from_iterable(stills.values()), strict=True):
+            ax.imshow(picture, interpolation="antialiased")
+            ax.set(xticks=[], yticks=[])
+            ax.spines[:].set_visible(False)
+        for ax, time in zip(axes, times, strict=False):
+            ax.set_title(f"{time:.1f} s", fontsize=10)
+        for ax, name in zip(axes[:: len(times)], stills, strict=True):
+            ax.set_ylabel(name, fontsize=11)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from harmolab.body.skeletons import Skeleton, joint_side
@@ -21,32 +22,10 @@ from harmolab.musician.cleaning import RULES, Cleaned
 from harmolab.musician.performances import Performance
 from harmolab.readers.player_points import limb_widths
 from harmolab.types import Audio, BoolArray, FloatArray, Motion, Notes
-from study.figures.music2dance import boxes_figure
-from study.figures.player_overlays import frame_picture
+from study.figures.player_overlays import frame_picture, with_margin
 
 SIDES: Mapping[str, str] = MappingProxyType({"left": COLOURS["audio"], "right": COLOURS["miss"], "": COLOURS["ink"]})
 NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
-NETWORK: Mapping[str, tuple[float, float, str]] = MappingProxyType(
-    {
-        "sound": (0, 0, "audio"),
-        "steps": (1, 0, "audio"),
-        "LSTM": (2, 0, "both"),
-        "dropout": (3, 0, "both"),
-        "linear": (3, 1, "both"),
-        "components": (2, 1, "motion"),
-        "frames": (1, 1, "motion"),
-        "points": (0, 1, "motion"),
-    }
-)
-NETWORK_ARROWS = (
-    ("sound", "steps"), ("steps", "LSTM"), ("LSTM", "dropout"), ("dropout", "linear"), ("linear", "components"),
-    ("components", "frames"), ("frames", "points"),
-)  # fmt: skip
-
-
-def player_network_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 4: from sound to points; `boxes` as of `player_boxes` of notebook 18."""
-    return boxes_figure(boxes, NETWORK, NETWORK_ARROWS)
 
 
 def draw_player(
@@ -60,29 +39,20 @@ def draw_player(
     colour : one for all; that of each side when left out
     """
     drawn = np.ones(len(points), bool) if detected is None else detected
-    bones = [(one, other) for one, other in skeleton.bones if drawn[one] and drawn[other]]
+    bones = [bone for bone in skeleton.bones if drawn[list(bone)].all()]
     widths = [1.0 + 2.0 * width for width in limb_widths(skeleton, bones)]
-    looks = [colour or SIDES[_bone_side(skeleton, *bone)] for bone in bones]
+    dots = np.array([colour or SIDES[joint_side(name)] for name in skeleton.joints])
+    looks = [dots[one] if dots[one] == dots[other] else SIDES[""] for one, other in bones]
     lines = [points[list(bone)] for bone in bones]
     ax.add_collection(LineCollection(lines, colors=looks, linewidths=widths, capstyle="round", gid="limbs"))
-    dots = [colour or SIDES[joint_side(name)] for name in skeleton.joints]
-    x, y = points[drawn].T
-    ax.scatter(x, y, s=5, c=[dots[number] for number in np.flatnonzero(drawn)], zorder=3)
+    ax.scatter(points[drawn, 0], points[drawn, 1], s=5, c=dots[drawn], zorder=3)
     ax.set_aspect("equal")
     return ax
 
 
-def _bone_side(skeleton: Skeleton, one: int, other: int) -> str:
-    sides = {joint_side(skeleton.joints[number]) for number in (one, other)}
-    return sides.pop() if len(sides) == 1 else ""
-
-
-def framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
+def framed(ax: Axes, points: FloatArray) -> Axes:
     """Axes around points (..., 2), y down, without ticks."""
-    flat = points.reshape(-1, 2)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    room = margin * float((high - low).max())
-    frame_picture(ax, np.stack([low - room, high + room])).set_anchor("N")
+    frame_picture(ax, with_margin(points.reshape(-1, 2))).set_anchor("N")
     return ax
 
 
@@ -114,7 +84,7 @@ def _moment(performance: Performance, seconds: float) -> str:
         return f"{text}, notes not known"
     notes, now = performance.notes, seconds + performance.offset
     pitches = notes.pitches[(notes.onsets <= now) & (notes.offsets > now)]
-    return f"{text}: {' '.join(map(note_name, sorted(set(pitches.tolist()))[:5])) or 'no note'}"
+    return f"{text}: {' '.join(map(note_name, np.unique(pitches).tolist()[:5])) or 'no note'}"
 
 
 def note_name(pitch: int) -> str:
@@ -157,26 +127,22 @@ def cleaning_figure(summary: pd.DataFrame, planted: pd.DataFrame) -> Figure:
     summary : means of each recording, with the columns recording and `RULES`
     planted : columns instrument, fault, rejected (share), of one or more instruments
     """
+    shares = 100 * summary.set_index("recording")[[rule for rule in RULES if summary[rule].max() > 0]]
+    grid = 100 * planted.pivot_table(index="fault", columns="instrument", values="rejected", sort=False)
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "fontsize": 8}
     with styled_axes((10.4, 0.35 * len(summary) + 2.6), 1, 2) as (figure, (ax, other)):
-        left = np.zeros(len(summary))
-        for rule in (rule for rule in RULES if summary[rule].max() > 0):
-            ax.barh(summary["recording"], 100 * summary[rule], left=left, height=0.7, label=rule)
-            left = left + 100 * summary[rule].to_numpy()
-        for row, share in enumerate(left):
+        shares.plot.barh(ax=ax, stacked=True, width=0.7).set(xlabel="% of the frames", ylabel="")
+        for row, share in enumerate(sums := shares.sum(axis=1)):
             ax.text(share, row, f" {share:.1f}", va="center", fontsize=8)
-        ax.invert_yaxis()
-        ax.legend(title="rejected by", loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, fontsize=8)
-        ax.set(xlabel="% of the frames", title="rejected in each recording", xlim=(0, 1.15 * left.max()))
-        grid = planted.pivot_table(index="fault", columns="instrument", values="rejected", sort=False)
-        height = 0.8 / grid.shape[1]
-        for number, (name, values) in enumerate(grid.items()):
-            places = np.arange(len(grid)) + (number - (grid.shape[1] - 1) / 2) * height
-            bars = other.barh(places, 100 * values, height=0.9 * height, label=f"planted {name}")
-            other.bar_label(bars, fmt="%.1f", padding=2, fontsize=8)
-        other.set_yticks(range(len(grid)), grid.index)
-        other.invert_yaxis()
+        grid.add_prefix("planted ").plot.barh(ax=other, width=0.8).set_ylabel("")
+        for bars in other.containers:
+            other.bar_label(cast(BarContainer, bars), fmt="%.1f", padding=2, fontsize=8)
+        ax.set(title="rejected in each recording", xlim=(0, 1.15 * sums.max()))
         other.set(xlabel="% of the frames with this fault", title="rejected of what was planted", xlim=(0, 115))
-        other.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=8)
+        ax.legend(title="rejected by", ncols=4, **below)
+        other.legend(ncols=2, **below)
+        for panel in (ax, other):
+            panel.invert_yaxis()
     return figure
 
 

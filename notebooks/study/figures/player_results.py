@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.types import FloatArray
 from study.figures.words import sentence
 
 PLANTED = "planted hands"  # the truth, beside predicted hands
@@ -30,13 +30,10 @@ def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixel
     columns = 3 if "paper test" in runs else 2
     with styled_axes((9.2, 0.3 * len(runs) + 2.2), 1, columns, sharey=True) as (figure, axes):
         _draw_sides(axes[0], runs, limits, unit)
-        final = runs["row"] == "final"
-        ours = runs["test full"] - runs.loc[final, "test full"].item()
-        _draw_differences(axes[1], runs["row"], ours, runs["test full SD"].to_numpy(), COLOURS["ink"])
+        _draw_differences(axes[1], runs, "test full", COLOURS["ink"])
         axes[1].set(title="ours: test above final", xlabel=f"{unit}; bars: SD over seeds")
         if columns == 3:
-            theirs = runs["paper test"] - runs.loc[final, "paper test"].item()
-            _draw_differences(axes[2], runs["row"], theirs, None, COLOURS["chance"])
+            _draw_differences(axes[2], runs, "paper test", COLOURS["chance"])
             axes[2].set(title="paper: test above final", xlabel="its pixels, its data")
         axes[0].invert_yaxis()
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=9)
@@ -52,7 +49,7 @@ def _table_title(table: pd.DataFrame, players: str, unit: str) -> str:
     return f"{sentence(players)}: least error with {best}, {errors[best]:.1f} {unit} ({', '.join(others)})"
 
 
-def _draw_sides(ax: Axes, runs: pd.DataFrame, limits: pd.DataFrame, unit: str) -> Axes:
+def _draw_sides(ax: Axes, runs: pd.DataFrame, limits: pd.DataFrame, unit: str) -> None:
     """Errors on the three sides, and limits as lines."""
     looks = {"train": ("o", "white"), "validation": ("D", COLOURS["faint"]), "test": ("o", COLOURS["ink"])}
     for side, (marker, fill) in looks.items():
@@ -61,15 +58,14 @@ def _draw_sides(ax: Axes, runs: pd.DataFrame, limits: pd.DataFrame, unit: str) -
     for (_, row), line in zip(limits.iterrows(), lines, strict=False):
         ax.axvline(row["test full"], color=COLOURS["chance"], linestyle=line, label=row["row"])
     ax.set(xlabel=unit, title="ours: error", xlim=(0, None))
-    return ax
 
 
-def _draw_differences(ax: Axes, rows: pd.Series, values: pd.Series, spread: FloatArray | None, colour: str) -> Axes:
-    kept = values.notna().to_numpy()
-    error = None if spread is None else spread[kept]
-    ax.errorbar(values[kept], rows[kept], xerr=error, fmt="s", color=colour, ms=5, elinewidth=1.5, capsize=2)
+def _draw_differences(ax: Axes, runs: pd.DataFrame, name: str, colour: str) -> None:
+    """What the errors of some column are above those of the final settings, with their SDs where there are any."""
+    values, kept = runs[name] - runs.loc[runs["row"] == "final", name].item(), runs.dropna(subset=name)
+    spread = kept.get(f"{name} SD")
+    ax.errorbar(values[kept.index], kept["row"], xerr=spread, fmt="s", color=colour, ms=5, elinewidth=1.5, capsize=2)
     ax.axvline(0, color=COLOURS["faint"], zorder=0)
-    return ax
 
 
 def components_figure(table: pd.DataFrame, *, count: int = 5) -> Figure:
@@ -90,9 +86,8 @@ def components_figure(table: pd.DataFrame, *, count: int = 5) -> Figure:
             labels = [f"{number}\n{part}\n{100 * share:.2g} %" for number, part, share in names]
             ax.set_xticks(own["component"], labels, fontsize=9)
             ax.axhline(0, color=COLOURS["ink"], linewidth=0.8)
-            largest = own["correlation"].iloc[int(own["share"].argmax())]
-            finding = f"largest component predicted at {largest:.2f}"
-            ax.set(title=f"Planted {instrument}: {finding}", ylim=(min(-0.3, own["correlation"].min() - 0.15), 1.15))
+            title = f"largest component predicted at {own['correlation'].iloc[int(own['share'].argmax())]:.2f}"
+            ax.set(title=f"Planted {instrument}: {title}", ylim=(min(-0.3, own["correlation"].min() - 0.15), 1.15))
         axes[0].set_ylabel("correlation, test pieces")
         figure.supxlabel("component, the part that moves most with it, its share of the variance", fontsize=9)
     return figure
@@ -110,17 +105,17 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
     with styled_axes((9.2, height), len(tables), 2, sharex="col", gridspec_kw=sizes) as (figure, axes):
         for row, (instrument, table) in enumerate(tables.items()):
             error, hits = axes[2 * row : 2 * row + 2]
-            error.barh(table["hands"], table["error"], xerr=table["error SD"], height=0.6, color=COLOURS["visual"])
-            hits.barh(table["hands"], table["hits"], xerr=table["hits SD"], height=0.6, color=COLOURS["hit"],
-                      label="own music")  # fmt: skip
+            looks: dict[str, Any] = {"height": 0.6, "xerr": table["error SD"], "color": COLOURS["visual"]}
+            error.barh(table["hands"], table["error"], **looks)
+            looks |= {"xerr": table["hits SD"], "color": COLOURS["hit"], "label": "own music"}
+            hits.barh(table["hands"], table["hits"], **looks)
             hits.plot(table["other"], table["hands"], "D", color=COLOURS["ink"], mfc="white", ms=6, label="other music")
             hits.axvline(0, color=COLOURS["chance"], linewidth=1)
             hits.set_yticks([])
+            beside: dict[str, Any] = {"fontsize": 9, "transform": hits.get_yaxis_transform()}
             for number, share in enumerate(table["pieces p < .05"]):
-                hits.text(
-                    1.03, number, f"{100 * share:.0f} %", va="center", fontsize=9, transform=hits.get_yaxis_transform()
-                )
-            hits.text(1.03, -0.6, "pieces with\np < .05", va="bottom", fontsize=9, transform=hits.get_yaxis_transform())
+                hits.text(1.03, number, f"{100 * share:.0f} %", va="center", **beside)
+            hits.text(1.03, -0.6, "pieces with\np < .05", va="bottom", **beside)
             for ax in (error, hits):
                 ax.invert_yaxis()
             events = {"piano": "strikes", "violin": "turns of the bow"}[instrument]

@@ -1,0 +1,164 @@
+"""Notebooks 16 and 17: what long dances keep, and figures of feet.
+
+A pose that glides is still, a dancer is not, and limits are those of the recorded. Marks are at their means, heights in
+centimetres, grey where a foot stands; quick figures say so.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.types import Motion
+from study.figures.feet import MEASURES, draw_ways, ways_figure
+from study.profile import RunProfile
+from study.saving import save_figure
+from tests.builders import cases
+from tests.notebook_cells import notebook_cells
+
+DANCES, FEET = notebook_cells("16_music2dance"), notebook_cells("17_feet")
+
+
+def limits_of(measures: dict[str, float]) -> dict[str, tuple[float, float]]:
+    return DANCES.limits_of(pd.DataFrame([measures]))
+
+
+def passed(measures: dict[str, float], limits: dict[str, tuple[float, float]]) -> dict[str, bool]:
+    return {name: low <= measures[name] <= high for name, (low, high) in limits.items()}
+
+
+@pytest.fixture(scope="module")
+def dancer() -> Motion:
+    motion = synthetic_clip("cha-cha", seconds=30.0, fps=25.0, seed=2).motion
+    assert motion is not None
+    return motion
+
+
+def outcome_of(dancer: Motion, positions: np.ndarray) -> dict[str, bool]:
+    """Measure -> whether positions keep the limits that a dancer sets."""
+    measures = DANCES.endurance(replace(dancer, positions=positions))
+    return passed(measures, limits_of(DANCES.endurance(dancer)))
+
+
+def test_a_dancer_passes_by_a_dancer_of_the_same_dance(dancer: Motion):
+    other = synthetic_clip("cha-cha", seconds=30.0, fps=25.0, seed=3).motion
+    outcome = passed(DANCES.endurance(dancer), limits_of(DANCES.endurance(other)))
+    assert len(outcome) == 9 and all(outcome.values())
+
+
+def test_a_pose_that_glides_is_still_though_its_joints_move(dancer: Motion):
+    way = 0.5 * np.arange(dancer.n_frames)[:, None, None] / dancer.fps * np.array([1.0, 0.0, 0.0])
+    measures = DANCES.endurance(replace(dancer, positions=dancer.positions[:1] + way))
+    assert measures["freezing"] == 0.0 and measures["still"] == 1.0
+    assert measures["pose speed"] < 0.01 and measures["pose variance"] < 1e-6
+    outcome = passed(measures, limits_of(DANCES.endurance(dancer)))
+    assert not outcome["slowest 10 s"] and not outcome["pose variance"] and not outcome["still"]
+
+
+def test_ten_seconds_of_rest_are_found_in_half_a_minute(dancer: Motion):
+    positions = dancer.positions.copy()
+    positions[250:500] = positions[250]
+    outcome = outcome_of(dancer, positions)
+    assert not outcome["slowest 10 s"] and not outcome["freezing"] and outcome["fastest 10 s"]
+
+
+def test_shaking_is_told_by_its_jerk(dancer: Motion):
+    noise = np.random.default_rng(0).normal(0, 0.01, dancer.positions.shape)
+    assert not outcome_of(dancer, dancer.positions + noise)["jerk"]
+
+
+def test_filler_does_not_count(dancer: Motion):
+    positions, valid = dancer.positions.copy(), np.ones(dancer.n_frames, bool)
+    positions[300:400], valid[300:400] = positions[300], False
+    whole, gap = DANCES.endurance(dancer), DANCES.endurance(Motion(positions, dancer.fps, dancer.skeleton, valid))
+    assert gap["pose speed"] == pytest.approx(whole["pose speed"], rel=0.1)
+    assert gap["still"] == 0.0
+
+
+# Figures of feet
+
+
+def record(feet: str, trainings: int, mean: float, low: float = np.nan, high: float = np.nan, code: str = "rotations"):
+    ends = {"": mean, ", low": low, ", high": high}
+    about = {"corpus": "made up", "code": code, "unit of MSE": "rad^2", "feet": feet, "trainings": trainings}
+    return about | {f"{name}{end}": value for name in MEASURES for end, value in ends.items()}
+
+
+ROWS = [
+    record("recorded", 0, 2.0), record("no correction", 0, 6.0), record("planted feet, not learnt", 0, 3.0),
+    record("temporal convolution", 3, 7.0, 6.5, 7.5),
+]  # fmt: skip
+
+
+def test_each_way_has_its_mark_filled_where_it_was_trained():
+    ax = draw_ways(Figure().subplots(), ROWS, measure="sliding (cm/s)")
+    marks = {line.get_xdata()[0]: line for line in ax.lines if len(line.get_xdata()) == 1}
+    assert set(marks) == {3.0, 7.0}
+    assert marks[3.0].get_markerfacecolor() == "white" != marks[7.0].get_markerfacecolor()
+    (interval,) = [line for line in ax.lines if line.get_gid() == "interval"]
+    assert list(interval.get_xdata()) == [6.5, 7.5]
+    lines = {line.get_gid(): line.get_xdata()[0] for line in ax.lines}
+    assert (lines["recorded"], lines["no correction"]) == (2.0, 6.0)
+
+
+def test_the_error_on_figures_learnt_is_a_cross_beside_the_mark():
+    ax = draw_ways(Figure().subplots(), [{**row, "MSE, figures learnt": 1.5} for row in ROWS], measure="MSE")
+    crosses = [tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == "x"]
+    assert crosses == [(1.5, 0.0)]  # of what was trained alone
+
+
+def test_every_corpus_and_code_has_a_row_of_panels():
+    figure = ways_figure([*ROWS, *(record(row["feet"], 0, 1.0, code="positions") for row in ROWS)])
+    assert len(figure.axes) == 2 * len(MEASURES)
+    titles = [ax.get_title(loc="left") for ax in figure.axes[:: len(MEASURES)]]
+    assert titles == ["Made up, code of rotations", "Made up, code of positions"]
+    title = "Learnt foot models beside no correction: less error with none of 1, less sliding with none of 1"
+    assert figure.get_suptitle() == title
+    assert figure.axes[0].get_xlabel() == "MSE (rad^2)"
+
+
+def test_toes_are_drawn_side_by_side_over_the_seconds():
+    seconds = np.arange(50) / 25
+    one = pd.DataFrame({"toe L": 1.0, "toe R": 2.0, "dancer": "recorded", "seconds": seconds})
+    other = one.assign(**{"toe L": 3.0, "toe R": 4.0, "dancer": "with end effectors"})
+    figure = FEET.toes_figure(pd.concat([one, other]), "recordings on the beat")
+    assert figure.get_suptitle() == "Toes range over 0 cm (recorded) and 0 cm (with end effectors)"
+    drawn = [[(line.get_label(), line.get_ydata()[0]) for line in ax.lines] for ax in figure.axes]
+    names = ("recorded", "with end effectors")
+    assert drawn == [list(zip(names, places, strict=True)) for places in ((1.0, 3.0), (2.0, 4.0))]
+    assert figure.axes[0].get_xlim() == (0.0, FEET.SHOWN)
+    assert figure.axes[1].get_xlabel() == "time (s); recordings on the beat"
+
+
+def test_grey_lies_where_a_foot_is_said_to_stand():
+    table = pd.DataFrame({"seconds": np.tile(np.arange(50) / 25, 3), "feet": np.repeat([*FEET.WAYS.values()], 50)})
+    table[[*FEET.TOES, *FEET.STANDS]], table[FEET.SPEEDS] = 0.0, 100.0
+    table.loc[table["seconds"].between(0.4, 0.98), "stands L"] = 1.0
+    figure = FEET.foot_model_figure(table)
+    grey = [ax.collections[0].get_paths() for ax in figure.axes]
+    spans = [[path.get_extents().intervalx.tolist() for path in paths] for paths in grey]
+    assert spans == [[[0.4, 1.0]], [], [[0.4, 1.0]], []]
+    title = "Standing feet slide at 100 cm/s (no correction), 100 cm/s (foot model) and 100 cm/s (planted feet)"
+    assert figure.get_suptitle() == title
+    assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
+    table["stands L"] = 0.0
+    assert FEET.foot_model_figure(table).get_suptitle() == "No foot is predicted to stand"
+
+
+@cases(
+    "profile, trained, words",
+    (RunProfile.quick(), True, ["synthetic data; quick profile, not trained"]),
+    (RunProfile.quick(), False, ["synthetic data"]),
+    (RunProfile.full(), True, ["synthetic data"]),
+)
+def test_a_quick_picture_of_trained_networks_says_so(
+    profile: RunProfile, trained: bool, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    figure = Figure()
+    save_figure(figure, "one", notebook="17_feet", source="synthetic", profile=profile, trained=trained)
+    assert [text.get_text() for text in figure.texts] == words
