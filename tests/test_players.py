@@ -6,7 +6,7 @@ What notebook 18 says of sound and points is in `POINTS`, notebook 19 in `SOUND`
 import re
 from collections.abc import Iterator
 from dataclasses import asdict, replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
@@ -21,8 +21,7 @@ from matplotlib.figure import Figure
 
 from harmolab.lab.figures.style import COLOURS
 from harmolab.musician.avatar import SHOULDERS
-from harmolab.musician.cleaning import RULES, Reference
-from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.cleaning import RULES
 from harmolab.musician.page import avatar_player
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
@@ -74,22 +73,23 @@ def of_pieces(planted: list[Any], label: str = PLANTED) -> PlayerData:
     return PlayerData(label, planted[0].performance.instrument, performances, split, truth)
 
 
-def four_times(instrument: str, **changes: Any) -> PlayerData:
-    """One performance under four names, so that all are placed alike; `changes` to the truth of each."""
-    planted = planted_performance(instrument, seconds=6.0, faults=False, noise=0.0)
+def four_times(shift: tuple[float, float]) -> PlayerData:
+    """One performance under four names, so that all are placed alike; what sound tells is the truth, shifted."""
+    planted = planted_performance("piano", seconds=6.0, faults=False, noise=0.0)
+    planted = replace(planted, from_audio=planted.clean + np.array(shift))
     names = [f"take {number}" for number in range(4)]
-    takes = [replace(planted, performance=replace(planted.performance, name=name, piece=name)) for name in names]
-    return of_pieces([replace(take, **{key: value(take) for key, value in changes.items()}) for take in takes])
+    takes = [replace(planted.performance, name=name, piece=name) for name in names]
+    return of_pieces([replace(planted, performance=take) for take in takes])
 
 
-def errors_by_row(rows: list[str], tests: list[float], *, seeds: int = 1, instrument: str = "piano") -> pd.DataFrame:
-    """The same test errors for every seed; a mean pose of 20."""
+def errors_by_row(rows: list[str], tests: list[float], *, seeds: int = 1) -> pd.DataFrame:
+    """The same test errors of pianists for every seed; a mean pose of 20."""
     parts = []
     for seed, (row, error) in product(range(1, seeds + 1), zip(rows, tests, strict=True)):
         sides = {"train": error - 1, "validation": error - 2, "test": error, MEAN_POSE: 20.0}
         parts += [(row, seed, side, value, value + 0.5) for side, value in sides.items()]
     table = pd.DataFrame(parts, columns=["row", "seed", "side", "projected", "full"])
-    return table.assign(data=PLANTED, instrument=instrument)
+    return table.assign(data=PLANTED, instrument="piano")
 
 
 # The tables
@@ -99,11 +99,9 @@ def errors_by_row(rows: list[str], tests: list[float], *, seeds: int = 1, instru
 def test_each_row_of_a_table_changes_one_setting_of_the_final_ones(instrument: str):
     rows = SOUND.table_settings(SimpleNamespace(label=PLANTED, instrument=instrument))
     final = asdict(Audio2BodyParams.tables(instrument))
-    changed = {
-        row: [name for name in final if asdict(rows[row])[name] != final[name]] for row in SOUND.printed(instrument)
-    }
-    assert changed.pop(FINAL) == []
-    assert {row: len(names) for row, names in changed.items()} == dict.fromkeys(changed, 1)
+    names = SOUND.printed(instrument)
+    changed = {row: sum(asdict(rows[row])[name] != final[name] for name in final) for row in names}
+    assert changed == dict.fromkeys(names, 1) | {FINAL: 0}
     assert (rows["dropout .6"].dropout, rows["2 steps a frame"].upsample, rows["no delay"].delay_steps) == (0.6, 2, 0)
 
 
@@ -114,10 +112,16 @@ def test_final_settings_are_those_under_the_captions():
     assert (violin.delay, violin.delay_steps) == (0.024, 2)
 
 
+def test_errors_of_the_paper_go_from_the_worst_to_its_final_settings():
+    rows = [SOUND.printed(instrument) for instrument in ("violin", "piano")]
+    assert [next(iter(own)) for own in rows] == ["frames not dropped"] * 2
+    assert [len(own) for own in rows] == [12, 11]
+    assert [[*own.items()][-1] for own in rows] == [(FINAL, (7.35, 6.58, 8.31)), (FINAL, (6.52, 6.06, 6.84))]
+
+
 def test_rows_about_rejected_frames_are_left_out_where_none_is_rejected():
-    planted, hands = (
-        SOUND.table_settings(SimpleNamespace(instrument="piano", label=label)) for label in (PLANTED, HANDS)
-    )
+    data = [SimpleNamespace(instrument="piano", label=label) for label in (PLANTED, HANDS)]
+    planted, hands = map(SOUND.table_settings, data)
     assert set(planted) - set(hands) == {"frames not dropped", "gaps interpolated"}
     assert tuple(hands)[-len(OWN_ROWS) :] == OWN_ROWS
 
@@ -141,32 +145,31 @@ def test_the_same_order_as_the_papers_agrees_fully_and_the_reverse_not_at_all():
 
 def test_one_training_gives_no_interval_of_agreement_and_our_rows_no_order():
     agreement = SOUND.rank_agreement(errors_by_row(["no delay", FINAL, OWN_ROWS[0]], [8.0, 7.0, 1.0]))
-    assert agreement["rows"] == 2
-    assert np.isnan([agreement["low"], agreement["high"]]).all()
+    assert agreement["rows"] == 2 and np.isnan([agreement["low"], agreement["high"]]).all()
 
 
 # The limits
 
 
-def test_the_truth_itself_has_no_error_and_a_shift_has_its_length():
-    limits = SOUND.ceilings(QUICK, four_times("piano", **{"from_audio": lambda take: take.clean})).set_index("row")
-    assert limits.loc[FLOOR, "full"] == pytest.approx(0.0, abs=1e-9)
-    shifted = {"from_audio": lambda take: take.clean + np.array([3.0, 4.0])}
-    limits = SOUND.ceilings(QUICK, four_times("piano", **shifted)).set_index("row")
-    assert limits.loc[FLOOR, "full"] == pytest.approx(np.sqrt((9 + 16) / 2))
+def limits_of(data: PlayerData) -> "pd.Series[float]":
+    return SOUND.ceilings(QUICK, data).set_index("row")["full"]
+
+
+@pytest.mark.parametrize(("shift", "error"), [((0.0, 0.0), 0.0), ((3.0, 4.0), np.sqrt((9 + 16) / 2))])
+def test_the_truth_itself_has_no_error_and_a_shift_has_its_length(shift: tuple[float, float], error: float):
+    assert limits_of(four_times(shift))[FLOOR] == pytest.approx(error, abs=1e-9)
 
 
 def test_a_violinist_without_the_bows_direction_lies_between_truth_and_mean_pose():
-    limits = SOUND.ceilings(QUICK, planted_data("violin")).set_index("row")["full"]
+    limits = limits_of(planted_data("violin"))
     assert list(limits.index) == [MEAN_POSE, BLIND, FLOOR]
     assert limits[FLOOR] < limits[BLIND] < limits[MEAN_POSE]
 
 
 def test_the_bows_direction_is_no_limit_of_a_pianist_and_of_real_hands_only_the_mean_pose_is_one():
-    data = planted_data()
-    assert list(SOUND.ceilings(QUICK, data)["row"]) == [MEAN_POSE, FLOOR]
-    recorded = replace(data, label=HANDS, planted=MappingProxyType({}))
-    assert list(SOUND.ceilings(QUICK, recorded)["row"]) == [MEAN_POSE]
+    recorded = replace(planted_data(), label=HANDS, planted=MappingProxyType({}))
+    assert list(limits_of(planted_data()).index) == [MEAN_POSE, FLOOR]
+    assert list(limits_of(recorded).index) == [MEAN_POSE]
 
 
 def test_limits_stand_below_the_table_with_test_errors_alone():
@@ -206,25 +209,6 @@ def test_spread_of_components_is_a_mean_over_pieces_and_a_share_of_that_to_music
     assert table.loc["white noise as sound", ["SD 1", "SD 1 / music"]].tolist() == [0.5, pytest.approx(1 / 6)]
 
 
-def untrained(data: PlayerData, **settings: Any) -> SoundToPoints:
-    """A network without training whose points are the mean pose, 10 pixels each."""
-    params = Audio2BodyParams(hidden=4, components=2, fps=data.fps, **settings)
-    reference = Reference((), np.zeros((0, 2)))
-    network = SoundToPoints(params, data.performances[0].motion.skeleton, data.instrument, 2, reference)
-    size = 2 * len(network.skeleton.joints)
-    space = PointSpace(np.full(size, 10.0), np.eye(2, size), np.ones(2))
-    network.set_statistics(torch.full((params.n_sound,), 5.0), torch.full((params.n_sound,), 2.0), space)
-    return network.eval()
-
-
-def test_random_features_are_normal_once_the_network_has_scaled_them():
-    network = untrained(planted_data())
-    features = SOUND.random_features(network, 4000, np.random.default_rng(0))
-    scaled = network.sound_scale(torch.from_numpy(features)).numpy()
-    assert np.abs(scaled.mean(axis=0)).max() < 0.1
-    assert np.abs(scaled.std(axis=0) - 1).max() < 0.1
-
-
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Trainings are kept in a folder of these tests."""
@@ -234,7 +218,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("kept")
-def test_figures_5_and_6_show_the_first_test_piece_in_full():
+def test_figures_5_and_6_show_the_first_test_piece_in_full_and_features_that_the_network_scales_to_normal_ones():
     data = planted_data()
     mode = SOUND.mode_over_epochs(QUICK, data)
     assert mode["piece"].unique().tolist() == ["planted piano 4"]
@@ -242,9 +226,12 @@ def test_figures_5_and_6_show_the_first_test_piece_in_full():
     run = trained_player(QUICK, data, Audio2BodyParams.tables("piano"), 1)
     inputs = SOUND.random_inputs(data, run)
     assert inputs["input"].unique().tolist() == ["music", "white noise as sound", "random features"]
-    assert inputs["first"][inputs["input"] == "music"].to_list() == pytest.approx(
-        mode["predicted"][mode["epochs"] == 2].to_list()
-    )
+    curve = mode["predicted"][mode["epochs"] == 2].to_numpy()
+    assert inputs["first"][inputs["input"] == "music"].to_numpy() == pytest.approx(curve)
+    network = run.system.network
+    features = SOUND.random_features(network, 4000, np.random.default_rng(0))
+    scaled = network.sound_scale(torch.from_numpy(features)).detach()
+    assert scaled.mean(dim=0).abs().max() < 0.1 and (scaled.std(dim=0) - 1).abs().max() < 0.1
     components = SOUND.component_table(data, run)
     assert components["share"].is_monotonic_decreasing
     assert components["share"].sum() == pytest.approx(1.0, abs=0.01)
@@ -252,11 +239,9 @@ def test_figures_5_and_6_show_the_first_test_piece_in_full():
 
 @pytest.mark.usefixtures("kept")
 def test_fewer_epochs_are_the_beginning_of_the_same_training():
-    data = planted_data()
-    settings = Audio2BodyParams.tables(data.instrument)
+    data, settings = planted_data(), Audio2BodyParams.tables("piano")
     short, whole = (trained_player(QUICK, data, settings, 1, epochs=epochs) for epochs in (1, None))
-    assert len(short.history) == 1
-    assert len(whole.history) == 2
+    assert (len(short.history), len(whole.history)) == (1, 2)
     assert short.history["val_error"].iloc[0] == whole.history["val_error"].iloc[0]
 
 
@@ -322,9 +307,7 @@ def test_planted_strikes_meet_every_onset_of_their_own_music():
     # The noise that was planted, 1 pixel, and cameras that differ in size by 8 % each.
     assert scores.loc[0, "error"] == pytest.approx(1.0, rel=0.17)
     assert np.isnan(scores.loc[0, "other"])  # there is no other test piece
-
-
-def test_strikes_of_real_hands_are_never_scored():
+    # Strikes of real hands are never scored.
     refused("no score of them is evidence", SOUND.piece_scores, QUICK, planted_data(label=HANDS), {})
 
 
@@ -452,10 +435,9 @@ def test_modes_share_all_of_the_variance_and_two_hold_the_hands():
     assert shares["share"].sum() == pytest.approx(1.0)
     assert moves.groupby("component").size().tolist() == [50, 50, 50]
     assert POINTS.counts(shares)[0.9] <= 2
-    lengths = moves.assign(square=moves["dx"] ** 2 + moves["dy"] ** 2).groupby("component")["square"].sum()
-    assert (lengths / lengths.iloc[0]).tolist() == pytest.approx(
-        (shares["share"] / shares["share"].iloc[0])[:3].tolist()
-    )
+    squares = (moves["dx"] ** 2 + moves["dy"] ** 2).groupby(moves["component"]).sum().to_numpy()
+    share = shares["share"].to_numpy()[:3]
+    assert squares / squares[0] == pytest.approx(share / share[0])
 
 
 def test_steps_show_a_rejected_frame_and_no_step_beside_it_counts():
@@ -491,9 +473,8 @@ def test_points_that_were_not_detected_are_not_drawn():
     detected = np.ones(50, bool)
     detected[PLAYER_50.joints.index("left_wrist")] = False
     points = np.arange(100.0).reshape(50, 2)
-    whole, partly = (
-        player_points.draw_player(Figure().subplots(), points, PLAYER_50, detected=seen) for seen in (None, detected)
-    )
+    draw = partial(player_points.draw_player, points=points, skeleton=PLAYER_50)
+    whole, partly = (draw(Figure().subplots(), detected=seen) for seen in (None, detected))
     bones = [len(ax.collections[0].get_segments()) for ax in (whole, partly)]
     assert bones[0] - bones[1] == 2  # from the elbow, and to the hand
     assert [len(ax.collections[1].get_offsets()) for ax in (whole, partly)] == [50, 49]
@@ -514,9 +495,7 @@ def test_pictures_of_notebook_18_are_drawn_from_their_records():
     clip = POINTS.played_clip(planted_performance("piano", seconds=8.0), start=1.0, seconds=4.0)
     titles = [ax.get_title(loc="left") for ax in player_points.overview_figure(clip, at=1.0).axes]
     assert titles == ["1 the sound", "2 28 numbers a frame", "3 50 points (planted)", "4 an avatar"]
-    assert [label.get_text() for label in player_points.features_figure(clip).axes[1].get_yticklabels()][
-        2
-    ] == "log energy"
+    assert player_points.features_figure(clip).axes[1].get_yticklabels()[2].get_text() == "log energy"
     shares, moves = POINTS.point_components(data)
     titles = [ax.get_title(loc="left") for ax in POINTS.components_picture(shares, moves).axes]
     assert titles[3].startswith(f"{POINTS.counts(shares)[0.9]} hold 90 %")
@@ -553,19 +532,16 @@ def test_titles_of_figure_6_have_shares_of_the_spread_to_music():
     table = pd.DataFrame({"input": names, "SD 1": [50.0, 4.0], "SD 1 / music": [1.0, 0.08]})
     figure = SOUND.random_inputs_figure(curves, table, "planted piano")
     assert figure.get_suptitle() == "Planted piano, share of the movement to music: 8% to white noise as sound"
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [
-        "music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music",
-    ]  # fmt: skip
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles == ["music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music"]
 
 
 def table_of(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
     """Rows of (test error, the paper's), and a mean pose of 20."""
-    parts = [
-        {"row": row, "seeds": 3, "train full": ours, "validation full": ours, "test full": ours, "test full SD": 0.1,
-         "paper test": paper}
-        for row, (ours, paper) in rows.items()
-    ]  # fmt: skip
-    return pd.DataFrame([*parts, {"row": "mean pose", "test full": 20.0}])
+    table = pd.DataFrame([(row, *own) for row, own in rows.items()], columns=["row", "test full", "paper test"])
+    sides = {f"{side} full": table["test full"] for side in ("train", "validation")}
+    runs = table.assign(**sides, seeds=3, **{"test full SD": 0.1})
+    return pd.concat([runs, pd.DataFrame({"row": ["mean pose"], "test full": 20.0})], ignore_index=True)
 
 
 def test_a_table_is_drawn_as_differences_from_final_with_limits_as_lines_and_the_papers_where_there_are_any():
@@ -590,10 +566,9 @@ def test_components_are_labelled_with_part_and_share():
 
 
 def test_error_and_hits_stand_side_by_side_with_other_music():
-    table = pd.DataFrame(
-        {"hands": ["planted hands", "final"], "error": [1.0, 7.0], "error SD": [0.0, 0.2], "hits": [1.0, 0.8],
-         "hits SD": [0.0, 0.1], "other": [0.0, 0.02], "pieces p < .05": [1.0, 0.5]}
-    )  # fmt: skip
+    columns = ["hands", "error", "error SD", "hits", "hits SD", "other", "pieces p < .05"]
+    rows = [("planted hands", 1.0, 0.0, 1.0, 0.0, 0.0, 1.0), ("final", 7.0, 0.2, 0.8, 0.1, 0.02, 0.5)]
+    table = pd.DataFrame(rows, columns=columns)
     error, hits = player_results.hits_figure({"piano": table}).axes
     assert error.get_title("left") == "Planted piano: least error\nwith final"
     assert [bar.get_width() for bar in error.patches] == [1.0, 7.0]
