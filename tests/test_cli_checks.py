@@ -7,18 +7,19 @@ from contextlib import contextmanager
 from functools import partial
 from inspect import signature
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 import soundfile
+import typer
 from typer import Typer
 from typer.main import get_command
-from typer.models import ArgumentInfo
+from typer.models import OptionInfo
 from typer.testing import Result
 
 from harmolab.cli import app
-from harmolab.cli.common import FileOptions, with_options
+from harmolab.cli.common import FileOptions, described, with_options
 from harmolab.cli.evaluating import print_comparison
 from harmolab.cli.screen import printable
 from harmolab.data.synthetic import write_corpus
@@ -59,14 +60,14 @@ def line(result: Result) -> str:
     return result.stderr.removeprefix("harmolab: ").rstrip("\n")
 
 
-def commands(group: Typer, *names: str) -> Iterator[tuple[tuple[str, ...], Callable[..., None]]]:
+def functions(group: Typer, *names: str) -> Iterator[tuple[tuple[str, ...], Callable[..., None]]]:
     """Every command below a group: its words and its function."""
     for info in group.registered_commands:
         if info.callback is not None:
             yield (*names, info.name or info.callback.__name__), info.callback
     for part in group.registered_groups:
         if part.typer_instance is not None:
-            yield from commands(part.typer_instance, *names, str(part.name))
+            yield from functions(part.typer_instance, *names, str(part.name))
 
 
 def float_options(words: tuple[str, ...], function: Callable[..., None]) -> Iterator[tuple[str, ...]]:
@@ -74,23 +75,19 @@ def float_options(words: tuple[str, ...], function: Callable[..., None]) -> Iter
 
     Numbers with a range are left out: typer itself refuses NaN there (`test_a_value_beyond_its_range_is_one_line`).
     """
-    hints = {name: get_args(hint) for name, hint in get_type_hints(function, include_extras=True).items()}
-    needed = [
-        name for name, one in signature(function).parameters.items() if one.default is one.empty and hints.get(name)
-    ]
-    for name in needed:
-        word = {"song": "song.wav", "motion": "dance.npz"}.get(name, "x")
-        words = (*words, word) if isinstance(hints[name][1], ArgumentInfo) else (*words, option(name), word)
-    numbers = {name: hint[1] for name, hint in hints.items() if hint and hint[0] in (float, float | None)}
-    yield from ((*words, option(name)) for name, info in numbers.items() if info.min is None and info.max is None)
+    numbers = []
+    for one in signature(function, eval_str=True).parameters.values():
+        kind, info = get_args(one.annotation)[:2] if hasattr(one.annotation, "__metadata__") else (one.annotation, None)
+        option = f"--{one.name.replace('_', '-')}"
+        if one.default is one.empty and kind is not typer.Context:
+            word = {"song": "song.wav", "motion": "dance.npz"}.get(one.name, "x")
+            words = (*words, option, word) if isinstance(info, OptionInfo) else (*words, word)
+        if kind in (float, float | None) and getattr(info, "min", None) is getattr(info, "max", None) is None:
+            numbers.append(option)
+    yield from ((*words, option) for option in numbers)
 
 
-def option(name: str) -> str:
-    """The option of a parameter."""
-    return f"--{name.replace('_', '-')}"
-
-
-FLOATS = [call for words, function in commands(app) for call in float_options(words, function)]
+FLOATS = [call for words, function in functions(app) for call in float_options(words, function)]
 
 
 def test_the_options_below_are_those_of_nearly_all_commands():
@@ -428,6 +425,14 @@ def test_no_command_has_an_option_twice() -> None:
     for command in commands(get_command(app)):
         names = [name for one in command.params for name in (*one.opts, *one.secondary_opts)]
         assert len(names) == len(set(names)), command.name
+
+
+def test_every_parameter_has_its_help_and_every_help_its_parameter() -> None:
+    for _, function in functions(app):
+        names = {"_" if name.startswith("_") else name for name in signature(function).parameters}
+        assert described(function.__doc__)[1].keys() <= names, function
+    for command in commands(get_command(app)):
+        assert [one.name for one in command.params if not (one.help or one.hidden)] == [], command.name
 
 
 def test_a_record_of_options_is_filled_by_an_option_for_each_field():

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import webbrowser
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from importlib.util import find_spec
-from inspect import Signature, signature
+from inspect import Signature, cleandoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -192,6 +193,20 @@ class JudgeOptions:
         return recommended(self.pattern, dance, self.how)
 
 
+SECTION = "\n\nParameters\n----------\n"  # of a docstring; behind it stand lines "name : help"
+
+
+def described(docstring: str | None) -> tuple[str, dict[str, str]]:
+    """The words on a command in its docstring, and parameter -> help, of the section on its parameters.
+
+    >>> described("Do it.\\n\\nParameters\\n----------\\nout : The file\\n    to write.\\nseed : Luck.")
+    ('Do it.', {'out': 'The file to write.', 'seed': 'Luck.'})
+    """
+    words, _, section = cleandoc(docstring or "").partition(SECTION)
+    parts = re.split(r"^(\w+) : ", section, flags=re.MULTILINE)
+    return words, {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """The command with one option for each field of the records of options that it takes."""
     parameters = signature(command, eval_str=True).parameters.values()
@@ -203,6 +218,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         filled = {name: record(**{one: values.pop(one) for one in fields[name]}) for name, record in records.items()}
         command(**values, **filled)
 
+    docstrings = [cleandoc(one.__doc__ or "").partition(SECTION) for one in (command, *records.values())]
+    called.__doc__ = docstrings[0][0] + SECTION + "\n".join(section for _, _, section in docstrings)
     options = [option for one in parameters for option in (fields[one.name].values() if one.name in fields else [one])]
     called.__signature__ = Signature([one.replace(kind=one.KEYWORD_ONLY) for one in options])  # type: ignore[attr-defined]
     return called
@@ -347,11 +364,15 @@ FORCE = "--force"
 class CheckedCommand(TyperCommand):
     """A command that ends with one line for a number that is not finite, or for an output that is worth keeping.
 
-    An output is worth keeping where it is an input or, without `FORCE`, a file that harmolab did not write.
+    The help of its parameters stands in the docstring of its function. An output is worth keeping where it is an input
+    or, without `FORCE`, a file that harmolab did not write.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
+        words, helps = described(keywords.get("help"))
+        super().__init__(*arguments, **keywords | {"help": words})
+        for one in self.params:
+            one.help = helps.get(one.name, one.help)  # type: ignore[attr-defined]
         self.params += options_of(_said)
         writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
         if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):

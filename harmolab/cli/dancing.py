@@ -261,38 +261,19 @@ MEANINGS = (
 def dance(
     context: typer.Context,
     song: common.Song,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and "
-            ".bvh in this folder."
-        ),
-    ] = None,
+    out: Path | None = None,
     one: common.One = None,
-    seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
-    offset: Annotated[
-        float, typer.Option("--offset", "--start", help="Audio time in seconds at which the dance begins.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
-    samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
+    seconds: float | None = None,
+    offset: Annotated[float, typer.Option("--offset", "--start")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    samples: Annotated[int, typer.Option(min=1)] = 1,
     *,
     dancer_options: DancerOptions,
-    harmonise: Annotated[
-        float | None,
-        typer.Option(metavar="CM", help="Move joints by so many cm at most, to fit the beats better (needs torch)."),
-    ] = None,
+    harmonise: Annotated[float | None, typer.Option(metavar="CM")] = None,
     pattern: common.PatternFile = None,
-    plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
-    feet: Annotated[
-        str | None,
-        typer.Option(
-            help="How, in music2dance: planted (default), model (a network that was trained for it), or none.",
-            autocompletion=common.completed("planted", "model", "none"),
-        ),
-    ] = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.")
-    ] = None,
+    plant_feet: bool = True,
+    feet: Annotated[str | None, typer.Option(autocompletion=common.completed("planted", "model", "none"))] = None,
+    temperature: float | None = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
@@ -308,6 +289,19 @@ def dance(
     Example: `harmolab dance song.mp3`
 
     Example: `harmolab dance song.mp3 --from my_corpus --dance waltz --one 12.4 --out dance.mp4`
+
+    Parameters
+    ----------
+    out : mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and .bvh in
+        this folder.
+    seconds : Length of the dance (default: to the end).
+    offset : Audio time in seconds at which the dance begins.
+    seed : Another seed, another dance.
+    samples : So many dances, from --seed on; files are numbered.
+    harmonise : Move joints by so many cm at most, to fit the beats better (needs torch).
+    plant_feet : Keep feet that carry from sliding.
+    feet : How, in music2dance: planted (default), model (a network that was trained for it), or none.
+    temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.
     """
     with plain_errors():
         files = dance_files(out, song, seed, samples)

@@ -26,37 +26,13 @@ UNASKED = (".html", ".mp4")  # where nothing is asked for
 def perform(
     context: typer.Context,
     song: Song,
-    instrument: Annotated[
-        Instrument | None, typer.Option(help="What is played; a run of --weights knows it.", show_default=False)
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: "
-            "SONG_performance.html and .mp4 in this folder."
-        ),
-    ] = None,
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of `harmolab train --system audio2body`, or a weights file.")
-    ] = None,
-    is_avatar: Annotated[
-        bool | None,
-        typer.Option(
-            "--avatar/--points",
-            help="An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the "
-            "avatar.",
-            show_default=False,
-        ),
-    ] = None,
-    start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
-    seconds: Annotated[float | None, typer.Option(help="Only so many seconds from there.")] = None,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            help="Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown "
-            "beside, or with --points under, the predicted one, with the error and how well both meet the sound."
-        ),
-    ] = None,
+    instrument: Annotated[Instrument | None, typer.Option(show_default=False)] = None,
+    out: Path | None = None,
+    weights: Path | None = None,
+    is_avatar: Annotated[bool | None, typer.Option("--avatar/--points", show_default=False)] = None,
+    start: float = 0.0,
+    seconds: float | None = None,
+    truth: Path | None = None,
     offset: Offset = None,
     fps: Fps = None,
 ) -> None:
@@ -77,6 +53,19 @@ def perform(
     Example: `harmolab perform sonata.wav --instrument piano`
 
     Example: `harmolab perform take/audio.wav --instrument violin --truth take --points --out beside.html`
+
+    Parameters
+    ----------
+    instrument : What is played; a run of --weights knows it.
+    out : html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: SONG_performance.html
+        and .mp4 in this folder.
+    weights : Folder of `harmolab train --system audio2body`, or a weights file.
+    is_avatar : An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the
+        avatar.
+    start : Audio time in seconds at which it begins.
+    seconds : Only so many seconds from there.
+    truth : Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown beside,
+        or with --points under, the predicted one, with the error and how well both meet the sound.
     """
     with plain_errors():
         paths = files_to_write(out, song, "performance", UNASKED)
