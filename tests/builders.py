@@ -1,5 +1,6 @@
 """Small things that many tests build: beats, bodies, dances to planted music, a call of the command line."""
 
+import re
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -137,3 +138,18 @@ def refused(message: str, call: Callable[..., object], /, *arguments: Any, **opt
 def cases(names: str, *rows: object, **options: Any) -> pytest.MarkDecorator:
     """A test that is run once a row, its arguments these names: `pytest.mark.parametrize` of a written-out table."""
     return pytest.mark.parametrize(names, rows, **options)
+
+
+def done(app: Typer, *arguments: object) -> Result:
+    """Exit code and output of a command that succeeds."""
+    result = called(app, *arguments)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def complaint(app: Typer, *arguments: object) -> str:
+    """The one line that a command prints which cannot be done; how long a slow machine waits is none."""
+    result = called(app, *arguments)
+    lines = [line for line in result.stderr.splitlines() if not re.search(r" \(\d+ s\)$", line)]
+    assert (result.exit_code, result.stdout, len(lines)) == (2, "", 1), result.output
+    return lines[0].removeprefix("harmolab: ")

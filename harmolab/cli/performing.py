@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,9 +16,7 @@ from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
     from harmolab.musician.page import Performed
-    from harmolab.musician.performances import Performance
     from harmolab.musician.system import Audio2Body
-    from harmolab.types import Audio
 
 Instrument = Literal["piano", "violin"]
 UNASKED = (".html", ".mp4")  # where nothing is asked for
@@ -76,12 +75,14 @@ def perform(
         is_avatar = _is_avatar(is_avatar, paths)
         system = _player(weights, instrument)
         from harmolab.musician.page import performed
+        from harmolab.musician.performances import load_playing
         from harmolab.readers.audio import load_sound
 
         with waiting("listening"):
             audio = load_sound(song, sample_rate=None)
             begin = perf_counter()
-            own = None if truth is None else _truth(truth, audio, system, offset=offset, fps=fps)
+            plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
+            own = None if truth is None else plays(truth)
             result = performed(
                 system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
             )
@@ -137,13 +138,6 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
     if system.network.params.hears == "notes":
         raise ValueError(f"{weights}: hears notes, not sound; in Python: Audio2Body.load(RUN).generate(audio, notes=)")
     return system
-
-
-def _truth(path: Path, audio: Audio, system: Audio2Body, *, offset: float | None, fps: float | None) -> Performance:
-    """The playing of one's own, with the song as its sound."""
-    from harmolab.musician.performances import load_playing
-
-    return load_playing(path, audio, instrument=system.network.instrument, offset=offset, fps=fps)
 
 
 def _has_body(system: Audio2Body, is_avatar: bool) -> bool:

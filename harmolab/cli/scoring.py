@@ -17,7 +17,9 @@ from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, so
 # `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
 
 if TYPE_CHECKING:
+    from harmolab.params import HarmonyParams
     from harmolab.score import HarmonyScore
+    from harmolab.types import BeatTrack, Clip
 
 ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 
@@ -114,12 +116,6 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
 
     headings = ("recording", "dance", "harmony above chance", "p in time", "level")
     common.print_table(headings, map(cells, rows), escape(printable(title)))
-
-
-if TYPE_CHECKING:
-    from harmolab.params import HarmonyParams
-    from harmolab.score import HarmonyScore
-    from harmolab.types import BeatTrack, Clip
 
 
 # Names in the table, and of the fields behind them.

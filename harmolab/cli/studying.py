@@ -11,6 +11,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import left_out
 from harmolab.cli.screen import plain_errors, progress
+from harmolab.files import plain, write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.answers import Answers
@@ -28,8 +29,6 @@ study_app = typer.Typer(
 
 
 Kind = Literal["pick", "choice", "rate"]
-Wrong = Literal["lagged", "swapped"]
-Raters = Literal["all", "people", "simulated"]
 
 
 @study_app.command(cls=common.CheckedCommand)
@@ -40,7 +39,7 @@ def make(
     kind: Kind = "pick",
     n: int = 20,
     seconds: float = 8.0,
-    wrong: Wrong = "lagged",
+    wrong: Literal["lagged", "swapped"] = "lagged",
     against: Path | None = None,
     seed: Annotated[int, typer.Option(min=0)] = 1,
 ) -> None:
@@ -142,7 +141,7 @@ def analyse(
     context: typer.Context,
     study: Path,
     out: Path | None = None,
-    raters: Raters = "all",
+    raters: Literal["all", "people", "simulated"] = "all",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     as_json: common.AsJson = False,
 ) -> None:
@@ -157,7 +156,6 @@ def analyse(
     raters : Whose answers count; people and simulated raters never mix.
     seed : Seed of the bootstrap.
     """
-    from harmolab.files import plain
     from harmolab.lab.listening.analysis import study_tables
     from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
@@ -189,8 +187,8 @@ def _save(out: Path, tables: Tables, text: str) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     for name, rows in tables.items():
-        common.write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
-    common.write_text(out / SUMMARY, text)
+        write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False))
+    write_text(out / SUMMARY, f"{text}\n")
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:
