@@ -394,9 +394,7 @@ def test_a_pickled_body_is_refused_with_the_way_to_convert_it(tmp_path: Path):
 def test_a_body_is_refused_for_files_without_parameters(tmp_path: Path):
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     path = saved(tmp_path / "joints.npy", np.tile(REST, (4, 1, 1)))
-    refused(
-        r"joints\.npy: holds no SMPL parameters; leave out smpl", load_motion, path, fps=30, smpl=tmp_path / "smpl.npz"
-    )
+    refused(r"joints\.npy: holds no SMPL parameters; leave out", load_motion, path, fps=30, smpl=tmp_path / "smpl.npz")
 
 
 # Joints in space
@@ -442,12 +440,7 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
     np.savez(tmp_path / "own.npz", positions=to_z_up(moving_joints()), fps=30.0)
     np.testing.assert_allclose(load_motion(tmp_path / "own.npz", up="z").positions, moving_joints())
     np.savez(tmp_path / "flat.npz", positions=moving_joints()[..., :2], fps=30.0)
-    refused(
-        r"flat\.npz: holds image coordinates, in which y points down; leave out up",
-        load_motion,
-        tmp_path / "flat.npz",
-        up="z",
-    )
+    refused(r"flat\.npz: holds image coordinates, .*leave out up", load_motion, tmp_path / "flat.npz", up="z")
     refused("up must be y or z", load_motion, tmp_path / "own.npz", up="x")
     bvh = tmp_path / "walk.bvh"
     bvh.write_text(
@@ -573,9 +566,7 @@ def test_frames_of_bailando_that_hold_no_dance_are_refused_by_name(tmp_path: Pat
 
 def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):
     poses = np.random.default_rng(1).normal(size=(40, 72)) * np.linspace(0, 1, 40)[:, None]
-    refused(
-        r"d\.npy: holds no joints: the thigh changes its length", load_motion, saved(tmp_path / "d.npy", poses), fps=60
-    )
+    refused(r"d\.npy: holds no joints: the thigh changes", load_motion, saved(tmp_path / "d.npy", poses), fps=60)
 
 
 # HumanML3D
