@@ -53,7 +53,7 @@ def clip_folder(corpus: Path) -> Path:
     return sorted(corpus.glob("clip_*_rumba"))[0]
 
 
-def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
+def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path):
     printed = json.loads(run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json").stdout)
     clip = load_recording(clip_folder).clip
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):
@@ -62,7 +62,7 @@ def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
         assert printed[mode] == json.loads(json.dumps(expected))
 
 
-def test_score_of_one_mode_prints_that_mode_only(clip_folder: Path) -> None:
+def test_score_of_one_mode_prints_that_mode_only(clip_folder: Path):
     result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--mode", "paper", "--json")
     assert set(json.loads(result.stdout)) == {"clip", "paper"}
 
@@ -79,7 +79,7 @@ def cells(result: Result, name: str) -> list[str]:
     return next(row[2:-1] for row in rows if row[1] == name)
 
 
-def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path) -> None:
+def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path):
     result = succeed("score", recording, "--mode", "recommended", "--verbose")
     score = score_clip(load_recording(recording).clip)
     assert result.stdout.splitlines()[0] == score.judgement.verdict
@@ -91,20 +91,20 @@ def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path) -> N
     assert cells(result, "level, 0 to 4") == [str(score.judgement.level)]
 
 
-def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recording: Path) -> None:
+def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recording: Path):
     printed = json.loads(run("score", recording, "--json").stdout)
     assert (printed["clip"]["beats"], printed["clip"]["dance"]) == (str(recording / "beats.json"), "rumba")
     assert printed["recommended"] == json.loads(json.dumps(score_clip(load_recording(recording).clip).to_dict()))
     assert set(JUDGEMENT_KEYS) <= set(printed["recommended"])
 
 
-def test_where_chance_reaches_nearly_all_beats_nothing_is_above_it(recording: Path) -> None:
+def test_where_chance_reaches_nearly_all_beats_nothing_is_above_it(recording: Path):
     result = run("score", recording, "--mode", "paper")
     assert float(cells(result, "chance")[0]) > 0.9
     assert cells(result, "harmony above chance") == cells(result, "p value") == ["-"]
 
 
-def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path) -> None:
+def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path):
     result = run("score", clip_folder, "--verbose")
     assert result.stdout.startswith("Cannot tell: ")
     assert cells(result, "harmony above chance") == ["-", "-"]
@@ -113,11 +113,11 @@ def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path)
 @cases(
     "mode, fault", ("room", "--mode room is gone"), ("mine", "--mode must be one of paper, recommended, both; got 'm")
 )
-def test_mode_that_is_gone_or_unknown_is_refused_in_a_line(recording: Path, mode: str, fault: str) -> None:
+def test_mode_that_is_gone_or_unknown_is_refused_in_a_line(recording: Path, mode: str, fault: str):
     assert fault in refusal("score", recording, "--mode", mode)
 
 
-def test_joints_can_be_chosen_to_score(recording: Path) -> None:
+def test_joints_can_be_chosen_to_score(recording: Path):
     clip = load_recording(recording).clip
     names = ("hand L", "finger R", "hip L", "knee R")
     printed = json.loads(run("score", recording, "--joints", ",".join(names), "--json").stdout)["recommended"]
@@ -127,7 +127,7 @@ def test_joints_can_be_chosen_to_score(recording: Path) -> None:
     assert printed["harmony_above_chance"] == pytest.approx(expected.harmony_above_chance, abs=1e-9)
 
 
-def test_other_measures_stand_under_a_heading_of_their_own(recording: Path) -> None:
+def test_other_measures_stand_under_a_heading_of_their_own(recording: Path):
     plain, more = (run("score", recording, *options).stdout for options in ((), ("--others",)))
     assert "mir_eval_f" not in plain
     table, others = more.split("other measures of the field")
@@ -135,7 +135,7 @@ def test_other_measures_stand_under_a_heading_of_their_own(recording: Path) -> N
     assert "mir_eval_f" in others
 
 
-def test_score_plot_is_a_png_and_leaves_nothing_else(clip_folder: Path, tmp_path: Path) -> None:
+def test_score_plot_is_a_png_and_leaves_nothing_else(clip_folder: Path, tmp_path: Path):
     picture = tmp_path / "score.png"
     succeed("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--plot", picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -153,11 +153,11 @@ def test_score_plot_is_a_png_and_leaves_nothing_else(clip_folder: Path, tmp_path
     (("dance", "dance.npz", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
     (("render", "dance.bvh", "film.mp4", "--out", "x.mp4"), "dance.bvh: the order is SONG DANCE"),
 )
-def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str, ...], hint: str) -> None:
+def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str, ...], hint: str):
     assert hint in refusal(*arguments)
 
 
-def test_compare_json_has_every_promised_score(corpus: Path) -> None:
+def test_compare_json_has_every_promised_score(corpus: Path):
     summary = json.loads(run("compare", corpus, "--rotations", 40, "--json", "--jobs", 0).stdout)
     assert {"corpus", "window", "null", "beats", "n", "scores"} <= set(summary)
     assert (summary["window"], summary["null"], summary["beats"], summary["n"]) == (6.0, "lagged", "annotated", 21)
@@ -174,29 +174,29 @@ def compared(corpus: Path) -> Callable[..., Result]:
     return partial(succeed, "compare", corpus, "--rotations", 20, "--jobs", 0)
 
 
-def test_compare_fits_on_another_corpus_and_says_so(corpus: Path, compared: Callable[..., Result]) -> None:
+def test_compare_fits_on_another_corpus_and_says_so(corpus: Path, compared: Callable[..., Result]):
     summary = json.loads(compared("--fit-on", corpus, "--dances", "rumba,waltz", "--json").stdout)
     assert summary["fitted_on"].startswith("6 sequences of another corpus")
     assert set(summary["scores"]["recommended"]["by_dance"]) == {"R", "W"}
 
 
-def test_compare_against_other_songs_and_tracked_beats(compared: Callable[..., Result]) -> None:
+def test_compare_against_other_songs_and_tracked_beats(compared: Callable[..., Result]):
     said = compared("--null", "other", "--beats", "tracked", "--dances", "rumba,waltz").stdout
     assert "tracked beats, other music" in " ".join(said.split())
 
 
-def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
+def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path):
     assert "harmolab data check" in refusal("compare", tmp_path)
 
 
-def test_compare_tells_how_many_recordings_reach_each_verdict(compared: Callable[..., Result]) -> None:
+def test_compare_tells_how_many_recordings_reach_each_verdict(compared: Callable[..., Result]):
     lines = [line.replace("│", " ").split() for line in compared("--dances", "rumba,waltz").stdout.splitlines()]
     # Six seconds hold fewer than 16 beats: no verdict on any of the six.
     assert ["true", "6", "0", "0", "0", "0"] in lines
     assert ["lagged", "6", "0", "0", "0", "0"] in lines
 
 
-def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
+def test_compare_gives_the_verdict_of_score(tmp_path: Path):
     root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
     command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--jobs", 0, "--json")
     rows = json.loads(run(*command).stdout)["recordings"]
@@ -209,7 +209,7 @@ def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
         assert {name: printed["recommended"][name] for name in names} == {name: row[name] for name in names}
 
 
-def test_learnt_patterns_can_be_scored_with_for_the_dances_that_they_have(corpus: Path, tmp_path: Path) -> None:
+def test_learnt_patterns_can_be_scored_with_for_the_dances_that_they_have(corpus: Path, tmp_path: Path):
     patterns = tmp_path / "patterns.json"
     succeed("learn", corpus, "--out", patterns)
     assert set(json.loads(patterns.read_text())) >= {"rumba", "waltz"}
@@ -220,7 +220,7 @@ def test_learnt_patterns_can_be_scored_with_for_the_dances_that_they_have(corpus
     assert "no pattern for --dance 'foxtrot'" in fault and "rumba" in fault
 
 
-def test_data_check_reports_what_is_odd(tmp_path: Path) -> None:
+def test_data_check_reports_what_is_odd(tmp_path: Path):
     frozen = np.zeros((60, 2, 3))
     frozen[:, 1, 1] = 1.7
     np.savez(tmp_path / "motion.npz", positions=frozen, fps=30.0)
@@ -229,7 +229,7 @@ def test_data_check_reports_what_is_odd(tmp_path: Path) -> None:
     assert json.loads(run("data", "check", tmp_path / "motion.npz", "--json").stdout)[0]["frames"] == 60
 
 
-def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_path: Path) -> None:
+def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_path: Path):
     (tmp_path / "coco.json").write_text(json.dumps([{"image_id": n, "keypoints": [n + 5.0] * 51} for n in range(3)]))
     (tmp_path / "mine.json").write_text(json.dumps({"beats_s": [0.5, 1.0, 1.5]}))
     rows = [
@@ -238,7 +238,7 @@ def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_pa
     assert [(row["kind"], row["frames"]) for row in rows] == [("motion", 3), ("beats", 3)]
 
 
-def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path) -> None:
+def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path):
     succeed("data", "synth", tmp_path / "new", "--clips", 2, "--seconds", 3)
     assert len(list((tmp_path / "new").glob("clip_*"))) == 2
     (tmp_path / "mine").mkdir()
@@ -366,38 +366,38 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[object, ...]:
     return song, dance, "--beats", folder / "song.beats"
 
 
-def test_quiet_leaves_the_results_alone(pair: tuple[object, ...], tmp_path: Path) -> None:
+def test_quiet_leaves_the_results_alone(pair: tuple[object, ...], tmp_path: Path):
     usual, quiet = run("score", *pair), run("score", *pair, "-q")
     assert quiet.stdout == usual.stdout and quiet.stderr == ""
     page = run("--quiet", "play", *pair, "--out", tmp_path / "x.html")
     assert page.exit_code == 0 and page.output == "" and (tmp_path / "x.html").is_file()
 
 
-def test_quiet_does_not_silence_a_refusal() -> None:
+def test_quiet_does_not_silence_a_refusal():
     assert run("score", "-q", "nothing.wav").stderr == "harmolab: nothing.wav: no such file\n"
 
 
-def test_verbose_says_what_is_read_and_with_which_settings(pair: tuple[object, ...]) -> None:
+def test_verbose_says_what_is_read_and_with_which_settings(pair: tuple[object, ...]):
     lines = run("score", *pair, "--lag", "0.1", "-v").stderr
     assert "lag 0.1" in lines and "by default mode both" in lines
     assert f"reads beats: {pair[-1]}" in lines
     assert "dance.npz: npz, 360 frames of 21 joints at 60 a second" in lines
 
 
-def test_verbose_shows_where_an_error_arose() -> None:
+def test_verbose_shows_where_an_error_arose():
     usual, verbose = run("score", "nothing.wav"), run("-v", "score", "nothing.wav")
     assert "Traceback" not in usual.stderr
     assert "Traceback" in verbose.stderr and verbose.stderr.endswith(usual.stderr)
     assert usual.exit_code == verbose.exit_code == 2
 
 
-def test_quiet_and_verbose_exclude_each_other() -> None:
+def test_quiet_and_verbose_exclude_each_other():
     assert "exclude each other" in refusal("score", "x.wav", "-q", "-v")
 
 
 def test_long_work_says_a_line_every_while_where_there_is_no_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+):
     monkeypatch.setattr(screen, "EVERY", 0.05)
     for _ in screen.progress([1, 2, 3], "scoring"):
         time.sleep(0.2)
@@ -409,12 +409,12 @@ def test_long_work_says_a_line_every_while_where_there_is_no_terminal(
     assert len(lines) < 10
 
 
-def test_short_work_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_work_says_nothing(capsys: pytest.CaptureFixture[str]):
     assert list(screen.progress([1, 2], "scoring")) == [1, 2]
     assert capsys.readouterr().err == ""
 
 
-def test_what_a_decoder_in_c_prints_does_not_reach_the_screen() -> None:
+def test_what_a_decoder_in_c_prints_does_not_reach_the_screen():
     code = (
         "import os, sys; from harmolab.cli.screen import quiet_decoders\n"
         "with quiet_decoders():\n    os.write(2, b'part2_3_length'); print('ours', file=sys.stderr)\n"
@@ -427,7 +427,7 @@ def test_what_a_decoder_in_c_prints_does_not_reach_the_screen() -> None:
 # Help
 
 
-def test_the_demo_is_the_first_command() -> None:
+def test_the_demo_is_the_first_command():
     assert next(iter(PANELS.values()))[0].__name__ == "demo"
     listed = run("--help").stdout
     places = [
@@ -444,7 +444,7 @@ def test_the_demo_is_the_first_command() -> None:
     ("harmolab dance --style p", {"puppet"}),
     ("harmolab train --system mus", {"music2dance"}),
 )
-def test_the_shell_completes_commands_and_choices(words: str, expected: set[str]) -> None:
+def test_the_shell_completes_commands_and_choices(words: str, expected: set[str]):
     environment = {"_HARMOLAB_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     assert set(CliRunner().invoke(app, [], prog_name="harmolab", env=environment).stdout.split()) == expected
 
@@ -473,7 +473,7 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_folder_alone_goes_to_every_command(recording: Path, tmp_path: Path) -> None:
+def test_a_folder_alone_goes_to_every_command(recording: Path, tmp_path: Path):
     for words in (
         ("score",),
         ("explain",),
@@ -484,7 +484,7 @@ def test_a_folder_alone_goes_to_every_command(recording: Path, tmp_path: Path) -
         succeed(words[0], recording, *words[1:])
 
 
-def test_a_folder_with_one_song_and_one_motion_needs_no_layout_and_keeps_its_beats(tmp_path: Path) -> None:
+def test_a_folder_with_one_song_and_one_motion_needs_no_layout_and_keeps_its_beats(tmp_path: Path):
     clip = planted_dance(seconds=20.0)
     write_song(tmp_path / "my song.wav", clip)
     write_dance(tmp_path / "my dance.npz", clip)
@@ -495,7 +495,7 @@ def test_a_folder_with_one_song_and_one_motion_needs_no_layout_and_keeps_its_bea
     assert "has no motion.npz" in refusal("score", tmp_path)
 
 
-def test_a_video_alone_is_scored_as_it_is_explained(video: Path) -> None:
+def test_a_video_alone_is_scored_as_it_is_explained(video: Path):
     scored = json.loads(run("score", video, "--json").stdout)
     explained = json.loads(run("explain", video, "--json").stdout)
     assert scored["clip"]["offset"] == 0.0
@@ -503,7 +503,7 @@ def test_a_video_alone_is_scored_as_it_is_explained(video: Path) -> None:
         assert scored["recommended"][name] == pytest.approx(explained[name], abs=1e-9)
 
 
-def test_a_video_alone_is_rendered_with_marks_and_retimed(video: Path, tmp_path: Path) -> None:
+def test_a_video_alone_is_rendered_with_marks_and_retimed(video: Path, tmp_path: Path):
     for command in ("render", "retime"):
         out = tmp_path / f"{command}.mp4"
         succeed(command, video, "--out", out)
@@ -511,12 +511,12 @@ def test_a_video_alone_is_rendered_with_marks_and_retimed(video: Path, tmp_path:
             assert container.streams.video and container.streams.audio
 
 
-def test_options_of_motion_files_are_none_of_a_video(video: Path) -> None:
+def test_options_of_motion_files_are_none_of_a_video(video: Path):
     assert "--scale is for motion files" in refusal("score", video, "--scale", 2)
 
 
 @pytest.mark.parametrize("command", ["score", "explain", "play", "render", "retime"])
-def test_a_song_alone_is_told_what_is_missing(command: str, tmp_path: Path) -> None:
+def test_a_song_alone_is_told_what_is_missing(command: str, tmp_path: Path):
     write_song(tmp_path / "song.wav", planted_dance())
     out = () if command in ("score", "explain") else ("--out", tmp_path / ("x.html" if command == "play" else "x.mp4"))
     fault = refusal(command, tmp_path / "song.wav", *out)
@@ -524,7 +524,7 @@ def test_a_song_alone_is_told_what_is_missing(command: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("command", ["score", "explain", "retime"])
-def test_an_unknown_dance_is_refused_before_a_file_is_read(command: str, tmp_path: Path, recording: Path) -> None:
+def test_an_unknown_dance_is_refused_before_a_file_is_read(command: str, tmp_path: Path, recording: Path):
     for name in ("song.wav", "take.mp4"):
         (tmp_path / name).write_text("no media file")
     out = () if command != "retime" else ("--out", tmp_path / "x.mp4")
@@ -532,7 +532,7 @@ def test_an_unknown_dance_is_refused_before_a_file_is_read(command: str, tmp_pat
         assert "unknown dance 'chacha'; did you mean 'cha-cha'?" in refusal(command, *files, "--dance", "chacha", *out)
 
 
-def test_a_dance_longer_than_its_song_is_said(tmp_path: Path) -> None:
+def test_a_dance_longer_than_its_song_is_said(tmp_path: Path):
     clip = planted_dance(seconds=20.0)
     song = write_song(tmp_path / "song.wav", clip)
     save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
@@ -543,7 +543,7 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path) -> None:
 # A folder of recordings
 
 
-def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(takes: Path, tmp_path: Path) -> None:
+def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(takes: Path, tmp_path: Path):
     out = tmp_path / "table.csv"
     result = run("score", takes, "--csv", out)
     assert result.exit_code == 1
@@ -560,7 +560,7 @@ def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(takes: Path, tmp
     assert "not of harmolab" in refusal("score", takes, "--csv", out)
 
 
-def test_options_of_one_recording_are_none_of_many(takes: Path) -> None:
+def test_options_of_one_recording_are_none_of_many(takes: Path):
     assert "--offset is for one recording" in refusal("score", takes, "--offset", 1)
     assert "--csv is for a folder of recordings" in refusal("score", sorted(takes.glob("clip_*"))[0], "--csv", "x.csv")
 
@@ -568,7 +568,7 @@ def test_options_of_one_recording_are_none_of_many(takes: Path) -> None:
 # Moving pictures
 
 
-def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, recording: Path) -> None:
+def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, recording: Path):
     out = tmp_path / "x.gif"
     succeed("render", recording, "--start", 2, "--seconds", 1, "--height", 120, "--out", out)
     with av.open(str(out)) as container:
@@ -578,21 +578,21 @@ def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, reco
     succeed("render", recording, "--seconds", 1, "--height", 120, "--out", out)
 
 
-def test_a_gif_needs_frames_of_one_size(tmp_path: Path) -> None:
+def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
     frame = np.zeros((32, 32, 3), np.uint8)
     refused("at least one frame", write_gif, tmp_path / "x.gif", [], 10.0)
     refused("frame 1 has shape", write_gif, tmp_path / "x.gif", [frame, frame[:20]], 10.0)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_video_is_no_gif(video: Path, tmp_path: Path) -> None:
+def test_a_video_is_no_gif(video: Path, tmp_path: Path):
     assert "more colours than a gif" in refusal("render", video, "--out", tmp_path / "x.gif")
 
 
 # Demo
 
 
-def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
     out = tmp_path / "demo.html"
@@ -610,7 +610,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
 
 def test_a_body_that_was_followed_poorly_is_told_no_sign_by_no_command(
     video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+):
     lost = synthetic_motion(np.sort(np.random.default_rng(3).uniform(0, 12, 24)), seconds=12.0, fps=30.0, seed=1)
     growing = 1 + 0.2 * np.where(np.arange(lost.n_frames) // 30 % 2, 1.0, -1.0)[:, None, None]
     loose = replace(lost, positions=growing * lost.positions)

@@ -392,7 +392,7 @@ def commands(group: Any) -> Iterator[Any]:
         yield from commands(command) if hasattr(command, "commands") else [command]
 
 
-def test_every_command_explains_itself_and_takes_no_option_twice() -> None:
+def test_every_command_explains_itself_and_takes_no_option_twice():
     names = set()
     for words, function in functions(app):
         assert "Usage" in succeed(*words, "--help").stdout

@@ -340,7 +340,7 @@ def private_names(source: str) -> list[str]:
     return [name for name in names if re.search(r"(^|\.)_(?!_|replace$|asdict$)", name)]
 
 
-def test_the_study_uses_nothing_private_of_the_package() -> None:
+def test_the_study_uses_nothing_private_of_the_package():
     planted = "from harmolab.score import _with_null\nscore._secret\nself._own"
     assert private_names(planted) == ["harmolab.score._with_null", "_secret"]
     files = {path.name: path.read_text("utf-8") for path in (ROOT / "notebooks" / "study").rglob("*.py")}
@@ -349,7 +349,7 @@ def test_the_study_uses_nothing_private_of_the_package() -> None:
     assert {file: names for file, source in files.items() if (names := private_names(source))} == {}
 
 
-def test_the_wheel_holds_the_package_alone_and_the_package_knows_no_study() -> None:
+def test_the_wheel_holds_the_package_alone_and_the_package_knows_no_study():
     content = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     assert content["tool"]["hatch"]["build"]["targets"]["wheel"] == {"packages": ["harmolab"]}
     package = [path.read_text("utf-8") for path in (ROOT / "harmolab").rglob("*.py")]

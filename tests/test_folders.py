@@ -242,7 +242,7 @@ def test_check_notices_the_tango_that_is_too_fast_and_a_held_pose(data_root: Pat
     assert "frozen once, longest 2.00 s" in odd(data_root / "tang2018" / "DANCE_R_4")
 
 
-def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
+def test_start_is_what_the_folder_tells(tmp_path: Path):
     ours, theirs = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75}), tang(tmp_path / "theirs")
     bare = own(tmp_path / "bare")
     save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM))
@@ -253,7 +253,7 @@ def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
     assert load_clip(ours / "audio.wav", ours / "motion.npz", offset=0.25).offset == 0.25
 
 
-def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
+def test_joints_of_a_recording_can_be_chosen(tmp_path: Path):
     folder = tang(tmp_path / "DANCE_R_3")
     names = load_any_motion(folder).skeleton.joints[3:6]
     part = load_any_motion(folder, joints=names)
@@ -262,7 +262,7 @@ def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
     refused(r"skeletons\.json: .*no joints named \['tail'\]", load_any_motion, folder, joints=("tail",))
 
 
-def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
+def test_start_is_what_a_motion_file_keeps(tmp_path: Path):
     save_motion(tmp_path / "dance.npz", Motion(upright(), 25.0, ARM), offset=7.5)
     assert recorded_offset(tmp_path / "dance.npz") == 7.5
     ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
@@ -275,7 +275,7 @@ def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
     assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
 
 
-def test_files_of_a_recording_are_its_song_its_beats_and_its_dance(tmp_path: Path) -> None:
+def test_files_of_a_recording_are_its_song_its_beats_and_its_dance(tmp_path: Path):
     ours = own(tmp_path / "ours", beats={**BEATS, "dance": "waltz"})
     assert folders.recording_files(ours) == (ours / "audio.wav", ours / "beats.json", "waltz")
     theirs = tang(tmp_path / "DANCE_R_3")
@@ -305,7 +305,7 @@ def song(request: pytest.FixtureRequest, clip: Clip, tmp_path_factory: pytest.Te
     return path
 
 
-def test_beats_are_the_same_whatever_the_rate_of_the_sound(song: Path, clip: Clip) -> None:
+def test_beats_are_the_same_whatever_the_rate_of_the_sound(song: Path, clip: Clip):
     assert clip.motion is not None and clip.audio.sample_rate == 22050
     usual, full = load_clip(song, clip.motion), load_clip(song, clip.motion, sample_rate=None)
     assert (usual.audio.sample_rate, full.audio.sample_rate > 40000) == (22050, True)
@@ -320,7 +320,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=7, seconds=6.0, fps=30.0, seed=2)
 
 
-def test_a_folder_is_compared_like_its_recordings(corpus: Path) -> None:
+def test_a_folder_is_compared_like_its_recordings(corpus: Path):
     folder = compare(corpus, n_rotations=20, dances=("rumba", "waltz"))
     recordings = compare(corpus_recordings(corpus), n_rotations=20, dances=("rumba", "waltz"), corpus=str(corpus))
     assert folder.summary == recordings.summary
@@ -328,9 +328,7 @@ def test_a_folder_is_compared_like_its_recordings(corpus: Path) -> None:
     assert folder.summary["beats"] == "annotated"
 
 
-def test_a_recording_without_annotation_makes_all_beats_tracked_and_one_that_cannot_be_read_is_left_out(
-    tmp_path: Path,
-) -> None:
+def test_a_recording_without_annotation_makes_all_beats_tracked_and_one_that_cannot_be_read_is_left_out(tmp_path: Path):
     corpus = write_corpus(tmp_path / "synth", clips=2, seconds=4.0, fps=30.0, seed=1)
     broken = find_recordings(corpus).folders[0]
     (broken / "beats.json").unlink()
@@ -341,7 +339,7 @@ def test_a_recording_without_annotation_makes_all_beats_tracked_and_one_that_can
     assert (len(readable), problems) == (1, [broken])
 
 
-def test_bar_patterns_come_back_as_they_were(tmp_path: Path) -> None:
+def test_bar_patterns_come_back_as_they_were(tmp_path: Path):
     patterns = {
         "waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted", "waltz"),
         "rumba": BarPattern(1, (-1.0,), (0.0,), "planted", "rumba"),
@@ -352,7 +350,7 @@ def test_bar_patterns_come_back_as_they_were(tmp_path: Path) -> None:
     refused("holds no pattern for --dance ''; it has waltz, rumba", load_pattern, tmp_path / "patterns.json")
 
 
-def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip) -> None:
+def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip):
     assert clip.beats is not None
     told = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
     nearest = np.abs(told.times - clip.beats.times[6]).argmin()
@@ -360,13 +358,13 @@ def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip:
     assert load_clip(song, clip.motion, dance="cha-cha").beats.bar_places is None
 
 
-def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path: Path) -> None:
+def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path: Path):
     (tmp_path / "song.beats").write_text("1.0\n1.7\n2.4\n3.1\n")
     told = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
     assert told.bar_places.tolist() == [2, 0, 1, 2]
 
 
-def test_a_one_without_a_dance_or_a_beat_and_a_length_that_is_none_are_refused(song: Path, clip: Clip) -> None:
+def test_a_one_without_a_dance_or_a_beat_and_a_length_that_is_none_are_refused(song: Path, clip: Clip):
     refused("with --dance: cha-cha", load_clip, song, clip.motion, one=1.0)
     refused("no beat is near", load_clip, song, clip.motion, dance="waltz", one=99.0)
     for seconds in (0.0, -1.0, float("inf"), float("nan")):
