@@ -137,3 +137,17 @@ def refused(message: str, call: Callable[..., object], /, *arguments: Any, **opt
 def cases(names: str, *rows: object, **options: Any) -> pytest.MarkDecorator:
     """A test that is run once a row, its arguments these names: `pytest.mark.parametrize` of a written-out table."""
     return pytest.mark.parametrize(names, rows, **options)
+
+
+def done(app: Typer, *arguments: object) -> Result:
+    """Exit code and output of a command that succeeds."""
+    result = called(app, *arguments)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def complaint(app: Typer, *arguments: object) -> str:
+    """The one line that a command prints which cannot be done, beside its notes."""
+    result = called(app, *arguments, "--quiet")
+    assert (result.exit_code, result.stdout, len(result.stderr.splitlines())) == (2, "", 1), result.output
+    return result.stderr.removeprefix("harmolab: ").rstrip("\n")

@@ -1,29 +1,36 @@
-"""`harmolab render`: the right frames and the right sound, and one line where it cannot be done."""
+"""`harmolab render` and `harmolab retime`: the right frames and sound, files that are in time, one line for faults."""
 
+import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
+from harmolab.beats.visual import visual_beats
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.readers.video import write_video
+from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.lab.explain.offset import picture_motion
+from harmolab.lab.render.stick import render_skeleton
+from harmolab.params import HarmonyParams
+from harmolab.readers.motion import load_motion
+from harmolab.readers.video import video_frames, write_video
+from harmolab.score import score_harmony
 from harmolab.types import Clip
 from harmolab.verdict.judge import score_clip
-from tests.builders import cases, planted_dance, write_dance, write_song
+from tests.builders import cases, complaint, done, planted_dance, write_dance, write_song
+
+render, retime = (partial(done, app, command) for command in ("render", "retime"))
 
 
 @pytest.fixture
 def files(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
     """Song and motion of a synthetic cha-cha."""
     return write_song(tmp_path / "song.wav", planted_clip), write_dance(tmp_path / "dance.npz", planted_clip)
-
-
-def render(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["render", *map(str, arguments)])
 
 
 def frames(path: Path) -> np.ndarray:
@@ -33,8 +40,7 @@ def frames(path: Path) -> np.ndarray:
 
 def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path], tmp_path: Path):
     out = tmp_path / "x.mp4"
-    result = render(*files, "--seconds", 2, "--height", 240, "--out", out)
-    assert result.exit_code == 0, result.output
+    render(*files, "--seconds", 2, "--height", 240, "--out", out)
     assert frames(out).shape == (60, 240, 320, 3)
     with av.open(str(out)) as container:
         sound = container.streams.audio[0]
@@ -53,8 +59,7 @@ def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
 
 
 def test_webm_has_the_free_codings(files: tuple[Path, Path], tmp_path: Path):
-    result = render(*files, "--seconds", 1, "--height", 240, "--out", tmp_path / "x.webm")
-    assert result.exit_code == 0, result.output
+    render(*files, "--seconds", 1, "--height", 240, "--out", tmp_path / "x.webm")
     with av.open(str(tmp_path / "x.webm")) as container:
         assert [stream.codec_context.name for stream in container.streams] == ["vp9", "opus"]
     assert frames(tmp_path / "x.webm").shape == (30, 240, 320, 3)
@@ -73,8 +78,7 @@ def take(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
 def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], tmp_path: Path):
     video, points = take
     out = tmp_path / "x.mp4"
-    result = render(video, points, "--fps", 25, "--over", video, "--no-marks", "--out", out)
-    assert result.exit_code == 0, result.output
+    render(video, points, "--fps", 25, "--over", video, "--no-marks", "--out", out)
     shown = frames(out)
     assert shown.shape == (50, 240, 320, 3)
     columns = [np.flatnonzero(picture[100, :, 0] > 180).mean() for picture in shown]
@@ -85,41 +89,32 @@ def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], t
 
 
 def test_points_without_their_video_are_drawn_as_a_person(take: tuple[Path, Path], tmp_path: Path):
-    result = render(*take, "--fps", 25, "--height", 120, "--out", tmp_path / "x.mp4")
-    assert result.exit_code == 0, result.output
+    render(*take, "--fps", 25, "--height", 120, "--out", tmp_path / "x.mp4")
     assert (frames(tmp_path / "x.mp4").min(axis=3) < 150).any()
 
 
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [(b"", "over.mp4: the file is empty"), (b"no video at all" * 99, "over.mp4: cannot be read as video")],
-)
+@cases("content, fault", (b"", "over.mp4: the file is empty"), (b"no video" * 99, "over.mp4: cannot be read as video"))
 def test_an_unreadable_video_to_draw_over_is_one_line(
-    content: bytes, told: str, take: tuple[Path, Path], tmp_path: Path
+    content: bytes, fault: str, take: tuple[Path, Path], tmp_path: Path
 ):
     (tmp_path / "over.mp4").write_bytes(content)
-    result = render(*take, "--fps", 25, "--over", tmp_path / "over.mp4", "--no-marks", "--out", tmp_path / "x.mp4")
-    assert result.exit_code == 2 and told in result.output.replace("\n", "")
+    words = (*take, "--fps", 25, "--over", tmp_path / "over.mp4", "--no-marks", "--out", tmp_path / "x.mp4")
+    assert fault in complaint(app, "render", *words)
     assert not (tmp_path / "x.mp4").exists()
 
 
-def test_the_video_to_draw_over_is_not_written_over(take: tuple[Path, Path]):
-    before = take[0].read_bytes()
-    result = render(*take, "--fps", 25, "--over", take[0], "--out", take[0])
-    assert result.exit_code == 2 and "is an input here" in result.output.replace("\n", "")
+def test_the_video_to_draw_over_is_not_written_over_and_keeps_its_rate(take: tuple[Path, Path], tmp_path: Path):
+    before, words = take[0].read_bytes(), ("render", *take, "--fps", 25, "--over", take[0], "--no-marks", "--out")
+    assert "is an input here" in complaint(app, *words, take[0])
     assert take[0].read_bytes() == before
-
-
-def test_the_video_to_draw_over_keeps_its_rate(take: tuple[Path, Path], tmp_path: Path):
-    result = render(*take, "--fps", 25, "--over", take[0], "--rate", 30, "--no-marks", "--out", tmp_path / "x.mp4")
-    assert result.exit_code == 2 and "is drawn at its own frame rate; leave out --rate" in result.output
+    assert "at its own frame rate; leave out --rate" in complaint(app, *words, tmp_path / "x.mp4", "--rate", 30)
     assert not (tmp_path / "x.mp4").exists()
 
 
 @pytest.mark.browser
 @pytest.mark.slow
 def test_webm_plays_with_its_sound(files: tuple[Path, Path], tmp_path: Path, chromium: Any):
-    assert render(*files, "--seconds", 2, "--height", 240, "--out", tmp_path / "x.webm").exit_code == 0
+    render(*files, "--seconds", 2, "--height", 240, "--out", tmp_path / "x.webm")
     (tmp_path / "page.html").write_text('<video src="x.webm" autoplay></video>')
     page = chromium.new_page()
     page.goto((tmp_path / "page.html").as_uri())
@@ -133,24 +128,135 @@ def test_webm_plays_with_its_sound(files: tuple[Path, Path], tmp_path: Path, chr
 def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     shown = {}
     for option in ("--marks", "--no-marks"):
-        assert render(*files, "--seconds", 1, "--height", 240, option, "--out", tmp_path / "x.mp4").exit_code == 0
+        render(*files, "--seconds", 1, "--height", 240, option, "--out", tmp_path / "x.mp4")
         shown[option] = frames(tmp_path / "x.mp4")[:, :24, :24].astype(int)
     blue = {option: (corner[..., 2] - corner[..., 0]).max() for option, corner in shown.items()}
     assert blue["--marks"] > 80 > 20 > blue["--no-marks"]
 
 
 @cases(
-    "options, told",
-    (("--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
-    (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
-    (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
-    (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
-    (("--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
+    "words, fault",
+    (("render", "--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
+    (("render", "--out", "x.mp4", "--over", "none.mp4"), "in space; over a video go points of its pictures"),
+    (("render", "--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
+    (("render", "--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
+    (("render", "--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
+    (("retime", "--out", "x.wav"), "written as .npz, .bvh, .mp4"),
+    (("retime", "--out", "nowhere/x.npz"), "no such folder"),
+    (("retime", "--out", "x.npz", "--strength", "2"), "strength must lie between 0 and 1"),
+    (("retime", "--out", "x.npz", "--slowest", "0"), "slowest must lie above 0"),
+    (("retime", "--out", "x.npz", "--offset", "99"), "does not overlap audio"),
 )
 def test_what_cannot_be_done_is_one_line(
-    options: tuple[str, ...], told: str, files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: tuple[str, ...], fault: str, files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)
-    result = render(*files, *options)
-    assert result.exit_code != 0 and told in result.output
+    assert fault in complaint(app, words[0], *files, *words[1:])
     assert not list(tmp_path.glob("x.*"))
+
+
+# Retiming
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return planted_clip(ClipSettings("rumba", seconds=10.0, jitter=0.15, seed=3)).clip
+
+
+@pytest.fixture(scope="module")
+def pair(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Song and motion of a rumba whose steps come early and late."""
+    folder = tmp_path_factory.mktemp("pair")
+    return write_song(folder / "song.wav", clip), write_dance(folder / "dance.npz", clip)
+
+
+@pytest.fixture(scope="module")
+def song(pair: tuple[Path, Path]) -> Path:
+    return pair[0]
+
+
+def row(result: Result, name: str) -> list[str]:
+    """The cells of a row of the printed table."""
+    line = next(line for line in result.output.splitlines() if name in line)
+    return [cell.strip() for cell in line.strip("│ ").split("│")][1:]
+
+
+def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
+    clip = planted_clip(ClipSettings("rumba", seconds=24.0, jitter=0.15, seed=3)).clip
+    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    result = retime(song, dance, "--out", tmp_path / "x.npz")
+    said = [line for line in result.output.splitlines() if line.startswith(("before: ", "after: "))]
+    numbers = [re.match(r"(\w+): You are on the beat: slow on it.* above chance ([\d.]+) ", line) for line in said]
+    assert [match[1] for match in numbers] == ["before", "after"]
+    before, after = (float(match[2]) for match in numbers)
+    assert after > before + 0.1
+    fewer, more = map(float, row(result, "beats with a rest near"))
+    assert more > fewer + 0.3
+    assert 10 < float(row(result, "mean, ms")[1]) < float(row(result, "largest, ms")[1]) < 500
+    low, high = map(float, row(result, "local speed")[1].split(" to "))
+    assert 0.7 <= low < 1 < high <= 1.4
+    assert load_motion(tmp_path / "x.npz").n_frames == load_motion(dance).n_frames
+    assert f"wrote {tmp_path / 'x.npz'}" in result.output.replace("\n", "")
+
+
+def test_no_strength_writes_the_same_motion(pair: tuple[Path, Path], tmp_path: Path):
+    assert "Nothing was worth bending." in retime(*pair, "--out", tmp_path / "x.npz", "--strength", 0).output
+    np.testing.assert_array_equal(load_motion(tmp_path / "x.npz").positions, load_motion(pair[1]).positions)
+
+
+def test_the_warper_of_2019_can_be_asked_for(pair: tuple[Path, Path], tmp_path: Path):
+    result = retime(*pair, "--out", tmp_path / "x.npz", "--method", "lee2019")
+    low, high = map(float, row(result, "local speed")[1].split(" to "))
+    assert low < 0.7 or high > 1.4
+
+
+@pytest.mark.parametrize("suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.slow)])
+def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, Path], tmp_path: Path, suffix: str):
+    film = tmp_path / f"x{suffix}"
+    retime(*pair, "--out", film, "--offset", -0.5)
+    with av.open(str(film)) as container:
+        assert {stream.type for stream in container.streams} == {"video", "audio"}
+        assert sum(1 for _ in container.decode(video=0)) == 300
+    with av.open(str(film)) as container:
+        sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
+    assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
+
+
+@pytest.mark.slow  # twelve seconds of film, drawn, retimed and read
+def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
+    clip = planted_clip(ClipSettings("waltz", seconds=12.0, jitter=0.15, seed=1)).clip
+    song = write_song(tmp_path / "song.wav", clip)
+    write_video(tmp_path / "in.mp4", render_skeleton(clip.motion, fps=30.0, height=160), 30.0)
+    retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--dance", "waltz")
+    scores = []
+    for name in ("in.mp4", "out.mp4"):
+        video = video_frames(tmp_path / name, height=160)
+        rests = visual_beats(picture_motion(video, video.fps), params=HarmonyParams.valleys())
+        scores.append(score_harmony(clip.beats, rests, params=HarmonyParams.valleys(), n_rotations=0))
+    assert scores[0].harmony_above_chance < 0.45
+    assert scores[1].harmony_above_chance > 0.65
+
+
+def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
+    frames = []
+    for place in 24 + 16 * np.cos(np.pi * np.arange(150) / 30):  # a square that turns round every second
+        picture = np.full((64, 64, 3), 30, np.uint8)
+        picture[24:40, round(place) : round(place) + 16] = (250, 200, 0)
+        frames.append(picture)
+    write_video(tmp_path / "in.mp4", frames, 30.0)
+    retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4")
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert container.streams.video[0].frames == 150
+        assert len(container.streams.audio) == 1
+
+
+@pytest.mark.parametrize("name", ["x.npz", "x.mp4", "x.bvh"])
+def test_files_that_are_no_motion_or_no_video_are_named(song: Path, tmp_path: Path, name: str):
+    (tmp_path / name).write_bytes(b"not this")
+    assert name in complaint(app, "retime", song, tmp_path / name, "--out", tmp_path / "out.mp4")
+    assert not (tmp_path / "out.mp4").exists()
+
+
+def test_only_the_joints_that_are_named_are_retimed(pair: tuple[Path, Path], tmp_path: Path):
+    retime(*pair, "--joints", "hand L,finger R,torso,toe L,toe R", "--out", tmp_path / "x.npz")
+    assert load_motion(tmp_path / "x.npz").skeleton.joints == ("hand L", "finger R", "torso", "toe L", "toe R")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,19 +15,10 @@ import pandas as pd
 import pytest
 
 from harmolab.cli import app
-from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import write_corpus
-from harmolab.lab.listening.answers import (
-    SimulatedRater,
-    answer_log,
-    read_key,
-    read_page,
-    read_scores,
-    read_trials,
-    write_scores,
-)
-from harmolab.readers.motion import save_motion
-from tests.builders import called, cases
+from harmolab.lab.listening import answers as study_files
+from harmolab.lab.listening.answers import answer_log, read_key, read_page, read_scores, read_trials
+from tests.builders import called, cases, complaint, done
 
 N = 8
 
@@ -36,12 +28,11 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("corpus") / "dances", clips=14, seconds=7.0, fps=30.0, seed=2)
 
 
-run = partial(called, app)
+run, succeed, refusal = (partial(call, app) for call in (called, done, complaint))
 
 
 def made(corpus: Path, out: Path, *options: object) -> Path:
-    result = run("study", "make", corpus, out, "--n", N, "--seconds", 4, *options)
-    assert result.exit_code == 0, result.output
+    succeed("study", "make", corpus, out, "--n", N, "--seconds", 4, *options)
     return out
 
 
@@ -54,10 +45,10 @@ def study(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def answered(folder: Path, *skills: float, prefers: str | None = None) -> Path:
     """The study with the answers of simulated raters, and two of its scores."""
     scores = read_scores(folder / "scores.json")
-    write_scores(folder, {name: scores[name] for name in ("paper_h", "valleys_above_chance")})
+    study_files.write_scores(folder, {name: scores[name] for name in ("paper_h", "valleys_above_chance")})
     trials, key = read_trials(folder / "trials.json"), read_key(folder / "key.json")
     for seed, skill in enumerate(skills):
-        rater = SimulatedRater(skill, seed, prefers)
+        rater = study_files.SimulatedRater(skill, seed, prefers)
         for answer in rater.answers(trials.ordered_for(rater.name), key):
             answer_log(folder, rater.name).append(answer)
     return folder
@@ -67,11 +58,8 @@ def answered(folder: Path, *skills: float, prefers: str | None = None) -> Path:
 
 
 def test_study_is_whole_balanced_and_blind(study: Path):
-    trials, key, scores = (
-        read_trials(study / "trials.json"),
-        read_key(study / "key.json"),
-        read_scores(study / "scores.json"),
-    )
+    trials, key = read_trials(study / "trials.json"), read_key(study / "key.json")
+    scores = read_scores(study / "scores.json")
     assert len(trials) == N
     assert [one.right for one in key.trials.values()].count("harmonious") == N // 2
     sources = {source for one in key.trials.values() for source in one.sources}
@@ -98,19 +86,18 @@ def test_pages_of_a_choice_show_two_dancers_and_the_true_one_as_often_on_the_lef
         assert set(asked.versions) == {"true", "swapped"}
 
 
+def other_dances(corpus: Path, folder: Path, *, left_out: int = 0) -> Path:
+    """The folder, which then holds a dance for each recording but the first ones."""
+    folder.mkdir()
+    for one in sorted(corpus.glob("clip_*"))[left_out:]:
+        shutil.copy(one / "motion.npz", folder / f"{one.name}.npz")
+    return folder
+
+
 def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_path: Path):
-    against = tmp_path / "late"
-    against.mkdir()
-    names = [path.name for path in sorted(corpus.glob("clip_*"))]
-    for name in names[1:]:
-        motion = load_recording(corpus / name).clip.motion
-        assert motion is not None
-        save_motion(against / f"{name}.npz", motion)
-    result = run(
-        "study", "make", corpus, tmp_path / "duel", "--kind", "choice", "--against", against, "--n", N, "--seconds", 4
-    )
-    assert result.exit_code == 0, result.output
-    assert f"left out: {against} holds no dance called {names[0]}" in result.stderr
+    against = other_dances(corpus, tmp_path / "late", left_out=1)
+    words = ("study", "make", corpus, tmp_path / "duel", "--kind", "choice", "--against", against, "--n", N)
+    assert f"left out: {against} holds no dance called clip_0001_cha-cha" in succeed(*words, "--seconds", 4).stderr
     key = read_key(tmp_path / "duel" / "key.json")
     assert {tuple(sorted(one.versions)) for one in key.trials.values()} == {("dances", "late")}
     assert {one.right for one in key.trials.values()} == {None}
@@ -121,24 +108,11 @@ def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_
 
 
 def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path):
-    against = tmp_path / "other"
-    against.mkdir()
-    for folder in sorted(corpus.glob("clip_*")):
-        motion = load_recording(folder).clip.motion
-        assert motion is not None
-        save_motion(against / f"{folder.name}.npz", motion)
-    options = ("--kind", "rate", "--against", against, "--n", 4, "--seconds", 4)
-    result = run("study", "make", corpus, tmp_path / "marks", *options)
-    assert result.exit_code == 0, result.output
-    key = read_key(tmp_path / "marks" / "key.json")
+    against = other_dances(corpus, tmp_path / "other")
+    folder = made(corpus, tmp_path / "marks", "--kind", "rate", "--against", against, "--n", 4)
+    key = read_key(folder / "key.json")
     assert sorted(one.versions[0] for one in key.trials.values()) == ["dances", "dances", "other", "other"]
-    assert all(read_page(tmp_path / "marks", trial).count("<canvas") == 1 for trial in key.trials)
-
-
-def test_marks_without_a_second_system_are_refused(corpus: Path, tmp_path: Path):
-    result = run("study", "make", corpus, tmp_path / "marks", "--kind", "rate")
-    assert result.exit_code == 2 and "--against" in result.stderr
-    assert not (tmp_path / "marks").exists()
+    assert all(read_page(folder, trial).count("<canvas") == 1 for trial in key.trials)
 
 
 @cases(
@@ -149,20 +123,17 @@ def test_marks_without_a_second_system_are_refused(corpus: Path, tmp_path: Path)
     (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
     (("--against", "x"), "--against compares two dances"),
     (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
+    (("--kind", "rate"), "name the folder of the other: --against"),
 )
 def test_study_that_cannot_be_made_is_said_and_writes_nothing(
     corpus: Path, tmp_path: Path, options: tuple[object, ...], fault: str
 ):
-    result = run("study", "make", corpus, tmp_path / "x", "--n", N, "--seconds", 4, *options)
-    assert result.exit_code == 2
-    assert fault in result.stderr
+    assert fault in refusal("study", "make", corpus, tmp_path / "x", "--n", N, "--seconds", 4, *options)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_study_with_answers_is_not_overwritten(corpus: Path, study: Path):
-    result = run("study", "make", corpus, study)
-    assert result.exit_code == 2
-    assert "holds a study already" in result.stderr
+    assert "holds a study already" in refusal("study", "make", corpus, study)
 
 
 # ask
@@ -171,14 +142,10 @@ def test_study_with_answers_is_not_overwritten(corpus: Path, study: Path):
 def start(study: Path, rater: str) -> tuple[subprocess.Popen[str], str]:
     """A running `harmolab study ask` and its address."""
     command = [sys.executable, "-m", "harmolab.cli", "study", "ask", str(study), "--rater", rater, "--no-open"]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        # A shell's background job ignores Ctrl-C, and hands that on to all that it starts.
-        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
-    )
+    # A shell's background job ignores Ctrl-C, and hands that on to all that it starts.
+    listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, preexec_fn=listening, **pipes)
     assert process.stdout is not None
     return process, process.stdout.readline().split()[1]
 
@@ -200,14 +167,14 @@ def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_
     alone.mkdir()
     (alone / "trials.json").write_bytes((study / "trials.json").read_bytes())
     (alone / "pages").symlink_to(study / "pages")
-    for ending, done in ((signal.SIGKILL, 2), (signal.SIGINT, 4)):
+    for ending, count in ((signal.SIGKILL, 2), (signal.SIGINT, 4)):
         process, address = start(alone, "Ada")
         for _ in range(2):
             answer(address, "harmonious")
         process.send_signal(ending)
         output = process.communicate(timeout=30)[0]
-        assert len(answer_log(alone, "Ada").read().answers) == done
-        assert ending == signal.SIGKILL or f"{done} of {N} trials answered by Ada" in output
+        assert len(answer_log(alone, "Ada").read().answers) == count
+        assert ending == signal.SIGKILL or f"{count} of {N} trials answered by Ada" in output
     process, address = start(alone, "Ada")
     assert f"Trial 5 of {N}" in get(address)
     for _ in range(N - 4):
@@ -222,16 +189,12 @@ def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_
 
 @cases("rater, fault", ("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name"))
 def test_rater_without_a_proper_name_is_refused(study: Path, rater: str, fault: str):
-    result = run("study", "ask", study, "--rater", rater)
-    assert result.exit_code == 2
-    assert fault in result.stderr
+    assert fault in refusal("study", "ask", study, "--rater", rater)
 
 
 def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, tmp_path: Path):
     (tmp_path / "trials.json").write_bytes((study / "trials.json").read_bytes())
-    result = run("study", "ask", tmp_path, "--rater", "Ada")
-    assert result.exit_code == 2
-    assert ".html: no such file" in result.stderr
+    assert ".html: no such file" in refusal("study", "ask", tmp_path, "--rater", "Ada")
 
 
 # analyse
@@ -243,8 +206,7 @@ def asked_study(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(asked_study: Path, tmp_path: Path):
-    result = run("study", "analyse", asked_study, "--out", tmp_path / "results", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeed("study", "analyse", asked_study, "--out", tmp_path / "results", "--json")
     summary = json.loads(result.stdout)
     assert summary["simulated"] is True
     rates = {row["rater"]: (row["n"], row["rate"]) for row in summary["raters"]}
@@ -267,9 +229,7 @@ def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
     trials = read_trials(folder / "trials.json").ordered_for("Ada")
     for trial in trials.trials:
         answer_log(folder, "Ada").record(trials, trial.id, "harmonious")
-    mixed = run("study", "analyse", folder)
-    assert mixed.exit_code == 2
-    assert "say --raters people or simulated" in mixed.stderr
+    assert "say --raters people or simulated" in refusal("study", "analyse", folder)
     people = json.loads(run("study", "analyse", folder, "--raters", "people", "--json").stdout)
     assert people["simulated"] is False
     assert [row["rater"] for row in people["raters"]] == ["Ada", "all"]
@@ -277,6 +237,4 @@ def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
 
 
 def test_study_without_answers_says_so(study: Path):
-    result = run("study", "analyse", study)
-    assert result.exit_code == 2
-    assert "nobody has answered yet" in result.stderr
+    assert "nobody has answered yet" in refusal("study", "analyse", study)

@@ -1,12 +1,31 @@
-"""What the documents say exists."""
+"""What the documents say exists and runs as pasted; public names; the files of the project agree with each other."""
 
 import ast
 import dataclasses
 import importlib
+import json
+import os
 import re
+import shutil
+import subprocess
+import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
+from typer.main import get_command
+
+import harmolab
+import harmolab.lab
+import harmolab.musician
+import harmolab.systems
+import study
+from harmolab.cli import app
 from harmolab.params import HarmonyParams
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -39,10 +58,8 @@ def resolve(name: str) -> object:
                 raise
             continue
         for word in words[cut:]:
-            fields = (
-                {field.name: field for field in dataclasses.fields(found)} if dataclasses.is_dataclass(found) else {}
-            )
-            found = fields[word] if word in fields else getattr(found, word)
+            fields = dataclasses.fields(found) if dataclasses.is_dataclass(found) else ()
+            found = next((one for one in fields if one.name == word), None) or getattr(found, word)
         return found
     raise AttributeError(name)
 
@@ -80,10 +97,6 @@ def test_words_that_cannot_be_searched_for_are_noticed():
     assert sorted(unsearchable_words(source)) == [(1, "What is hit."), (1, "given"), (1, "told"), (3, "found")]
 
 
-def test_the_conventions_name_code():
-    assert len(dotted_names(CONVENTIONS)) > 50
-
-
 def exists(name: str) -> bool:
     try:
         return resolve(name) is not None
@@ -92,10 +105,9 @@ def exists(name: str) -> bool:
 
 
 def test_every_name_in_the_conventions_exists():
-    assert [name for name in dotted_names(CONVENTIONS) if not exists(name)] == []
-
-
-def test_a_name_that_does_not_exist_is_noticed():
+    names = dotted_names(CONVENTIONS)
+    assert len(names) > 50
+    assert [name for name in names if not exists(name)] == []
     wrong = ["body.kinematics.joint_sped", "types.Motion.position", "nothing.at_all"]
     assert [name for name in [*wrong, "body.kinematics.joint_speed"] if not exists(name)] == wrong
 
@@ -136,15 +148,304 @@ def test_every_link_of_the_documents_leads_to_a_file():
 def test_every_test_the_documents_name_exists():
     sources = {path.name: path.read_text("utf-8") for path in (ROOT / "tests").glob("test_*.py")}
     functions = {name for source in sources.values() for name in re.findall(r"^def (test_\w+)", source, re.MULTILINE)}
-    for document in (ROOT / "docs").glob("*.md"):
+    for document in [*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
         for name in re.findall(r"`(?:tests/)?(test_\w+(?:\.py)?)`", document.read_text("utf-8")):
-            if name.endswith(".py"):
-                assert name in sources, f"{document.name} names {name}"
-            else:
-                assert any(function.startswith(name) for function in functions), f"{document.name} names {name}"
+            assert name in sources or any(one.startswith(name) for one in functions), f"{document.name} names {name}"
 
 
 def test_documents_do_not_speak_of_the_machine_they_were_written_on():
     for document in [*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md")]:
         found = re.search(r"/work/|/root/|/home/\w", document.read_text("utf-8"))
         assert found is None, f"{document.name}: {found and found.group()}"
+
+
+# The first page: short, in plain words, and true of the commands that there are
+
+README = (ROOT / "README.md").read_text("utf-8")
+JARGON = r"\b(AUC|FID|chance band|M / N|p-value|null distribution|bar pattern|jerk|valleys|harmony loss|guard)\b"
+TASKS = {  # what a newcomer wants, and the command for it
+    "score a dance": "score",
+    "see why": "play",
+    "explain my video": "explain",
+    "dance to a song": "dance",
+    "evaluate a model's folder": "evaluate",
+}
+
+
+def commands_in(text: str) -> list[tuple[str, list[str]]]:
+    """(command, its long options) of every call of harmolab in code blocks and in backquotes."""
+    blocks = text.split("```")
+    lines = [line.partition(" #")[0] for block in blocks[1::2] for line in block.splitlines()]
+    calls = re.findall(r"(?:^|&& |do |\$ )harmolab ([a-z][^;&\n]*)", "\n".join(lines), flags=re.MULTILINE)
+    calls += re.findall(r"`harmolab ([a-z][^`\n]+)`", "".join(blocks[::2]))
+    return [(call.split()[0], re.findall(r"(?<!\S)--[\w-]+", call)) for call in calls]
+
+
+def test_the_readme_is_one_page_of_words_that_it_explains_with_a_command_for_each_task():
+    assert len(README.splitlines()) <= 90
+    assert max(map(len, README.splitlines())) <= 160
+    assert re.findall(JARGON, README) == []
+    named = [command for command, _ in commands_in(README)]
+    assert {task for task, command in TASKS.items() if command not in named} == set()
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_and_option_of_the_pages_exists(page: Path):
+    known = get_command(app).commands
+    for command, options in commands_in(page.read_text("utf-8")):
+        assert command in known, command
+        parts = [known[command], *getattr(known[command], "commands", {}).values()]
+        flags = {flag for part in parts for option in part.params for flag in [*option.opts, *option.secondary_opts]}
+        assert set(options) <= flags | {"--help"}, f"{command}: {set(options) - flags}"
+
+
+def test_the_readme_opens_with_a_moving_picture_that_is_there():
+    (name,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert (ROOT / name).read_bytes()[:3] == b"GIF"
+    assert (ROOT / name).stat().st_size < 2e6
+
+
+def test_a_command_and_its_options_are_read_from_blocks_and_lines():
+    text = "Say `harmolab beats song.mp3 --one 3`.\n```\n$ harmolab score a b --plot x.png  # a picture\n```\n"
+    assert commands_in(text) == [("score", ["--plot"]), ("beats", ["--one"])]
+
+
+# What is pasted runs
+
+NOT_RUN = ("pip ", "make ")  # installing, and hours of the whole project's own work
+
+
+def blocks_in(text: str, language: str) -> list[str]:
+    """The code blocks of a language, "" for those that name none."""
+    blocks = re.findall(r"^```(.*)\n((?:.*\n)*?)```$", text, flags=re.MULTILINE)
+    return [block for name, block in blocks if name == language]
+
+
+def console_commands(text: str) -> list[tuple[str, list[str]]]:
+    """(command, lines of output printed below it) of the console blocks; a block without "$ " holds commands alone.
+
+    Comments and the commands of `NOT_RUN` are left out.
+    """
+    commands: list[tuple[str, list[str]]] = []
+    for block in blocks_in(text, ""):
+        has_prompts = "$ " in block
+        for line in block.splitlines():
+            if line.startswith("$ ") or not has_prompts:
+                commands.append((line.removeprefix("$ ").partition("  #")[0].strip(), []))
+            else:
+                commands[-1][1].append(line)
+    return [(command, lines) for command, lines in commands if command and not command.startswith(NOT_RUN)]
+
+
+def squeezed(text: str) -> str:
+    """The text without white space."""
+    return re.sub(r"\s+", "", text)
+
+
+def test_commands_are_read_with_their_output_and_without_set_up_and_comments():
+    text = "```\npip install .  # once\nharmolab demo  # a page\n```\n"
+    text += "```python\nprint(1)\n```\n```\n$ ls a  # all\none\ntwo\n$ make x\n```\n"
+    assert blocks_in(text, "python") == ["print(1)\n"]
+    assert console_commands(text) == [("harmolab demo", []), ("ls a", ["one", "two"])]
+
+
+@pytest.fixture(scope="module")
+def newcomer(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """An empty folder, and an environment in which `harmolab` is this copy and no browser opens."""
+    programs = tmp_path_factory.mktemp("bin")
+    shim = programs / "harmolab"
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m harmolab.cli "$@"\n')
+    shim.chmod(0o755)
+    search = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    changes = {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": search}
+    return tmp_path_factory.mktemp("newcomer"), {**os.environ, **changes, "BROWSER": "true", "COLUMNS": "100"}
+
+
+@pytest.mark.slow
+def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newcomer: tuple[Path, dict[str, str]]):
+    folder, environment = newcomer
+    ran = console_commands(README)
+    assert {command.split()[1] for command, _ in ran if command.startswith("harmolab ")} >= {"demo", *TASKS.values()}
+    for command, lines in ran:
+        run = subprocess.run(["sh", "-ec", command], cwd=folder, env=environment, capture_output=True, text=True)
+        assert run.returncode == 0, f"{command}\n{run.stderr}"
+        missing = [line for line in lines if squeezed(line) not in squeezed(run.stdout + run.stderr)]
+        assert missing == [], f"{command}\n{run.stdout}"
+    for block in blocks_in(README, "python"):
+        run = subprocess.run([sys.executable, "-c", block], cwd=folder, env=environment, capture_output=True, text=True)
+        assert run.returncode == 0 and run.stdout.strip(), run.stderr
+
+
+# The doors: what README and docs import from, and what notebooks may use
+
+DOORS = {door.__name__: door for door in (harmolab, harmolab.systems, harmolab.lab, harmolab.musician, study)}
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """(file, Python source) of every code cell of a notebook and every code block of a document."""
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        for cell in json.loads(path.read_text("utf-8"))["cells"]:
+            if cell["cell_type"] == "code":
+                yield path.name, re.sub(r"^%.*$", "pass", "".join(cell["source"]), flags=re.MULTILINE)
+    for path in sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")]):
+        for block in re.findall(r"```(?:python|py|pycon)?\n(.*?)```", path.read_text("utf-8"), flags=re.DOTALL):
+            yield path.name, "\n".join(re.findall(r"^(?:>>> )?((?:from|import) .*)$", block, flags=re.MULTILINE))
+
+
+def imports() -> Iterator[tuple[str, str, str]]:
+    """(file, module, name) of every import of harmolab in them; name "" for `import module`."""
+    for file, source in sources():
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.ImportFrom) and re.match(r"(harmolab|study)\b", node.module or ""):
+                yield from ((file, str(node.module), alias.name) for alias in node.names)
+            if isinstance(node, ast.Import):
+                yield from ((file, alias.name, "") for alias in node.names if re.match(r"harmolab\b", alias.name))
+
+
+def test_readme_and_docs_import_from_the_doors():
+    assert {(file, module) for file, module, _ in imports() if module not in DOORS and file.endswith("md")} == set()
+    assert {module for _, module, _ in imports()} >= set(DOORS)
+    assert len({file for file, _, _ in imports()}) >= 15  # the search finds them
+
+
+def test_every_name_they_import_from_a_door_is_public():
+    names = [(file, module, name) for file, module, name in imports() if name and module in DOORS]
+    assert [(file, name) for file, module, name in names if name not in DOORS[module].__all__] == []
+
+
+def test_every_public_name_resolves_to_what_is_called_so_and_hides_no_module_of_its_package():
+    for door in DOORS.values():
+        assert [name for name in door.__all__ if getattr(getattr(door, name), "__name__", name) != name] == []
+        folder = Path(str(door.__file__)).parent
+        modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}
+        assert not modules & set(door.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="scor_clip"):
+        harmolab.scor_clip  # noqa: B018
+
+
+def private_names(source: str) -> list[str]:
+    """Names of harmolab that begin with an underscore, imported or reached through a module or an object."""
+    names = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and re.match(r"harmolab\b", node.module or ""):
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") not in ("self", "cls"):
+            names.append(node.attr)
+    return [name for name in names if re.search(r"(^|\.)_(?!_|replace$|asdict$)", name)]
+
+
+def test_the_study_uses_nothing_private_of_the_package():
+    planted = "from harmolab.score import _with_null\nscore._secret\nself._own"
+    assert private_names(planted) == ["harmolab.score._with_null", "_secret"]
+    files = {path.name: path.read_text("utf-8") for path in (ROOT / "notebooks" / "study").rglob("*.py")}
+    assert len(files) > 5
+    files |= {f"{file} {number}": source for number, (file, source) in enumerate(sources()) if file.endswith("ipynb")}
+    assert {file: names for file, source in files.items() if (names := private_names(source))} == {}
+
+
+def test_the_wheel_holds_the_package_alone_and_the_package_knows_no_study():
+    content = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    assert content["tool"]["hatch"]["build"]["targets"]["wheel"] == {"packages": ["harmolab"]}
+    package = [path.read_text("utf-8") for path in (ROOT / "harmolab").rglob("*.py")]
+    assert not [source for source in package if re.search(r"^\s*(from|import) study\b", source, flags=re.MULTILINE)]
+
+
+# pyproject.toml, environment.yml, constraints.txt and the Makefile agree with each other
+
+# Where conda-forge's name is not the one on PyPI.
+CONDA_NAMES = {
+    "build": "python-build", "opencv-python-headless": "opencv", "playwright": "playwright-python",
+    "soundfile": "pysoundfile", "soxr": "soxr-python", "torch": "pytorch",
+}  # fmt: skip
+
+
+def project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def requirements(*extras: str) -> list[Requirement]:
+    """The core dependencies and those of the named extras."""
+    about = project()
+    parts = (about["dependencies"], *map(about["optional-dependencies"].get, extras))
+    return [Requirement(line) for part in parts for line in part]
+
+
+def pins() -> dict[str, str]:
+    """Name -> version of constraints.txt for this Python; a line that is no exact pin fails here."""
+    found = {}
+    for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines():
+        if line and not line.startswith("#"):
+            requirement = Requirement(line)
+            (pin,) = requirement.specifier
+            assert pin.operator == "=="
+            if requirement.marker is None or requirement.marker.evaluate():
+                found[canonicalize_name(requirement.name)] = pin.version
+    return found
+
+
+def conda_packages() -> dict[str, SpecifierSet]:
+    """Name -> version bounds of environment.yml, without python and pip."""
+    document = yaml.safe_load((ROOT / "environment.yml").read_text("utf-8"))
+    parts = ([part] if isinstance(part, str) else part["pip"] for part in document["dependencies"])
+    lines = [line for part in parts for line in part]
+    parsed = [re.fullmatch(r"([\w.-]+)(.*)", line).groups() for line in lines]
+    return {name: SpecifierSet(bounds) for name, bounds in parsed if name not in ("python", "pip")}
+
+
+def test_conda_environment_names_the_same_packages_with_the_same_bounds_and_python():
+    expected = {}
+    for requirement in requirements("lab", "train", "cluster", "docs", "dev"):
+        expected[CONDA_NAMES.get(canonicalize_name(requirement.name), requirement.name)] = requirement.specifier
+    assert conda_packages() == expected
+    document = yaml.safe_load((ROOT / "environment.yml").read_text("utf-8"))
+    assert f"python{project()['requires-python']}" in document["dependencies"]
+    assert document["channels"][0] == "conda-forge"
+
+
+def test_every_direct_dependency_is_pinned_within_its_bounds():
+    versions, direct = pins(), requirements(*project()["optional-dependencies"])
+    found = {one: versions.get(canonicalize_name(one.name), "0") for one in direct}
+    assert [str(one) for one, version in found.items() if not one.specifier.contains(version)] == []
+
+
+def test_hints_install_extras_from_a_copy_and_by_no_name_on_an_index():
+    pages = [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
+    texts = {path: path.read_text("utf-8") for path in (*pages, *(ROOT / "harmolab").rglob("*.py")) if path.is_file()}
+    assert [path.name for path, text in texts.items() if re.search(r"\bharmolab\[[a-z]", text)] == []
+    named = {extra for text in texts.values() for extra in re.findall(r"pip install '\.\[([a-z0-9]+)\]'", text)}
+    assert {"train", "cluster", "c3d"} <= named <= set(project()["optional-dependencies"])
+
+
+def test_scoring_does_not_depend_on_torch_or_jupyter():
+    names = {requirement.name for requirement in requirements()}
+    assert names.isdisjoint({"torch", "lightning-fabric", "jupyterlab", "ipywidgets", "dask"})
+
+
+def test_citation_names_the_software_and_three_papers():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert citation["version"] == project()["version"]
+    assert [reference["title"].split(":")[0] for reference in citation["references"]] == [
+        "Harmony-aware Human Motion Synthesis with Music",
+        "Music2Dance",
+        "Audio to Body Dynamics",
+    ]
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not on this machine")
+def test_make_lists_every_promised_target_and_says_which_python_is_needed_where_the_one_named_is_missing(
+    tmp_path: Path,
+):
+    listing = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    promised = "setup test test-browser check lint lab report figures docs dist bench clean"
+    assert set(promised.split()) <= set(re.findall(r"^  make (\S+)", listing, flags=re.MULTILINE))
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    result = subprocess.run(["make", "setup", "PYTHON=no-such-python"], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode != 0
+    assert "needs Python 3.11 or later" in result.stderr

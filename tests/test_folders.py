@@ -1,7 +1,7 @@
-"""Folders of sequences, and what `check` finds in files and corpora."""
+"""Folders of sequences, what `check` finds in files and corpora, and the way from files to clips."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +10,16 @@ import soundfile
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli.data_check import FileSummary, check
-from harmolab.clips import load_clip
-from harmolab.data.recordings import (
-    Problem,
-    Recording,
-    find_recordings,
-    iter_recordings,
-    load_any_motion,
-    load_recording,
-    recorded_offset,
-    recording_files,
-)
+from harmolab.clips import corpus_recordings, load_clip
+from harmolab.data import recordings as folders
+from harmolab.data.recordings import find_recordings, load_any_motion, load_recording, recorded_offset
+from harmolab.data.synthetic import synthetic_clip, write_corpus
+from harmolab.lab.compare.auc import compare
+from harmolab.params import BarPattern
 from harmolab.readers.motion import save_motion
-from harmolab.types import Motion
+from harmolab.readers.video import write_video
+from harmolab.types import Audio, Clip, Motion
+from harmolab.verdict.bar_pattern import load_pattern, save_patterns
 from tests.builders import refused
 
 RATE = 8000
@@ -70,10 +67,7 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
     recordings = find_recordings(tmp_path)
     assert [folder.name for folder in recordings.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
     assert recordings.problems == ()
-
-
-def test_sequence_folder_itself_is_a_root(tmp_path: Path):
-    assert find_recordings(own(tmp_path / "clip")).folders == (tmp_path / "clip",)
+    assert find_recordings(tmp_path / "DANCE_W_2").folders == (tmp_path / "DANCE_W_2",)
 
 
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
@@ -111,26 +105,16 @@ def test_tang_layout_takes_the_dance_from_its_name_and_beats_from_an_annotation(
     clip = load_recording(folder).clip
     assert (clip.dance, clip.source, clip.offset) == ("rumba", "corpus", 0.2)
     assert len(clip.beats) == 2
+    (folder / "beats.json").unlink()
+    bare = load_recording(folder, clock=1.01, points=21)
+    assert (bare.annotation, bare.clip.beats) == (None, None)
+    assert (bare.clip.motion.positions.shape, bare.clip.motion.fps) == ((50, 21, 3), pytest.approx(25 / 1.01))
 
 
-def test_sequence_without_annotation_has_no_beats(tmp_path: Path):
-    sequence = load_recording(own(tmp_path / "clip"))
-    assert sequence.annotation is None
-    assert sequence.clip.beats is None
-
-
-def test_options_of_the_tang_layout_are_handed_on(tmp_path: Path):
-    motion = load_recording(tang(tmp_path / "DANCE_R_3"), clock=1.01, points=21).clip.motion
-    assert (motion.positions.shape, motion.fps) == ((50, 21, 3), pytest.approx(25 / 1.01))
-
-
-def test_motion_much_longer_than_its_audio_asks_whether_fps_is_right(tmp_path: Path):
+def test_motion_and_beats_much_longer_than_the_audio_ask_whether_their_unit_is_right(tmp_path: Path):
     folder = own(tmp_path / "clip", fps=5.0)
     refused(r"clip: the motion lasts 10\.00 s at 5 fps and ends 7\.00 s after the audio", load_recording, folder)
-
-
-def test_beats_behind_the_end_of_the_audio_are_refused(tmp_path: Path):
-    folder = own(tmp_path / "clip", beats={"beats_s": [1.0, 2.0, 3.5]})
+    own(folder, beats={"beats_s": [1.0, 2.0, 3.5]})
     refused(r"beats\.json: beat times reach 3\.5 in a clip of 3 s; were these frames", load_recording, folder)
 
 
@@ -138,9 +122,9 @@ def test_unreadable_sequence_is_reported_beside_the_readable_ones(tmp_path: Path
     (own(tmp_path / "a") / "motion.npz").write_bytes(b"PK broken")
     own(tmp_path / "b")
     (own(tmp_path / "c") / "audio.wav").unlink()
-    rows = list(iter_recordings(tmp_path))
-    problems = {row.folder.name: row.message for row in rows if isinstance(row, Problem)}
-    assert [row.folder.name for row in rows if isinstance(row, Recording)] == ["b"]
+    rows = list(folders.iter_recordings(tmp_path))
+    problems = {row.folder.name: row.message for row in rows if isinstance(row, folders.Problem)}
+    assert [row.folder.name for row in rows if isinstance(row, folders.Recording)] == ["b"]
     assert set(problems) == {"a", "c"}
     assert "motion.npz: cannot be read as an .npz motion" in problems["a"]
 
@@ -169,31 +153,17 @@ def test_check_of_a_good_sequence_gives_its_numbers_and_nothing_odd(tmp_path: Pa
     assert json.loads(json.dumps(asdict(row)))["odd"] == []
 
 
-def test_check_names_a_frozen_stretch(tmp_path: Path):
-    positions = upright()
-    positions[10:30] = positions[10]
-    assert odd(own(tmp_path / "clip", positions=positions)) == "frozen once, longest 0.76 s at 0.40 s"
-
-
-def test_check_names_the_joint_that_is_too_fast(tmp_path: Path):
-    positions = upright()
-    positions[20, 2, 0] += 0.6
-    assert "faster than 10 m/s in 2 frames, up to" in odd(own(tmp_path / "clip", positions=positions))
-    assert "(hand, 0.80 s)" in odd(tmp_path / "clip")
-
-
-def test_check_asks_about_the_unit_of_a_tiny_body(tmp_path: Path):
-    assert "extends over 0.017 m: other units?" in odd(own(tmp_path / "clip", positions=upright() / 100))
-
-
-def test_check_compares_the_length_with_the_config(tmp_path: Path):
+def test_check_names_what_is_odd_about_a_motion(tmp_path: Path):
+    frozen, fast = upright(), upright()
+    frozen[10:30] = frozen[10]
+    fast[20, 2, 0] += 0.6
+    assert odd(own(tmp_path / "frozen", positions=frozen)) == "frozen once, longest 0.76 s at 0.40 s"
+    assert "faster than 10 m/s in 2 frames, up to" in odd(own(tmp_path / "fast", positions=fast))
+    assert "(hand, 0.80 s)" in odd(tmp_path / "fast")
+    assert "extends over 0.017 m: other units?" in odd(own(tmp_path / "tiny", positions=upright() / 100))
     assert "1 frame shorter than config.json says (51)" in odd(tang(tmp_path / "DANCE_W_1", span=51))
-
-
-def test_check_counts_filler_frames(tmp_path: Path):
-    folder = own(tmp_path / "clip")
-    save_motion(folder / "motion.npz", Motion(upright(), 25, ARM, np.arange(50) > 3))
-    assert "4 of 50 frames are filler" in odd(folder)
+    save_motion(own(tmp_path / "filler") / "motion.npz", Motion(upright(), 25, ARM, np.arange(50) > 3))
+    assert "4 of 50 frames are filler" in odd(tmp_path / "filler")
 
 
 def test_check_names_nan_by_frame_and_joint(tmp_path: Path):
@@ -203,20 +173,17 @@ def test_check_names_nan_by_frame_and_joint(tmp_path: Path):
     assert "gap.npz: NaN or infinity at frame 3, joint 1" in odd(tmp_path / "gap.npz")
 
 
-def test_check_of_an_array_without_a_rate_says_so(tmp_path: Path):
+def test_check_of_arrays_and_key_points_without_a_rate_says_so(tmp_path: Path):
     np.save(tmp_path / "walk.npy", upright())
     (row,) = check(tmp_path / "walk.npy")
     assert (row.frames, row.rate, row.seconds, row.joints) == (50, None, None, 3)
     assert row.odd == ("holds no frame rate: pass fps",)
-
-
-def test_check_of_key_points_without_a_rate_says_so(tmp_path: Path):
     points = {"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.9] * 25}]}
+    (tmp_path / "frames").mkdir()
     for frame in range(30):
-        (tmp_path / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(points))
-    (row,) = check(tmp_path)
-    assert (row.kind, row.frames, row.rate) == ("motion", 30, None)
-    assert row.odd[0] == "holds no frame rate: pass fps"
+        (tmp_path / "frames" / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(points))
+    (row,) = check(tmp_path / "frames")
+    assert (row.kind, row.frames, row.rate, row.odd[0]) == ("motion", 30, None, "holds no frame rate: pass fps")
 
 
 def test_check_of_a_file_that_no_rate_would_mend_is_unreadable(tmp_path: Path):
@@ -229,13 +196,8 @@ def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):
     soundfile.write(tmp_path / "song.wav", np.zeros((RATE, 2)), RATE)
     (tmp_path / "song.beats").write_text("0.5 1\n1.0 2\n1.5 3\n4.0 1\n")
     beats, sound = check(tmp_path)
-    assert (sound.kind, sound.frames, sound.rate, sound.seconds, sound.note) == (
-        "audio",
-        8000,
-        8000,
-        1.0,
-        "WAV, 2 channels",
-    )
+    facts = (sound.kind, sound.frames, sound.rate, sound.seconds, sound.note)
+    assert facts == ("audio", 8000, 8000, 1.0, "WAV, 2 channels")
     assert sound.odd == ("silent from beginning to end",)
     assert (beats.kind, beats.frames, beats.note) == ("beats", 4, "120.0 beats a minute, 3 beats a bar")
     assert beats.odd == ("no beat for 2.50 s after 1.50 s, others are 0.50 s apart",)
@@ -280,16 +242,18 @@ def test_check_notices_the_tango_that_is_too_fast_and_a_held_pose(data_root: Pat
     assert "frozen once, longest 2.00 s" in odd(data_root / "tang2018" / "DANCE_R_4")
 
 
-def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
+def test_start_is_what_the_folder_tells(tmp_path: Path):
     ours, theirs = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75}), tang(tmp_path / "theirs")
     bare = own(tmp_path / "bare")
     save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM))
     starts = [recorded_offset(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
     assert starts == [0.75, 0.75, 0.2, 0.2]
     assert [recorded_offset(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
+    assert load_clip(ours / "audio.wav", ours / "motion.npz").offset == 0.75
+    assert load_clip(ours / "audio.wav", ours / "motion.npz", offset=0.25).offset == 0.25
 
 
-def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
+def test_joints_of_a_recording_can_be_chosen(tmp_path: Path):
     folder = tang(tmp_path / "DANCE_R_3")
     names = load_any_motion(folder).skeleton.joints[3:6]
     part = load_any_motion(folder, joints=names)
@@ -298,7 +262,7 @@ def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
     refused(r"skeletons\.json: .*no joints named \['tail'\]", load_any_motion, folder, joints=("tail",))
 
 
-def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
+def test_start_is_what_a_motion_file_keeps(tmp_path: Path):
     save_motion(tmp_path / "dance.npz", Motion(upright(), 25.0, ARM), offset=7.5)
     assert recorded_offset(tmp_path / "dance.npz") == 7.5
     ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
@@ -311,17 +275,97 @@ def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
     assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
 
 
-def test_files_of_a_recording_are_its_song_its_beats_and_its_dance(tmp_path: Path) -> None:
+def test_files_of_a_recording_are_its_song_its_beats_and_its_dance(tmp_path: Path):
     ours = own(tmp_path / "ours", beats={**BEATS, "dance": "waltz"})
-    assert recording_files(ours) == (ours / "audio.wav", ours / "beats.json", "waltz")
+    assert folders.recording_files(ours) == (ours / "audio.wav", ours / "beats.json", "waltz")
     theirs = tang(tmp_path / "DANCE_R_3")
-    assert recording_files(theirs) == (theirs / "audio.flac", None, "rumba")
+    assert folders.recording_files(theirs) == (theirs / "audio.flac", None, "rumba")
     (ours / "audio.wav").unlink()
     with pytest.raises(FileNotFoundError, match=r"ours: has no audio\.wav"):
-        recording_files(ours)
+        folders.recording_files(ours)
 
 
-def test_score_starts_where_the_folder_tells(tmp_path: Path) -> None:
-    ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
-    assert load_clip(ours / "audio.wav", ours / "motion.npz").offset == 0.75
-    assert load_clip(ours / "audio.wav", ours / "motion.npz", offset=0.25).offset == 0.25
+# From files to clips
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return synthetic_clip("cha-cha", seconds=8.0, seed=4)
+
+
+@pytest.fixture(scope="module", params=["song.wav", "song.mp4"])
+def song(request: pytest.FixtureRequest, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The clip's sound at 44,100 Hz, as a sound file and as a video."""
+    path = tmp_path_factory.mktemp("song") / request.param
+    samples = np.repeat(clip.audio.samples, 2)
+    if path.suffix == ".wav":
+        soundfile.write(path, samples, 44100)
+    else:
+        write_video(path, [np.zeros((64, 64, 3), np.uint8)] * 80, 10.0, audio=Audio(samples, 44100))
+    return path
+
+
+def test_beats_are_the_same_whatever_the_rate_of_the_sound(song: Path, clip: Clip):
+    assert clip.motion is not None and clip.audio.sample_rate == 22050
+    usual, full = load_clip(song, clip.motion), load_clip(song, clip.motion, sample_rate=None)
+    assert (usual.audio.sample_rate, full.audio.sample_rate > 40000) == (22050, True)
+    assert len(usual.beats) > 8
+    np.testing.assert_array_equal(full.beats.times, usual.beats.times)
+    np.testing.assert_array_equal(full.beats.strengths, usual.beats.strengths)
+    assert load_clip(song, clip.motion, track=False).beats is None
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=7, seconds=6.0, fps=30.0, seed=2)
+
+
+def test_a_folder_is_compared_like_its_recordings(corpus: Path):
+    folder = compare(corpus, n_rotations=20, dances=("rumba", "waltz"))
+    recordings = compare(corpus_recordings(corpus), n_rotations=20, dances=("rumba", "waltz"), corpus=str(corpus))
+    assert folder.summary == recordings.summary
+    assert sorted(folder.dances) == ["rumba", "waltz"]
+    assert folder.summary["beats"] == "annotated"
+
+
+def test_a_recording_without_annotation_makes_all_beats_tracked_and_one_that_cannot_be_read_is_left_out(tmp_path: Path):
+    corpus = write_corpus(tmp_path / "synth", clips=2, seconds=4.0, fps=30.0, seed=1)
+    broken = find_recordings(corpus).folders[0]
+    (broken / "beats.json").unlink()
+    assert compare(corpus, n_rotations=0).summary["beats"] == "tracked"
+    (broken / "motion.npz").write_bytes(b"no motion")
+    problems: list[Path] = []
+    readable = list(corpus_recordings(corpus, report=lambda problem: problems.append(problem.folder)))
+    assert (len(readable), problems) == (1, [broken])
+
+
+def test_bar_patterns_come_back_as_they_were(tmp_path: Path):
+    patterns = {
+        "waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted", "waltz"),
+        "rumba": BarPattern(1, (-1.0,), (0.0,), "planted", "rumba"),
+    }
+    save_patterns(tmp_path / "patterns.json", patterns)
+    named = {dance: replace(pattern, dance=dance) for dance, pattern in patterns.items()}
+    assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == named
+    refused("holds no pattern for --dance ''; it has waltz, rumba", load_pattern, tmp_path / "patterns.json")
+
+
+def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip):
+    assert clip.beats is not None
+    told = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
+    nearest = np.abs(told.times - clip.beats.times[6]).argmin()
+    assert told.bar_places.tolist() == ((np.arange(len(told)) - nearest) % 4).tolist()
+    assert load_clip(song, clip.motion, dance="cha-cha").beats.bar_places is None
+
+
+def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path: Path):
+    (tmp_path / "song.beats").write_text("1.0\n1.7\n2.4\n3.1\n")
+    told = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
+    assert told.bar_places.tolist() == [2, 0, 1, 2]
+
+
+def test_a_one_without_a_dance_or_a_beat_and_a_length_that_is_none_are_refused(song: Path, clip: Clip):
+    refused("with --dance: cha-cha", load_clip, song, clip.motion, one=1.0)
+    refused("no beat is near", load_clip, song, clip.motion, dance="waltz", one=99.0)
+    for seconds in (0.0, -1.0, float("inf"), float("nan")):
+        refused("seconds must be positive and finite", load_clip, song, clip.motion, seconds=seconds)

@@ -1,17 +1,21 @@
-"""Motion files: our .npz, arrays, BVH, AIST++ pickles, key points."""
+"""Motion files: our .npz, arrays, BVH to and fro, AIST++ pickles, key points, landmarks."""
 
 import json
 import os
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.readers.bvh import load_bvh
-from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, load_keypoints
+from harmolab.readers.bvh import load_bvh, save_bvh
+from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, keypoints_motion, load_keypoints
 from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.types import Motion
 from tests.builders import ARM, cases, refused
@@ -29,9 +33,10 @@ def save(path: Path, array: np.ndarray) -> Path:
 # Our .npz
 
 
-def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path):
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path, dimensions: int):
     valid = np.arange(10) % 3 > 0
-    motion = Motion(walk(), 29.97, ARM, valid)
+    motion = Motion(walk(dimensions=dimensions), 29.97, ARM, valid)
     save_motion(tmp_path / "arm.npz", motion)
     back = load_motion(tmp_path / "arm.npz")
     np.testing.assert_array_equal(back.positions, motion.positions)
@@ -39,19 +44,11 @@ def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path):
     assert (back.fps, back.skeleton) == (29.97, ARM)
 
 
-def test_two_dimensional_motion_comes_back(tmp_path: Path):
-    save_motion(tmp_path / "flat.npz", Motion(walk(dimensions=2), 25, ARM))
-    assert load_motion(tmp_path / "flat.npz").positions.shape == (10, 3, 2)
-
-
-def test_a_saved_motion_keeps_the_song_time_it_was_made_for(tmp_path: Path):
-    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=12.4)
-    assert load_offset(tmp_path / "arm.npz") == 12.4
+@pytest.mark.parametrize("offset", [12.4, None, 0.0])
+def test_a_saved_motion_keeps_the_song_time_it_was_made_for(tmp_path: Path, offset: float | None):
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=offset)
+    assert load_offset(tmp_path / "arm.npz") == offset
     assert load_motion(tmp_path / "arm.npz").n_frames == 10
-    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM))
-    assert load_offset(tmp_path / "arm.npz") is None
-    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=0.0)
-    assert load_offset(tmp_path / "arm.npz") == 0.0
 
 
 @cases(
@@ -68,29 +65,29 @@ def test_an_offset_that_is_no_song_time_is_refused_by_name(tmp_path: Path, offse
         refused(rf"bad\.npz: .*{fault}", read, tmp_path / "bad.npz")
 
 
-def test_an_offset_that_is_no_song_time_is_not_written(tmp_path: Path):
-    with pytest.raises(ValueError, match="offset must be a number of seconds"):
-        save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=np.nan)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_failed_save_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    path = tmp_path / "arm.npz"
+@cases("name, written_by", ("arm.npz", "savez"), ("arm.bvh", "savetxt"))
+def test_failed_save_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, written_by: str
+):
+    path = tmp_path / name
     save_motion(path, Motion(walk(), 25, ARM))
     before = path.read_bytes()
 
     def fail(*_args: object, **_named: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr(np, "savez", fail)
+    monkeypatch.setattr(np, written_by, fail)
     with pytest.raises(OSError, match="disk full"):
         save_motion(path, Motion(walk() + 1, 25, ARM))
     assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["arm.npz"]
+    assert [file.name for file in tmp_path.iterdir()] == [name]
 
 
-def test_motion_is_saved_under_known_names_only(tmp_path: Path):
-    refused(r"arm\.fbx: motion is saved as \.npz or \.bvh", save_motion, tmp_path / "arm.fbx", Motion(walk(), 25, ARM))
+def test_motion_is_saved_under_known_names_and_at_times_that_are_some_only(tmp_path: Path):
+    motion = Motion(walk(), 25, ARM)
+    refused(r"arm\.fbx: motion is saved as \.npz or \.bvh", save_motion, tmp_path / "arm.fbx", motion)
+    refused("offset must be a number of seconds", save_motion, tmp_path / "arm.npz", motion, offset=np.nan)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_npz_by_hand_with_positions_and_fps_is_enough(tmp_path: Path):
@@ -98,19 +95,15 @@ def test_npz_by_hand_with_positions_and_fps_is_enough(tmp_path: Path):
     motion = load_motion(tmp_path / "hand.npz")
     assert (motion.fps, motion.skeleton.joints) == (50, ("joint_0", "joint_1", "joint_2"))
     assert motion.valid.all()
-
-
-def test_fps_that_is_passed_takes_the_place_of_the_files(tmp_path: Path):
-    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM))
-    assert load_motion(tmp_path / "arm.npz", fps=50).duration == 0.2
+    assert load_motion(tmp_path / "hand.npz", fps=100).duration == 0.1
 
 
 def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
     positions = walk()
     positions[7, 1, 2] = np.nan
     np.savez(tmp_path / "gap.npz", positions=positions, fps=25, joints=list(ARM.joints), parents=list(ARM.parents))
-    with pytest.raises(ValueError, match=r"gap\.npz: NaN or infinity at frame 7, joint 1 \(elbow\), 1 values in all"):
-        load_motion(tmp_path / "gap.npz")
+    fault = r"gap\.npz: NaN or infinity at frame 7, joint 1 \(elbow\), 1 values in all"
+    refused(fault, load_motion, tmp_path / "gap.npz")
 
 
 @cases(
@@ -133,15 +126,11 @@ def test_npz_that_is_not_as_documented_is_refused(tmp_path: Path, arrays: dict[s
 # .npy
 
 
-def test_array_of_metres_needs_an_fps(tmp_path: Path):
+def test_array_of_metres_needs_an_fps_and_perhaps_a_scale(tmp_path: Path):
     path = save(tmp_path / "walk.npy", walk())
     refused(r"walk\.npy: holds no frame rate; pass fps", load_motion, path)
     np.testing.assert_array_equal(load_motion(path, fps=30).positions, walk())
-
-
-def test_scale_turns_centimetres_into_metres(tmp_path: Path):
-    path = save(tmp_path / "walk.npy", walk() * 100)
-    np.testing.assert_allclose(load_motion(path, fps=30, scale=0.01).positions, walk())
+    np.testing.assert_allclose(load_motion(path, fps=30, scale=0.01).positions, walk() / 100)
 
 
 @pytest.mark.parametrize("shape", [(10, 17, 2), (10, 34)])
@@ -155,17 +144,13 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
     assert load_motion(save(tmp_path / "gHO_sFM_cAll_d19_mHO1_ch02.npy", walk(10, 17, 2))).fps == 60
 
 
-def test_pixels_with_a_confidence_are_not_taken_for_metres(tmp_path: Path):
-    points = np.random.default_rng(1).uniform(0.1, 1, (10, 17, 3)) * [640, 480, 1]
+@cases("skeleton, shape, size", (COCO_17, (10, 17, 3), [640, 480, 1]), (MEDIAPIPE_33, (10, 33, 4), [1, 1, 1, 1]))
+def test_points_with_a_confidence_are_not_taken_for_metres(
+    tmp_path: Path, skeleton: Skeleton, shape: tuple[int, ...], size: list[int]
+):
+    points = np.random.default_rng(1).uniform(0.6, 1, shape) * size
     motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
-    np.testing.assert_allclose(motion.positions, points[..., :2])
-    assert motion.skeleton == COCO_17
-
-
-def test_33_points_with_a_visibility_are_mediapipes(tmp_path: Path):
-    points = np.random.default_rng(1).uniform(0.6, 1, (10, 33, 4))
-    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
-    assert motion.skeleton == MEDIAPIPE_33
+    assert motion.skeleton == skeleton
     np.testing.assert_allclose(motion.positions, points[..., :2])
 
 
@@ -316,20 +301,13 @@ def confident(frames: int = 5, joints: int = 17) -> np.ndarray:
     return points
 
 
-def test_unseen_joint_is_filled_by_a_straight_line_and_its_frames_are_not_valid(tmp_path: Path):
+def test_unseen_joint_is_filled_by_a_straight_line_or_stays_and_its_frames_are_not_valid(tmp_path: Path):
     points = confident()
-    points[1:3, 9] = 0.0
+    points[1:3, 9] = points[3:, 8] = 0.0
     motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 9, 0], [0, 1, 2, 3, 4])
-    np.testing.assert_allclose(motion.positions[:, 9, 1], 90)
-    np.testing.assert_array_equal(motion.valid, [True, False, False, True, True])
-
-
-def test_joint_unseen_at_the_end_stays_where_it_was_last(tmp_path: Path):
-    points = confident()
-    points[3:, 9] = 0.0
-    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 9, 0], [0, 1, 2, 2, 2])
+    np.testing.assert_allclose(motion.positions[:, 9], [[0, 90], [1, 90], [2, 90], [3, 90], [4, 90]])
+    np.testing.assert_allclose(motion.positions[:, 8, 0], [0, 1, 2, 2, 2])
+    np.testing.assert_array_equal(motion.valid, [True, False, False, False, False])
 
 
 def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
@@ -343,10 +321,10 @@ def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
     assert motion.valid.all()
 
 
-@pytest.mark.parametrize("skeleton", [COCO_17, OPENPOSE_18, OPENPOSE_25])
+@pytest.mark.parametrize("skeleton", [COCO_17, OPENPOSE_18, OPENPOSE_25, MEDIAPIPE_33])
 def test_skeleton_is_one_tree_with_limbs_on_their_own_side(skeleton: Skeleton):
     assert skeleton.parents.count(-1) == 1
-    assert len(set(skeleton.joints)) == len(skeleton.joints)
+    assert len(set(skeleton.joints)) == len(skeleton.joints) in (17, 18, 25, 33)
     for parent, child in skeleton.bones:
         assert not {"left", "right"} <= {skeleton.joints[joint].split("_")[0] for joint in (parent, child)}
 
@@ -371,16 +349,14 @@ def test_openpose_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path):
     assert motion.skeleton == OPENPOSE_25
 
 
-def test_openpose_follows_the_same_dancer_past_a_slightly_surer_passer_by(tmp_path: Path):
-    frames = [[person(0)], [person(100, 0.95), person(1)], [person(2), person(90, 0.95)]]
+@cases(
+    "frames, places",
+    ([[person(0)], [person(100, 0.95), person(1)], [person(2), person(90, 0.95)]], [0, 1, 2]),  # a surer passer-by
+    ([[person(0)], [person(0, 0.1), person(5)], [person(10)]], [0, 5, 10]),  # a doubtful figure, although it is near
+)
+def test_openpose_follows_the_same_dancer(tmp_path: Path, frames: list[list[np.ndarray]], places: list[float]):
     motion = load_keypoints(write_frames(tmp_path / "frames", frames), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
-
-
-def test_openpose_ignores_a_doubtful_figure_even_if_it_is_near(tmp_path: Path):
-    frames = [[person(0)], [person(0, 0.1), person(5)], [person(10)]]
-    motion = load_keypoints(write_frames(tmp_path / "frames", frames), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 5, 10])
+    np.testing.assert_allclose(motion.positions[:, 0, 0], places)
 
 
 def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
@@ -389,17 +365,15 @@ def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
     np.testing.assert_array_equal(motion.valid, [True, False, True])
 
 
-def test_openpose_missing_frame_number_is_an_error(tmp_path: Path):
+def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_path: Path):
     folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(4)])
+    (folder / "other_1_keypoints.json").write_text("{}")
+    refused(
+        r"frames: has two files for frame 1: dance_0+1_keypoints\.json and other_1_", load_keypoints, folder, fps=30
+    )
+    (folder / "other_1_keypoints.json").unlink()
     (folder / "dance_000000000002_keypoints.json").unlink()
     refused("frames: frame 2 is missing between 0 and 3", load_keypoints, folder, fps=30)
-
-
-def test_openpose_frame_number_that_is_there_twice_is_an_error(tmp_path: Path):
-    folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(3)])
-    (folder / "other_1_keypoints.json").write_text("{}")
-    with pytest.raises(ValueError, match=r"frames: has two files for frame 1: dance_0+1_keypoints\.json and other_1_"):
-        load_keypoints(folder, fps=30)
 
 
 @cases(
@@ -498,12 +472,6 @@ def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
     assert motion.valid.tolist() == [True, False, True]
 
 
-def test_coco_follows_one_dancer_past_a_slightly_surer_passer_by(tmp_path: Path):
-    passer = {"image_id": 41, "keypoints": coco_pose(300, 0.95)}
-    motion = load_motion(as_json(tmp_path / "dance.json", [passer, *results([0, 1, 2])]), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
-
-
 def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
     frames = [[{"x": x, "y": 0.5, "z": 0.0, "visibility": 0.9}] * 33 for x in (0.1, 0.2)]
     motion = load_motion(as_json(tmp_path / "dance.json", {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}))
@@ -552,10 +520,214 @@ def test_damaged_json_is_refused_by_name(tmp_path: Path, content: object, fault:
     refused(rf"dance\.json: .*{fault}", load_motion, as_json(tmp_path / "dance.json", content), fps=30)
 
 
-def test_coco_key_points_need_a_rate(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"dance\.json: holds key points but no frame rate; pass fps"):
-        load_motion(as_json(tmp_path / "dance.json", results([0, 1])))
-    assert load_keypoints(tmp_path / "dance.json", fps=24).fps == 24
+# MediaPipe's landmarks
+
+
+def landmarks(x: float, visibility: float = 0.9) -> list[dict[str, float]]:
+    return [{"x": x, "y": 0.1 * joint, "z": -0.5, "visibility": visibility} for joint in range(33)]
+
+
+def test_landmarks_are_2d_with_equal_units_or_metres_with_y_up(tmp_path: Path):
+    path = as_json(tmp_path / "dance.json", [landmarks(0.2), landmarks(0.4)])
+    motion = load_keypoints(path, fps=25, aspect=2.0)
+    np.testing.assert_allclose(motion.positions[:, 5], [[0.4, 0.5], [0.8, 0.5]])
+    np.testing.assert_allclose(load_keypoints(path, fps=25, world=True).positions[0, 5], [0.2, -0.5, 0.5])
+    motion = load_keypoints(path, fps=25, joints=("left_hip", "left_knee"))
+    assert (motion.skeleton.joints, motion.skeleton.bones) == (("left_hip", "left_knee"), ((0, 1),))
+
+
+def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
+    path = as_json(tmp_path / "dance.json", {"fps": 30.0, "frames": [landmarks(0.2), {"landmarks": landmarks(0.4)}]})
+    assert (load_keypoints(path).fps, load_keypoints(path, fps=24).fps) == (30, 24)
+
+
+def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
+    frames = [landmarks(0.2), None, [], landmarks(0.5), landmarks(0.5, 0.2)]
+    motion = load_keypoints(as_json(tmp_path / "dance.json", frames), fps=25)
+    np.testing.assert_allclose(motion.positions[:4, 0, 0], [0.2, 0.3, 0.4, 0.5])
+    assert motion.valid.tolist() == [True, False, False, True, False]
+
+
+def test_array_with_and_without_visibility_is_read(tmp_path: Path):
+    values = np.random.default_rng(0).uniform(0, 1, (4, 33, 4))
+    values[:, :, 3] = 1.0
+    values[2] = np.nan
+    motion = load_keypoints(save(tmp_path / "dance.npy", values), fps=25)
+    assert motion.valid.tolist() == [True, True, False, True]
+    np.testing.assert_allclose(motion.positions[2], (values[1, :, :2] + values[3, :, :2]) / 2)
+    assert keypoints_motion(values[:2, :, :3], 25).valid.all()
+
+
+@cases(
+    "content, fault",
+    ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
+    ('{"fps": 30}', "holds an object with 'fps', which is neither MediaPipe landmarks"),
+    ({"frames": [landmarks(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
+    ([landmarks(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
+    ([landmarks(0.1), 7], "frame 1 is no list of 33 landmarks"),
+    ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
+    ([[{"x": "far", "y": 2, "z": 3}] * 33], "frame 0 must be numbers"),
+    ([[{"x": float("nan"), "y": 2, "z": 3}] * 33], "NaN or infinity in frame 0"),
+    ([None, None], "nobody is seen in any of its 2 frames"),
+    ([landmarks(0.1)], "at least two frames"),
+)
+def test_damaged_landmarks_are_refused_by_name(tmp_path: Path, content: Any, fault: str):
+    refused(rf"dance\.json: .*{fault}", load_keypoints, as_json(tmp_path / "dance.json", content), fps=25)
+
+
+def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):
+    path = as_json(tmp_path / "dance.json", [landmarks(0.2), landmarks(0.4)])
+    refused("holds key points but no frame rate; pass fps", load_keypoints, path)
+    refused("aspect is width over height", load_keypoints, path, fps=25, aspect=0.0)
+    refused(r"has shape \(2, 33, 5\)", keypoints_motion, np.zeros((2, 33, 5)), 25)
+    (tmp_path / "dance.csv").write_text("x,y")
+    refused(r"dance\.csv: cannot be read as key points", load_keypoints, tmp_path / "dance.csv", fps=25)
+
+
+# Motion to BVH: what our reader gives back, and what other programs need
+
+# A root with three children that keep together, an arm on one of them; listed out of order, child before parent.
+TREE = Skeleton(("hand L", "hip L", "torso", "hip R", "neck", "elbow L"), (5, 2, -1, 2, 2, 4))
+AT_REST = np.array([[0.6, 0.9, 0.1], [0.1, -0.1, 0.0], [0, 0, 0], [-0.1, -0.1, 0.0], [0.0, 0.5, 0.05], [0.3, 0.6, 0.0]])
+
+
+def in_order(motion: Motion, of: Skeleton) -> np.ndarray:
+    """Positions in the order of another skeleton's joints."""
+    return motion.positions[:, [motion.skeleton.joints.index(name) for name in of.joints]]
+
+
+def turned(skeleton: Skeleton, rest: np.ndarray, frames: int, seed: int = 0) -> np.ndarray:
+    """(T, J, 3): every joint turns at random, smoothly, and takes its children along; bones keep their lengths."""
+    rng = np.random.default_rng(seed)
+    root = skeleton.parents.index(-1)
+    children = [[c for c, p in enumerate(skeleton.parents) if p == joint] for joint in range(len(rest))]
+    positions = np.zeros((frames, len(rest), 3))
+    positions[:, root] = np.cumsum(rng.normal(0, 0.02, (frames, 3)), axis=0)
+    waiting = [(root, Rotation.identity(frames))]
+    while waiting:
+        joint, above = waiting.pop()
+        turn = above * Rotation.from_rotvec(np.cumsum(rng.normal(0, 0.2, (frames, 3)), axis=0))
+        for child in children[joint]:
+            positions[:, child] = positions[:, joint] + turn.apply(rest[child] - rest[joint])
+            waiting.append((child, turn))
+    return positions
+
+
+def channels(path: Path) -> dict[str, int]:
+    """Joint -> number of channels, as the file's text has it."""
+    found = re.findall(r"(?:ROOT|JOINT) (.*)\n.*\n.*\n\s*CHANNELS (\d)", path.read_text())
+    return {name: int(count) for name, count in found}
+
+
+def test_straight_arm_along_x_has_its_bones_as_offsets_in_centimetres(tmp_path: Path):
+    positions = np.array([[[0, 1, 0], [0.3, 1, 0], [0.5, 1, 0]], [[0, 1, 0], [0.3, 1, 0], [0.3, 1.2, 0]]])
+    save_bvh(tmp_path / "arm.bvh", Motion(positions, 25, ARM))
+    lines = [" ".join(line.split()) for line in (tmp_path / "arm.bvh").read_text().splitlines()]
+    assert lines[:6] == [
+        "HIERARCHY",
+        "ROOT shoulder",
+        "{",
+        "OFFSET 0.000000 0.000000 0.000000",
+        "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation",
+        "JOINT elbow",
+    ]
+    assert "OFFSET 30.000000 0.000000 0.000000" in lines
+    assert "OFFSET 20.000000 0.000000 0.000000" in lines
+    head = lines.index("MOTION")
+    assert lines[head + 1 : head + 3] == ["Frames: 2", "Frame Time: 0.04"]
+    first, second = (np.array(line.split(), float) for line in lines[head + 3 :])
+    np.testing.assert_allclose(first, [0, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], atol=1e-6)
+    # The hand went from along x to along y: a quarter turn about z in the elbow.
+    np.testing.assert_allclose(second, [0, 100, 0, 0, 0, 0, 90, 0, 0, 0, 0, 0], atol=1e-6)
+
+
+def test_rigid_body_comes_back_from_rotations_alone_parents_as_parents(tmp_path: Path):
+    positions = turned(TREE, AT_REST, 80)
+    save_bvh(tmp_path / "body.bvh", Motion(positions, 15, TREE))
+    back = load_bvh(tmp_path / "body.bvh")
+    np.testing.assert_allclose(in_order(back, TREE), positions, atol=1e-6)
+    counts = {"torso": 6, "hip L": 3, "hip R": 3, "neck": 3, "elbow L": 3, "hand L": 3}
+    assert (back.fps, channels(tmp_path / "body.bvh")) == (15, counts)
+    bones = [{(one.joints[p], one.joints[c]) for p, c in one.bones} for one in (back.skeleton, TREE)]
+    assert bones[0] == bones[1] and len(back.skeleton.joints) == len(TREE.joints)
+    text = " ".join((tmp_path / "body.bvh").read_text().split())  # every branch ends in a site of no length
+    assert text.count("End Site { OFFSET 0 0 0 }") == 3
+    assert text.count("{") == text.count("}")
+
+
+def test_only_the_stretching_bone_gets_position_channels(tmp_path: Path):
+    positions = turned(TREE, AT_REST, 60)
+    hand, elbow = 0, 5
+    stretch = 1 + 0.2 * np.sin(np.arange(60))[:, None]
+    positions[:, hand] = positions[:, elbow] + stretch * (positions[:, hand] - positions[:, elbow])
+    save_bvh(tmp_path / "body.bvh", Motion(positions, 15, TREE))
+    np.testing.assert_allclose(in_order(load_bvh(tmp_path / "body.bvh"), TREE), positions, atol=1e-6)
+    assert {name for name, count in channels(tmp_path / "body.bvh").items() if count == 6} == {"torso", "hand L"}
+
+
+@given(seed=st.integers(0, 10_000), frames=st.integers(2, 12))
+def test_any_movement_of_any_tree_comes_back(tmp_path_factory: pytest.TempPathFactory, seed: int, frames: int):
+    rng = np.random.default_rng(seed)
+    parents = [-1, *(int(rng.integers(0, joint)) for joint in range(1, 9))]
+    shuffle = rng.permutation(9)
+    inverse = np.argsort(shuffle)
+    mixed = tuple(-1 if parents[joint] < 0 else int(inverse[parents[joint]]) for joint in shuffle)
+    skeleton = Skeleton(tuple(f"j{i}" for i in range(9)), mixed)
+    positions = rng.normal(size=(frames, 9, 3))
+    path = tmp_path_factory.mktemp("tree") / "any.bvh"
+    save_bvh(path, Motion(positions, 30, skeleton))
+    np.testing.assert_allclose(in_order(load_bvh(path), skeleton), positions, atol=1e-6)
+
+
+def test_quarter_turn_where_two_angles_become_one_comes_back(tmp_path: Path):
+    # The bone stands along -z: a turn of exactly 90 degrees about x.
+    bone = np.array([[0, 0.3, 0], [0, 0, 0.3], [0, 0.3, 0], [0.3, 0, 0], [0, -0.3, 0]], float)
+    positions = np.stack([np.zeros((5, 3)), bone, 2 * bone], axis=1)
+    save_bvh(tmp_path / "arm.bvh", Motion(positions, 15, ARM))
+    np.testing.assert_allclose(load_bvh(tmp_path / "arm.bvh").positions, positions, atol=1e-6)
+
+
+def test_angles_go_on_beyond_half_a_turn_without_a_jump(tmp_path: Path):
+    angle = np.linspace(0, 4 * np.pi, 60)
+    bone = np.stack([np.cos(angle), np.sin(angle), np.zeros(60)], axis=1)
+    save_bvh(tmp_path / "arm.bvh", Motion(np.stack([np.zeros((60, 3)), bone, 2 * bone], axis=1), 15, ARM))
+    table = np.loadtxt((tmp_path / "arm.bvh").read_text().split("Frame Time:")[1].splitlines()[1:])
+    assert table[-1, 3] == pytest.approx(720, abs=1e-4)
+    assert np.abs(np.diff(table[:, 3:], axis=0)).max() < 15
+
+
+def test_bone_of_no_length_and_a_dancer_of_a_centimetre_come_back(tmp_path: Path):
+    positions = turned(ARM, np.array([[0, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]), 20)
+    save_bvh(tmp_path / "arm.bvh", Motion(positions, 15, ARM))
+    np.testing.assert_allclose(load_bvh(tmp_path / "arm.bvh").positions, positions, atol=1e-6)
+
+
+def test_end_site_of_some_length_is_still_a_joint(tmp_path: Path):
+    save_bvh(tmp_path / "arm.bvh", Motion(turned(ARM, np.eye(3), 3), 15, ARM))
+    text = (tmp_path / "arm.bvh").read_text()
+    (tmp_path / "long.bvh").write_text(text.replace("OFFSET 0 0 0\n", "OFFSET 0 5 0\n"))
+    assert load_bvh(tmp_path / "long.bvh").skeleton.joints == ("shoulder", "elbow", "hand", "hand_end")
+
+
+def test_names_that_bvh_cannot_hold_are_changed_and_stay_apart(tmp_path: Path):
+    skeleton = Skeleton(("MOTION{", "a b", "a b"), (-1, 0, 1))
+    save_bvh(tmp_path / "names.bvh", Motion(turned(ARM, np.eye(3), 3), 15, skeleton))
+    assert load_bvh(tmp_path / "names.bvh").skeleton.joints == ("Motion_", "a b", "a b_2")
+
+
+@cases(
+    "skeleton, fault",
+    (Skeleton.unnamed(3), "has 3 joints and 3 roots; save it as .npz"),
+    (Skeleton(("a", "b", "c"), (-1, 2, 1)), "form a ring"),
+    (Skeleton(("a", "b", "c"), (1, 2, 0)), "0 roots"),
+)
+def test_skeleton_that_is_no_tree_is_refused_by_file(tmp_path: Path, skeleton: Skeleton, fault: str):
+    refused(rf"dance\.bvh: .*{fault}", save_bvh, tmp_path / "dance.bvh", Motion(np.zeros((4, 3, 3)), 15, skeleton))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_image_coordinates_are_refused(tmp_path: Path):
+    refused(r"flat\.bvh: .*image coordinates", save_bvh, tmp_path / "flat.bvh", Motion(np.zeros((4, 3, 2)), 15, ARM))
 
 
 # Recordings

@@ -13,6 +13,7 @@ from typing import Any
 import ezc3d
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import harmolab.readers.c3d as c3d_reader
 from harmolab.body.skeletons import standing_height
@@ -23,7 +24,7 @@ from harmolab.lab.evaluate.pairing import Song, folder_pairs
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.motion import load_motion, read_motion
 from harmolab.readers.smpl import SMPL_22, SMPL_24, load_body, neutral_body
-from tests.builders import called, cases, refused
+from tests.builders import called, cases, complaint, done, refused
 
 AIST = "gBR_sBM_cAll_d04_mBR0_ch02"
 TREE = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]  # of SMPL, as published
@@ -73,22 +74,18 @@ def to_z_up(joints: np.ndarray) -> np.ndarray:
     return np.stack([joints[..., 0], -joints[..., 2], joints[..., 1]], axis=-1)
 
 
+def placed(frames: int = 12) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses (T, 24, 3) and way of a dance, and the joints of the neutral body that they stand for."""
+    poses, way = dance(frames)
+    return poses, way, loop_joints(poses, way, neutral_body().body.offsets)
+
+
 def z_up_parameters() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses (T, 72) and translation with z up, and the joints with y up that they stand for."""
-    poses, way = dance()
-    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    poses, way, expected = placed()
     quarter = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # y to z
-    turned = poses.copy()
-    for frame in range(len(poses)):
-        turned[frame, 0] = rotation_vector(quarter @ rodrigues(poses[frame, 0]))
-    return turned.reshape(-1, 72), to_z_up(way), expected
-
-
-def rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    """The axis-angle of a rotation by less than a half turn."""
-    angle = math.acos((np.trace(matrix) - 1) / 2)
-    axis = [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    return angle / (2 * math.sin(angle)) * np.array(axis)
+    poses[:, 0] = [Rotation.from_matrix(quarter @ rodrigues(pose)).as_rotvec() for pose in poses[:, 0]]
+    return poses.reshape(-1, 72), to_z_up(way), expected
 
 
 def pickled(path: Path, **content: object) -> Path:
@@ -142,11 +139,11 @@ def test_a_bent_elbow_is_where_a_hand_calculation_puts_it(tmp_path: Path):
 
 
 def test_aist_recordings_have_60_frames_a_second_and_are_scaled(tmp_path: Path):
-    poses, way = dance()
+    poses, way, expected = placed()
     content = {"smpl_poses": poses.reshape(-1, 72), "smpl_trans": way * 93.8, "smpl_scaling": np.array([93.8])}
     motion, kind, notes = read_motion(pickled(tmp_path / f"{AIST}.pkl", **content))
     assert (motion.fps, kind) == (60, "AIST++ SMPL parameters")
-    np.testing.assert_allclose(motion.positions, loop_joints(poses, way, neutral_body().body.offsets), atol=1e-9)
+    np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
     assert "60 frames a second (AIST++)" in notes
     with pytest.raises(MissingFrameRate, match=r"other\.pkl: holds no frame rate; pass fps, such as --fps 25"):
         load_motion(pickled(tmp_path / "other.pkl", **content))
@@ -192,8 +189,7 @@ def matrices(poses: np.ndarray) -> np.ndarray:
 
 
 def test_six_numbers_nine_and_axis_angle_are_the_same_rotation(tmp_path: Path):
-    poses, way = dance()
-    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    poses, way, expected = placed()
     rows = first_two_rows(poses) * 1.7  # a network's rows are not of length 1
     nine = matrices(poses) * 1.1  # nor are its matrices
     for values in (rows, rows.reshape(12, 144), nine, nine.reshape(12, 216), poses):
@@ -203,16 +199,14 @@ def test_six_numbers_nine_and_axis_angle_are_the_same_rotation(tmp_path: Path):
 
 @pytest.mark.parametrize(("width", "contacts", "joints"), [(139, 4, 22), (135, 0, 22), (319, 4, 52), (315, 0, 52)])
 def test_vectors_of_lodge_and_finedance_are_read(tmp_path: Path, width: int, contacts: int, joints: int):
-    poses, way = dance()
+    poses, way, expected = placed()
     rows = np.zeros((12, joints, 6))
     rows[..., 0] = rows[..., 4] = 1.0
     rows[:, :22] = first_two_rows(poses[:, :22])
     values = np.concatenate([np.ones((12, contacts)), way, rows.reshape(12, -1)], axis=1)
     assert values.shape[1] == width
     motion = load_motion(saved(tmp_path / "dance.npy", values), fps=30)
-    np.testing.assert_allclose(
-        motion.positions[:, :22], loop_joints(poses, way, neutral_body().body.offsets)[:, :22], atol=1e-9
-    )
+    np.testing.assert_allclose(motion.positions[:, :22], expected[:, :22], atol=1e-9)
     with pytest.raises(MissingFrameRate):
         load_motion(tmp_path / "dance.npy")
 
@@ -224,8 +218,7 @@ def fact_vectors(poses: np.ndarray, way: np.ndarray, fault: np.ndarray | float =
 
 
 def test_vectors_of_fact_are_read_and_its_seed_is_a_remark(tmp_path: Path):
-    poses, way = dance()
-    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    poses, way, expected = placed()
     path = saved(tmp_path / "mBR0.npy", fact_vectors(poses, way))
     with pytest.raises(MissingFrameRate, match=r"mBR0\.npy: .*--fps 25 \(FACT's own settings make 60\)"):
         load_motion(path)
@@ -250,7 +243,7 @@ def test_a_matrix_that_is_no_rotation_is_taken_for_the_nearest_one(tmp_path: Pat
     poses, way = dance(3)
     fault = np.random.default_rng(9).normal(size=(3, 24, 9)) * 0.05
     nearest = [[nearest_rotation(one.reshape(3, 3)) for one in frame] for frame in matrices(poses) + fault]
-    axis_angle = np.array([[rotation_vector(one) for one in frame] for frame in nearest])
+    axis_angle = Rotation.from_matrix(np.reshape(nearest, (-1, 3, 3))).as_rotvec().reshape(3, 24, 3)
     motion = load_motion(saved(tmp_path / "d.npy", fact_vectors(poses, way, fault)), fps=60)
     expected = loop_joints(axis_angle, way, neutral_body().body.offsets)
     np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
@@ -357,13 +350,10 @@ def test_betas_that_are_no_shape_are_refused_by_name(tmp_path: Path, betas: np.n
     refused(rf"w\.npz: .*{fault}", load_motion, tmp_path / "w.npz", smpl=body)
 
 
-def test_a_missing_body_is_named_and_not_the_motion(tmp_path: Path):
+def test_a_missing_body_is_named_and_one_that_was_replaced_is_read_anew(tmp_path: Path):
     np.savez(tmp_path / "w.npz", poses=np.zeros((3, 72)), trans=np.zeros((3, 3)), mocap_framerate=60.0)
     with pytest.raises(FileNotFoundError, match=r"smpl\.npz: no such file"):
         load_motion(tmp_path / "w.npz", smpl=tmp_path / "smpl.npz")
-
-
-def test_a_body_that_was_replaced_is_read_anew(tmp_path: Path):
     for factor, stamp in ((1.0, 1), (1.1, 2)):
         np.savez(tmp_path / "smpl.npz", J=REST * factor, kintree_table=tree_of(TREE))
         os.utime(tmp_path / "smpl.npz", (stamp, stamp))
@@ -376,6 +366,9 @@ def test_a_body_with_fingers_gives_22_joints(tmp_path: Path):
     assert load_body(tmp_path / "smplh.npz").body.skeleton == SMPL_22
 
 
+SHAPED = {"J": REST, "kintree_table": tree_of(TREE), "J_regressor": np.ones((24, 9))}
+
+
 @cases(
     "arrays, fault",
     ({"kintree_table": tree_of(TREE)}, "has no array J, and no J_regressor and no v_template"),
@@ -385,19 +378,8 @@ def test_a_body_with_fingers_gives_22_joints(tmp_path: Path):
     ({"J": REST * np.nan, "kintree_table": tree_of(TREE)}, "make no body in metres"),
     ({"J": REST[:7], "kintree_table": tree_of(TREE[:7])}, "24, 52 or 55 joints"),
     ({"J_regressor": np.ones((24, 9)), "v_template": np.ones((8, 3))}, "does not fit v_template"),
-    (
-        {"J": REST, "kintree_table": tree_of(TREE), "J_regressor": np.ones((24, 9)), "shapedirs": np.ones((8, 3))},
-        r"shapedirs \(8, 3\) do not fit J_regressor \(24, 9\)",
-    ),
-    (
-        {
-            "J": REST,
-            "kintree_table": tree_of(TREE),
-            "J_regressor": np.ones((24, 9)),
-            "shapedirs": np.full((9, 3, 2), np.nan),
-        },
-        "shapedirs hold NaN or infinity",
-    ),
+    (SHAPED | {"shapedirs": np.ones((8, 3))}, r"shapedirs \(8, 3\) do not fit J_regressor \(24, 9\)"),
+    (SHAPED | {"shapedirs": np.full((9, 3, 2), np.nan)}, "shapedirs hold NaN or infinity"),
 )
 def test_a_file_that_holds_no_smpl_body_is_refused(tmp_path: Path, arrays: dict[str, Any], fault: str):
     np.savez(tmp_path / "body.npz", **arrays)
@@ -412,8 +394,7 @@ def test_a_pickled_body_is_refused_with_the_way_to_convert_it(tmp_path: Path):
 def test_a_body_is_refused_for_files_without_parameters(tmp_path: Path):
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     path = saved(tmp_path / "joints.npy", np.tile(REST, (4, 1, 1)))
-    with pytest.raises(ValueError, match=r"joints\.npy: holds no SMPL parameters; leave out smpl"):
-        load_motion(path, fps=30, smpl=tmp_path / "smpl.npz")
+    refused(r"joints\.npy: holds no SMPL parameters; leave out", load_motion, path, fps=30, smpl=tmp_path / "smpl.npz")
 
 
 # Joints in space
@@ -459,11 +440,9 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
     np.savez(tmp_path / "own.npz", positions=to_z_up(moving_joints()), fps=30.0)
     np.testing.assert_allclose(load_motion(tmp_path / "own.npz", up="z").positions, moving_joints())
     np.savez(tmp_path / "flat.npz", positions=moving_joints()[..., :2], fps=30.0)
-    with pytest.raises(ValueError, match=r"flat\.npz: holds image coordinates, in which y points down; leave out up"):
-        load_motion(tmp_path / "flat.npz", up="z")
+    refused(r"flat\.npz: holds image coordinates, .*leave out up", load_motion, tmp_path / "flat.npz", up="z")
     refused("up must be y or z", load_motion, tmp_path / "own.npz", up="x")
     bvh = tmp_path / "walk.bvh"
-    assert called(app, "convert", tmp_path / "own.npz", bvh).exit_code == 2  # no bones
     bvh.write_text(
         "HIERARCHY\nROOT hip { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n"
         "JOINT top { OFFSET 0 0 100 CHANNELS 0 } }\nMOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0 50\n"
@@ -474,8 +453,6 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
         "z up (as passed), turned to y up",
     )
     np.testing.assert_allclose(motion.positions, [[[0, 0, 0], [0, 1, 0]], [[0, 0.5, 0], [0, 1.5, 0]]], atol=1e-12)
-    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
-    refused(r"walk\.bvh: holds no SMPL parameters", load_motion, bvh, smpl=tmp_path / "smpl.npz")
 
 
 def test_bailando_file_with_an_aist_name_has_its_rate_unless_one_is_passed(tmp_path: Path):
@@ -537,22 +514,16 @@ def seventeen_joints() -> np.ndarray:
     return joints
 
 
-def test_17_joints_are_read_from_json_and_pickles(tmp_path: Path):
+def test_17_joints_are_read_from_json_pickles_and_arrays_and_told_from_points_in_a_picture(tmp_path: Path):
     joints = seventeen_joints()
     (tmp_path / "d.json").write_text(json.dumps({"fps": 60, "positions": joints.reshape(5, 51).tolist()}))
     pickled(tmp_path / "d.pkl", positions=joints)
     pickled(tmp_path / f"{AIST}.pkl", keypoints3d=joints * 100)
-    for name, fps in (("d.json", None), ("d.pkl", 60), (f"{AIST}.pkl", None)):
+    saved(tmp_path / "d.npy", joints)
+    saved(tmp_path / "flat.npy", joints.reshape(5, 51))
+    for name, fps in (("d.json", None), ("d.pkl", 60), (f"{AIST}.pkl", None), ("d.npy", 60), ("flat.npy", 60)):
         motion = load_motion(tmp_path / name, fps=fps)
         assert (motion.skeleton, motion.fps) == (COCO_17, 60)
-        np.testing.assert_allclose(motion.positions, joints)
-
-
-def test_17_joints_in_space_are_told_from_points_in_a_picture(tmp_path: Path):
-    joints = seventeen_joints()
-    for shape in ((5, 17, 3), (5, 51)):
-        motion = load_motion(saved(tmp_path / "d.npy", joints.reshape(shape)), fps=60)
-        assert motion.skeleton == COCO_17
         np.testing.assert_allclose(motion.positions, joints)
     for size in ([640, 480, 1], [1, 1, 1]):
         points = np.random.default_rng(1).uniform(0.1, 1, (5, 17, 3)) * size
@@ -595,39 +566,21 @@ def test_frames_of_bailando_that_hold_no_dance_are_refused_by_name(tmp_path: Pat
 
 def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):
     poses = np.random.default_rng(1).normal(size=(40, 72)) * np.linspace(0, 1, 40)[:, None]
-    with pytest.raises(ValueError, match=r"d\.npy: holds no joints: the thigh changes its length"):
-        load_motion(saved(tmp_path / "d.npy", poses), fps=60)
+    refused(r"d\.npy: holds no joints: the thigh changes", load_motion, saved(tmp_path / "d.npy", poses), fps=60)
 
 
 # HumanML3D
 
 
-def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Hamilton's product of two quaternions w, x, y, z."""
-    w, v = p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
-    return np.array([w, *v])
-
-
-def inverse(q: np.ndarray) -> np.ndarray:
-    return q * [1, -1, -1, -1]
-
-
-def rotated(q: np.ndarray, point: np.ndarray) -> np.ndarray:
-    return product(product(q, np.array([0.0, *point])), inverse(q))[1:]
-
-
 def humanml_vectors(joints: np.ndarray, headings: np.ndarray) -> np.ndarray:
     """(T - 1, 263) vectors of joints (T, 22, 3) that face `headings` (T), radians from +z towards +x."""
-    into = [np.array([math.cos(-angle / 2), 0, math.sin(-angle / 2), 0]) for angle in headings]  # world to body
+    into = [rodrigues(np.array([0, -angle, 0])) for angle in headings]  # world to body
     vectors = np.full((len(joints) - 1, 263), 7.0)  # what is not looked at is nonsense here
     for frame, vector in enumerate(vectors):
-        turn = product(into[frame + 1], inverse(into[frame]))
-        vector[0] = math.asin(turn[2])
-        vector[1:3] = rotated(into[frame + 1], joints[frame + 1, 0] - joints[frame, 0])[[0, 2]]
+        vector[0] = (headings[frame] - headings[frame + 1]) / 2  # half the angle of the turn into the body's frame
+        vector[1:3] = (into[frame + 1] @ (joints[frame + 1, 0] - joints[frame, 0]))[[0, 2]]
         vector[3] = joints[frame, 0, 1]
-        for joint in range(1, 22):
-            place = joints[frame, joint] - joints[frame, 0] * [1, 0, 1]
-            vector[1 + 3 * joint : 4 + 3 * joint] = rotated(into[frame], place)
+        vector[4:67] = ((joints[frame, 1:] - joints[frame, 0] * [1, 0, 1]) @ into[frame].T).ravel()
     return vectors
 
 
@@ -692,8 +645,11 @@ def test_the_screen_of_a_c3d_file_tells_which_axis_points_up(tmp_path: Path):
     motion, _, notes = read_motion(path)
     np.testing.assert_allclose(to_z_up(motion.positions), suit() / 1000, atol=1e-6)
     assert notes[1] == "z up (POINT:Y_SCREEN of the file), turned to y up"
-    with pytest.raises(ValueError, match=r"n\.c3d: does not tell which axis points up"):
-        load_motion(markers(tmp_path / "n.c3d", suit(), ("a", "b", "c", "d")))
+    refused(
+        r"n\.c3d: does not tell which axis points up",
+        load_motion,
+        markers(tmp_path / "n.c3d", suit(), ("a", "b", "c", "d")),
+    )
     np.testing.assert_allclose(load_motion(tmp_path / "n.c3d", up="y").positions, suit() / 1000, atol=1e-6)
 
 
@@ -705,8 +661,11 @@ def test_a_missing_marker_is_filled_in_and_its_frame_marked(tmp_path: Path):
     places = to_z_up(motion.positions)[:, 0] * 1000
     np.testing.assert_allclose(places[4], points[3, 0] + (points[6, 0] - points[3, 0]) / 3, atol=1e-3)
     points[:, 1] = np.nan
-    with pytest.raises(ValueError, match=r"never\.c3d: never shows RFHD; keep the other joints only"):
-        load_motion(markers(tmp_path / "never.c3d", points, NAMES))
+    refused(
+        r"never\.c3d: never shows RFHD; keep the other joints only",
+        load_motion,
+        markers(tmp_path / "never.c3d", points, NAMES),
+    )
     assert load_motion(tmp_path / "never.c3d", joints=["LFHD", "LTOE"]).skeleton.joints == ("LFHD", "LTOE")
 
 
@@ -718,23 +677,21 @@ def test_a_recorded_dancer_in_markers_stands_upright(data_root: Path):
     assert 1.5 < standing_height(motion.positions) < 2.0
 
 
-def test_unknown_units_of_a_c3d_file_need_a_scale(tmp_path: Path):
+def test_unknown_units_of_a_c3d_file_need_a_scale_and_a_missing_library_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     path = markers(tmp_path / "feet.c3d", suit(), NAMES, UNITS=["furlong"])
     refused(r"feet\.c3d: has points in 'furlong'; pass scale", load_motion, path)
     assert standing_height(load_motion(path, scale=0.001).positions) == pytest.approx(1.62, abs=0.05)
-
-
-def test_without_its_library_c3d_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    path = markers(tmp_path / "walk.c3d", suit(), NAMES)
     monkeypatch.setattr(c3d_reader, "find_spec", lambda name: None)
-    refused(r"walk\.c3d: to read c3d, install ezc3d; .*run: pip install '\.\[c3d\]'", load_motion, path)
+    refused(r"feet\.c3d: to read c3d, install ezc3d; .*run: pip install '\.\[c3d\]'", load_motion, path)
 
 
 def test_damaged_c3d_gives_a_finite_motion_or_an_error_and_never_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(c3d_reader, "SECONDS", 1.5)
     valid = markers(tmp_path / "walk.c3d", suit(), NAMES).read_bytes()
     rng, faults = np.random.default_rng(8), 0
-    for _ in range(25):
+    for _ in range(15):
         data = bytearray(valid)
         for place in rng.integers(len(data) if rng.random() < 0.5 else 700, size=4):
             data[place] = rng.integers(256)
@@ -759,7 +716,6 @@ def parameters(**changes: Any) -> dict[str, Any]:
     ("content", "fault"),
     [
         (parameters(smpl_poses=np.zeros((12, 71))), r"smpl_poses must be axis-angle .*got shape \(12, 71\)"),
-        (parameters(smpl_poses=np.zeros((12, 24, 4))), "smpl_poses must be axis-angle"),
         (parameters(smpl_poses=np.zeros(72)), "smpl_poses must be axis-angle"),
         (parameters(smpl_poses=np.full((12, 72), np.nan)), "smpl_poses holds NaN or infinity at frame 0, joint 0"),
         (parameters(smpl_poses=np.full((12, 72), 170.0)), "angles up to 170 radians; are these degrees"),
@@ -768,7 +724,6 @@ def parameters(**changes: Any) -> dict[str, Any]:
         (parameters(smpl_poses=np.zeros((0, 72)), smpl_trans=np.zeros((0, 3))), ""),
         (parameters(smpl_poses=np.zeros((1, 72)), smpl_trans=np.zeros((1, 3))), "at least two frames"),
         (parameters(smpl_trans=np.full((12, 3), np.inf)), "NaN or infinity at frame 0"),
-        (parameters(smpl_trans=np.full((12, 3), 1e300)), ""),
         (parameters(smpl_trans=np.zeros((12, 2))), r"translation must have shape \(T, 3\), got \(12, 2\)"),
         (parameters(smpl_scaling=np.zeros(1)), "smpl_scaling must lie between"),
         (parameters(smpl_scaling=np.ones(2)), "smpl_scaling must be one number"),
@@ -824,14 +779,12 @@ def test_check_says_what_each_file_of_a_folder_is_and_how_it_was_read(tmp_path: 
 def test_convert_writes_what_it_read_and_says_how(tmp_path: Path):
     poses, way, expected = z_up_parameters()
     source = pickled(tmp_path / "edge.pkl", smpl_poses=poses, smpl_trans=way, full_pose=to_z_up(expected))
-    result = called(app, "convert", source, tmp_path / "dance.npz", "--fps", "30")
-    assert result.exit_code == 0
-    said = " ".join(result.stdout.split())
+    said = " ".join(done(app, "convert", source, tmp_path / "dance.npz", "--fps", "30").stdout.split())
     assert "EDGE's joints, 12 frames of 24 joints at 30 a second read: joints of full_pose" in said
     assert "read: z up (as EDGE writes), turned to y up" in said
     motion = load_motion(tmp_path / "dance.npz")
     np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
-    assert called(app, "convert", tmp_path / "dance.npz", tmp_path / "dance.bvh").exit_code == 0
+    done(app, "convert", tmp_path / "dance.npz", tmp_path / "dance.bvh")
     back = load_motion(tmp_path / "dance.bvh")
     order = [back.skeleton.joints.index(name) for name in motion.skeleton.joints]
     np.testing.assert_allclose(back.positions[:, order], expected, atol=1e-3)
@@ -842,7 +795,7 @@ def test_convert_takes_a_body_and_an_axis(tmp_path: Path):
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     source = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way)
     options = ("--fps", "30", "--smpl", tmp_path / "smpl.npz", "--up", "y", "--joints", "left_hip,left_knee")
-    assert called(app, "convert", source, tmp_path / "out.npz", *options).exit_code == 0
+    done(app, "convert", source, tmp_path / "out.npz", *options)
     motion = load_motion(tmp_path / "out.npz")
     assert motion.skeleton.joints == ("left_hip", "left_knee")
     np.testing.assert_allclose(np.linalg.norm(np.diff(motion.positions, axis=1), axis=2), 0.4, atol=1e-9)
@@ -860,9 +813,8 @@ def test_convert_overwrites_nothing_unasked(tmp_path: Path):
         ((source, tmp_path / "out.npz"), "joints.npy: holds no frame rate; pass fps, such as --fps 25"),
         ((source, tmp_path / "none" / "out.npz", "--fps", "30"), "no such folder"),
     ):
-        result = called(app, "convert", *arguments)
-        assert (result.exit_code, fault in " ".join(result.stderr.split())) == (2, True), result.stderr
+        assert fault in complaint(app, "convert", *arguments)
     assert taken.read_bytes() == b"of somebody else"
     assert not (tmp_path / "out.npz").exists()
-    assert called(app, "convert", source, taken, "--fps", "30", "--force").exit_code == 0
+    done(app, "convert", source, taken, "--fps", "30", "--force")
     assert load_motion(taken).n_frames == 12

@@ -39,37 +39,28 @@ def miss(found: float, start: float, beats: BeatTrack) -> float:
 def test_offset_is_found_within_40_ms_modulo_the_beat_in_95_of_100_clips():
     tracked, planted = [], []
     for dance in DANCES:
-        for seed in range(10):
+        for seed in range(4):
             clip, start = cut(dance, seed)
             tracked.append(miss(find_offset(clip.audio, clip.motion).seconds, start, clip.beats))
             planted.append(miss(find_offset(clip.audio, clip.motion, music=clip.beats).seconds, start, clip.beats))
-    assert len(tracked) == 70
+    assert len(tracked) == 28
     assert np.mean(np.array(tracked) <= 0.04) >= 0.95
     assert np.mean(np.array(planted) <= 0.02) >= 0.95
 
 
 @pytest.mark.parametrize("dance", ["cha-cha", "waltz"])
-def test_planted_offset_is_one_of_the_candidates(dance: str):
+def test_planted_offset_is_one_of_the_candidates_and_the_one_nearest_to_the_guess_is_taken(dance: str):
     clip, start = cut(dance, 3)
     offset = find_offset(clip.audio, clip.motion, music=clip.beats)
     assert min(abs(candidate - start) for candidate in (offset.seconds, *offset.alternatives)) < 0.02
     assert offset.period == pytest.approx(np.diff(clip.beats.times).mean(), rel=0.01)
     assert offset.confidence >= 0.95
-
-
-def test_candidate_is_the_one_nearest_to_the_guess():
-    clip, start = cut("cha-cha", 3)
-    offset = find_offset(clip.audio, clip.motion, music=clip.beats, guess=start + 0.1, search=1.0)
-    assert offset.seconds == pytest.approx(start, abs=0.02)
-
-
-def test_alternatives_are_whole_beats_away_and_inside_the_search():
-    clip, _ = cut("cha-cha", 3)
-    offset = find_offset(clip.audio, clip.motion, music=clip.beats, guess=0.5, search=1.5)
+    near = find_offset(clip.audio, clip.motion, music=clip.beats, guess=start + 0.1, search=1.0)
+    assert near.seconds == pytest.approx(start, abs=0.02)
     beats = (np.array(offset.alternatives) - offset.seconds) / offset.period
     np.testing.assert_allclose(beats, beats.round(), atol=1e-9)
     assert 0 not in beats.round()
-    assert all(-1.0 <= candidate <= 2.0 for candidate in offset.alternatives)
+    assert all(-2.0 <= candidate <= 2.0 for candidate in offset.alternatives)
 
 
 def test_motion_that_started_before_the_music_has_a_negative_offset():
@@ -105,22 +96,16 @@ def test_lags_at_which_few_beats_fall_into_the_motion_have_no_evidence():
     assert np.isfinite(curve).tolist() == [True, False]
 
 
-def test_motion_that_stands_still_is_refused():
-    still = Motion(np.zeros((600, 2, 3)), 60.0, Skeleton.unnamed(2))
+def test_motion_that_stands_still_silence_and_an_impossible_search_are_refused():
     clip = synthetic_clip("waltz", seed=1)
-    refused("nothing moves in this motion", find_offset, clip.audio, still, music=clip.beats)
-
-
-def test_silence_is_refused():
-    clip = synthetic_clip("waltz", seed=1)
+    film = picture_motion(np.zeros((250, 32, 32), np.uint8), 25.0)
+    for still in (Motion(np.zeros((600, 2, 3)), 60.0, Skeleton.unnamed(2)), film):
+        refused("nothing moves in this motion", find_offset, clip.audio, still, music=clip.beats)
     refused("fewer than 4 music beats", find_offset, Audio(np.zeros(22050 * 6), 22050), clip.motion)
-
-
-@pytest.mark.parametrize("search", [0.0, -1.0, float("nan"), 1e9])
-def test_impossible_search_is_refused(search: float):
-    clip = synthetic_clip("waltz", seed=1)
-    with pytest.raises(ValueError, match="search must lie between 0 and 600 s"):
-        find_offset(clip.audio, clip.motion, music=clip.beats, search=search)
+    refused("a video of 3 frames is too short", picture_motion, np.zeros((3, 32, 32), np.uint8), 25.0)
+    for search in (0.0, -1.0, float("nan"), 1e9):
+        message = "search must lie between 0 and 600 s"
+        refused(message, find_offset, clip.audio, clip.motion, music=clip.beats, search=search)
 
 
 @pytest.mark.parametrize("sample_rate", [22050, 44100])
@@ -161,16 +146,6 @@ def test_offset_of_a_video_is_found_modulo_the_beat():
     found = find_offset(clip.audio, motion, music=clip.beats)
     assert miss(found.seconds, start, clip.beats) < 0.03
     assert found.confidence >= 0.95
-
-
-def test_video_of_a_few_frames_is_refused():
-    refused("a video of 3 frames is too short", picture_motion, np.zeros((3, 32, 32), np.uint8), 25.0)
-
-
-def test_still_video_has_no_offset():
-    still = picture_motion(np.zeros((250, 32, 32), np.uint8), 25.0)
-    with pytest.raises(ValueError, match="nothing moves in this motion"):
-        find_offset(synthetic_clip("waltz", seed=1).audio, still, music=synthetic_clip("waltz", seed=1).beats)
 
 
 # Sound

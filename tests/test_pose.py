@@ -1,19 +1,115 @@
-"""The body in a video: asked of a process that may fall silent, die or talk nonsense; several people; the cache."""
+"""The body in a video: a process that may fall silent, die or talk nonsense; several people; cache and environment.
 
+The environment is whole or not at all, made by one process at a time, and never unasked.
+"""
+
+import importlib.util
+import os
 import re
+import signal
+import subprocess
+import sys
 import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner, Result
 
-from harmolab.files import cache_folder
+from harmolab.cli import app, posing
+from harmolab.files import UNFINISHED, cache_folder
+from harmolab.lab.explain.filmed import filmed_motion
 from harmolab.readers import pose
-from harmolab.readers import pose as pose_process
+from harmolab.readers.keypoints import MEDIAPIPE_33
 from harmolab.readers.pose import Picture, body_motion, found_people, read_pose
 from harmolab.readers.video import write_video
-from tests.builders import cases, refused
-from tests.pose_stand_ins import stand_in, standing_body
+from tests import phone_videos
+from tests.builders import cases, complaint, planted_dance, refused
+
+# The redness of a picture's left half is the height of her wrists: 0 low, 255 one metre higher. The right half: the
+# same of a second person, unless black. What goes wrong is told by "FAULT" in place of a picture's answer.
+CHILD = """
+import struct, sys, time
+import numpy as np
+out, read = sys.stdout.buffer, sys.stdin.buffer.read
+body = np.load(sys.argv[1])
+fault, at = sys.argv[2], int(sys.argv[3])
+def answer(part):
+    points = body.copy()
+    level = part[..., 0].mean() / 255 if part[..., 0].mean() > 10 else 0
+    points[15:17, 3] -= level
+    points[:, 0] = points[:, 0] * 0.3 + 0.1
+    if level == 0:
+        points[:] = np.nan
+    return points.astype(np.float32).tobytes()
+if fault == "mute": time.sleep(60)
+out.write(b"NONSENSE" if fault == "begin" else b"POSE0001"); out.flush()
+index = 0
+while True:
+    header = read(12)
+    if len(header) < 12: break
+    height, width, looked_at = struct.unpack("<3I", header)
+    pixels = np.frombuffer(read(height * width * 3), np.uint8).reshape(height, width, 3)
+    if index == at and fault == "hang": time.sleep(60)
+    if index == at and fault == "crash":
+        print("Check failed: no such graph", file=sys.stderr); sys.exit(6)
+    content = answer(pixels[:, : width // 2])
+    if index == at and fault == "infinite": content = np.full((33, 6), np.inf, np.float32).tobytes()
+    if index == at and fault == "half": content = content[:400] + np.full(98, np.nan, np.float32).tobytes()
+    if index == at and fault == "short": out.write(content[:100]); out.flush(); sys.exit(0)
+    out.write(content)
+    if looked_at: out.write(answer(pixels[:, width // 2 :]))
+    out.flush()
+    index += 1
+if fault == "long": out.write(b"more"); out.flush()
+"""
+
+PIP = """
+import sys, time
+from pathlib import Path
+target = Path(sys.argv[sys.argv.index("--target") + 1])
+(target / "mediapipe" / "python" / "solutions").mkdir(parents=True)
+for name in ("mediapipe", "mediapipe/python", "mediapipe/python/solutions"):
+    (target / name / "__init__.py").write_text("")
+(target / "mediapipe/python/solutions/pose.py").write_text("class Pose:\\n    def __init__(self, **options): pass\\n")
+with (target.parent / "calls").open("a") as calls:
+    calls.write(" ".join(sys.argv[1:]) + "\\n")
+mode = (target.parent / "mode").read_text() if (target.parent / "mode").exists() else ""
+if mode == "slow": time.sleep(60)
+if mode == "fails":
+    print("WARNING: retrying", file=sys.stderr)
+    print("ERROR: No matching distribution found for mediapipe==0.10.21", file=sys.stderr)
+    sys.exit(1)
+if mode == "broken":
+    (target / "mediapipe/python/solutions/pose.py").write_text("raise ImportError('GLIBC is too old')\\n")
+"""
+
+
+def standing_body() -> np.ndarray:
+    """(33, 6) landmarks of somebody who stands, in the middle of the picture, all seen."""
+    heights = {"nose": -0.6, "shoulder": -0.45, "elbow": -0.2, "wrist": 0.0, "hip": 0.0, "knee": 0.4, "ankle": 0.8}
+    points = np.zeros((33, 6), np.float32)
+    for joint, name in enumerate(MEDIAPIPE_33.joints):
+        side = 0.2 if name.startswith("left") else -0.2 if name.startswith("right") else 0.0
+        height = next((value for part, value in heights.items() if part in name), 0.85 if "foot" in name else -0.6)
+        points[joint] = [0.5 + side, 0.5 + height / 2.5, side, height, 0.1 * ("foot" in name), 0.9]
+    return points
+
+
+def stand_in(folder: Path, fault: str = "", at: int = 3, body: np.ndarray | None = None) -> list[str]:
+    """The command of the process; it goes wrong in this way at that picture."""
+    (folder / "child.py").write_text(CHILD)
+    np.save(folder / "body.npy", standing_body() if body is None else body)
+    return [sys.executable, str(folder / "child.py"), str(folder / "body.npy"), fault, str(at)]
+
+
+def pip(folder: Path) -> list[str]:
+    """The command that installs; a file "mode" beside its target says how it goes wrong."""
+    (folder / "pip.py").write_text(PIP)
+    return [sys.executable, str(folder / "pip.py")]
+
 
 FPS = 20.0
 
@@ -22,6 +118,7 @@ FPS = 20.0
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("HARMOLAB_POSE", "on")
+    (tmp_path / "cache").mkdir()
     return tmp_path / "cache"
 
 
@@ -63,16 +160,15 @@ def test_a_process_that_goes_wrong_is_one_clear_error(tmp_path: Path, fault: str
     refused(words, list, found_people(pictures(), stand_in(tmp_path, fault)))
 
 
-def test_a_process_that_hangs_is_stopped(tmp_path: Path):
+@cases("fault, seconds", ("hang", 0.7), ("mute", 60.0))
+def test_a_process_that_hangs_or_never_begins_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, seconds: float
+):
+    monkeypatch.setattr(pose, "BEGIN_SECONDS", 60.0 if fault == "hang" else 0.7)
     begin = time.monotonic()
-    with pytest.raises(ValueError, match="gave no answer for 1 s and was stopped"):
-        list(found_people(pictures(), stand_in(tmp_path, "hang"), seconds=1.0))
+    words = "gave no answer for 0.7 s and was stopped"
+    refused(words, list, found_people(pictures(), stand_in(tmp_path, fault), seconds=seconds))
     assert time.monotonic() - begin < 10
-
-
-def test_a_process_that_never_begins_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(pose_process, "BEGIN_SECONDS", 1.0)
-    refused("gave no answer for 1 s", list, found_people(pictures(), stand_in(tmp_path, "mute")))
 
 
 def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
@@ -86,10 +182,10 @@ def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
 def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
     def slow():
         for picture in pictures(3):
-            time.sleep(0.7)
+            time.sleep(0.4)
             yield picture
 
-    assert len(list(found_people(slow(), stand_in(tmp_path), seconds=0.5))) == 3
+    assert len(list(found_people(slow(), stand_in(tmp_path), seconds=0.3))) == 3
 
 
 def test_the_motion_is_in_metres_with_y_up_and_named_joints(tmp_path: Path):
@@ -108,15 +204,14 @@ def test_a_fast_video_is_read_at_every_third_picture_in_its_own_time(tmp_path: P
     assert (motion.fps, motion.duration) == (30.0, pytest.approx(len(frames) / 60, abs=0.05))
 
 
-def test_nobody_is_told_as_nobody(tmp_path: Path):
-    path = film(tmp_path / "empty.mp4", np.zeros(40))
-    message = "I could not read your movement well enough: nobody is found in the picture"
-    refused(f"{re.escape(str(path))}: {message}", read_pose, path, command=stand_in(tmp_path))
-
-
-def test_somebody_in_few_pictures_is_told_so(tmp_path: Path):
-    path = film(tmp_path / "short.mp4", np.repeat([120.0, 0.0], [10, 30]))
-    refused(r"a person is found in 2\d% of the pictures only", read_pose, path, command=stand_in(tmp_path))
+@cases(
+    "left, words",
+    (np.zeros(40), "I could not read your movement well enough: nobody is found in the picture"),
+    (np.repeat([120.0, 0.0], [10, 30]), r"a person is found in 2\d% of the pictures only"),
+)
+def test_nobody_and_somebody_in_few_pictures_are_told_so(tmp_path: Path, left: np.ndarray, words: str):
+    path = film(tmp_path / "empty.mp4", left)
+    refused(f"{re.escape(str(path))}: .*{words}", read_pose, path, command=stand_in(tmp_path))
 
 
 def test_pictures_without_the_body_are_filled_in_and_do_not_count(tmp_path: Path):
@@ -209,5 +304,224 @@ def test_the_oldest_readings_go_where_all_take_too_much_room(tmp_path: Path, mon
 
 
 def test_without_an_environment_the_error_says_what_fetches_it(tmp_path: Path):
-    with pytest.raises(ValueError, match="no MediaPipe to find a body with; `harmolab pose --install` fetches it"):
-        read_pose(film(tmp_path / "take.mp4", waves(1.0)))
+    refused("`harmolab pose --install` fetches it", read_pose, film(tmp_path / "take.mp4", waves(1.0)))
+
+
+# The environment
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    return film(tmp_path / "take.mp4", waves(1.0, seconds=2.0))
+
+
+def made(folder: Path) -> Path:
+    return pose.make_pose_environment(pip=pip(folder))
+
+
+def test_it_lies_in_the_cache_with_version_and_python_of_pinned_whole_wheels_and_is_fetched_once(
+    tmp_path: Path, cache: Path
+):
+    folder = made(tmp_path)
+    assert folder == cache / f"pose_mediapipe_0.10.21_{sys.implementation.cache_tag}"
+    assert pose.pose_environment() == folder
+    assert [path.name for path in cache.iterdir() if path.is_dir()] == [folder.name]
+    (cache / "mode").write_text("fails")
+    made(tmp_path)
+    (call,) = (cache / "calls").read_text().splitlines()
+    assert "install --no-deps --only-binary :all: --quiet" in call
+    assert "mediapipe==0.10.21 numpy>=1.26,<2" in call
+
+
+@cases(
+    "mode, words",
+    ("fails", "could not be fetched.*ERROR: No matching distribution found for mediapipe==0.10.21"),
+    ("broken", "ended early.*ImportError: GLIBC is too old"),
+)
+def test_a_failure_leaves_nothing_and_says_why(tmp_path: Path, cache: Path, mode: str, words: str):
+    (cache / "mode").write_text(mode)
+    refused(words, made, tmp_path)
+    assert pose.pose_environment() is None
+    assert not [path for path in cache.iterdir() if path.is_dir()]
+
+
+def making(folder: Path) -> subprocess.Popen[bytes]:
+    """Another process that makes the pose."""
+    code = f"from harmolab.readers import pose as e; print(e.make_pose_environment(pip={pip(folder)!r}))"
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, start_new_session=True)
+
+
+def test_killed_in_the_middle_leaves_nothing_and_the_next_cleans_up(tmp_path: Path, cache: Path):
+    (cache / "mode").write_text("slow")
+    process = making(tmp_path)
+    end = time.monotonic() + 60
+    while not (cache / "calls").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert pose.pose_environment() is None
+    assert len(list(cache.glob(f"{UNFINISHED}*"))) == 1
+    (cache / "mode").unlink()
+    assert made(tmp_path) == pose.pose_environment()
+    assert not list(cache.glob(f"{UNFINISHED}*"))
+
+
+def test_several_at_once_make_one(tmp_path: Path, cache: Path):
+    command = pip(tmp_path)
+    with ThreadPoolExecutor(4) as pool:
+        folders = set(pool.map(lambda _: pose.make_pose_environment(pip=command), range(4)))
+    assert folders == {pose.pose_environment()}
+    assert len((cache / "calls").read_text().splitlines()) == 1
+
+
+def test_where_it_cannot_be_or_is_turned_off_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    made(tmp_path)
+    monkeypatch.setenv("HARMOLAB_POSE", "off")
+    assert pose.pose_environment() is None
+    monkeypatch.setenv("HARMOLAB_POSE", "on")
+    monkeypatch.setenv("HARMOLAB_CACHE", "off")
+    assert pose.pose_environment() is None
+    refused("HARMOLAB_CACHE is off", pose.make_pose_environment)
+    monkeypatch.setattr(pose.sys, "version_info", (3, 13, 0))
+    refused(r"MediaPipe 0\.10\.21 runs in Python 3\.9 to 3\.12, and this is 3\.13", pose.make_pose_environment)
+
+
+# The command
+
+
+@pytest.fixture
+def installs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The folders that commands made, by the stand-in of pip."""
+    done: list[Path] = []
+
+    def make(**_: Sequence[str]) -> Path:
+        done.append(original(pip=pip(tmp_path)))
+        return done[-1]
+
+    original = pose.make_pose_environment
+    monkeypatch.setattr(pose, "make_pose_environment", make)
+    return done
+
+
+def run(*arguments: object, answer: str = "") -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], input=answer)
+
+
+def test_without_a_terminal_nothing_is_fetched_and_the_line_says_how(installs: list[Path]):
+    result = run("pose", "--install")
+    assert result.exit_code == 2 and not installs
+    assert "about 55 MB, 155 MB on disk, in " in result.stderr
+    assert "To agree: harmolab pose --install --yes" in result.stderr
+
+
+def test_yes_fetches_without_a_question(installs: list[Path], cache: Path):
+    result = run("pose", "--install", "--yes")
+    assert result.exit_code == 0 and len(installs) == 1
+    assert f"MediaPipe lies in {installs[0]}" in result.stderr
+    assert "is there already" in run("pose", "--install").stdout
+    assert run("pose", "--remove").stdout == "removed\n"
+    assert pose.pose_environment() is None
+    assert run("pose", "--remove").stdout == "there is nothing to remove\n"
+
+
+@pytest.mark.parametrize(("answer", "count"), [("y\n", 1), ("n\n", 0), ("\n", 0)])
+def test_on_a_terminal_a_question_is_asked(
+    installs: list[Path], monkeypatch: pytest.MonkeyPatch, answer: str, count: int
+):
+    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+    result = run("pose", "--install", answer=answer)
+    assert "Fetch it now? (With no, the flow of the picture is used.) [y/N]" in result.stderr
+    assert "After that no network is needed." in result.stderr
+    assert len(installs) == count
+    assert ("nothing was fetched" in result.stderr) == (count == 0)
+
+
+def test_other_commands_ask_once_and_take_the_flow_after_a_no(
+    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+    asked: list[str] = []
+    monkeypatch.setattr(posing.typer, "confirm", lambda text, **_: asked.append(text))
+    for _ in range(2):
+        posing.offer_poses(video)
+        assert "take.mp4 is read by the flow of its picture" in capsys.readouterr().err
+    assert len(asked) == 1 and not installs
+
+
+def test_without_a_terminal_one_line_says_what_would_be_surer(
+    installs: list[Path], video: Path, capsys: pytest.CaptureFixture[str]
+):
+    posing.offer_poses(video)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("its dancer's body would be surer: `harmolab pose --install` fetches what finds it, once")
+    assert not installs
+
+
+def test_where_it_cannot_be_made_nobody_is_asked(
+    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+    monkeypatch.setattr(pose, "hindrance", lambda: "this is Python 3.13")
+    posing.offer_poses(video)
+    assert capsys.readouterr().err == ""
+
+
+def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], video: Path, tmp_path: Path):
+    fault = complaint(app, "play", video, "--out", tmp_path / "x.html")
+    assert "of which no body is known to play; `harmolab pose --install` fetches what finds it" in fault
+
+
+@cases(
+    "arguments, words",
+    ((), "pose takes a VIDEO, --install or --remove"),
+    (("nothing.mp4",), "nothing.mp4: no such file"),
+    (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab convert` reads files of movement"),
+    (("take.mp4", "--out", "x.gif"), "x.gif: a motion is written as .npz, .bvh"),
+    (("text.mp4",), "text.mp4: cannot be read as video"),
+)
+def test_mistakes_are_told_before_anything_is_fetched(
+    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
+):
+    monkeypatch.chdir(video.parent)
+    (video.parent / "dance.bvh").write_text("HIERARCHY")
+    (video.parent / "text.mp4").write_text("no video")
+    result = run("pose", *arguments, "--yes") if arguments else run("pose")
+    assert result.exit_code == 2 and not installs
+    assert words in result.stderr
+
+
+# The real thing
+
+
+@pytest.fixture(scope="module")
+def mediapipe() -> Path:
+    """The folder of an environment that somebody made on this machine; none is fetched for a test."""
+    named = os.environ.get("HARMOLAB_TEST_POSE")
+    if named is None:
+        pytest.skip("no MediaPipe: HARMOLAB_TEST_POSE names the folder of an environment, of `harmolab pose --install`")
+    return Path(named)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["worst", "two people"])
+def test_the_movement_of_a_filmed_dancer_is_read_in_time(
+    mediapipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+):
+    pose.pose_folder().symlink_to(mediapipe)
+    motion, _, _ = phone_videos.filmed_part(planted_dance(seconds=12.0), seconds=8.0)
+    read = filmed_motion(phone_videos.film(tmp_path / "take.mp4", motion, None, phone_videos.CASES[case])).motion
+    correlation, shift = phone_videos.agreement(motion, read)
+    assert correlation > 0.7
+    assert abs(shift) <= 0.02
+
+
+@pytest.mark.data
+def test_nobody_is_found_in_drawn_figures_and_a_dancer_is_in_every_picture(mediapipe: Path, data_root: Path):
+    pose.pose_folder().symlink_to(mediapipe)
+    refused("nobody is found in the picture", read_pose, data_root / "extra" / "video" / "gendance_case1.mp4")
+    assert read_pose(data_root / "extra" / "video" / "d2mgan_motivation_gt.mp4").motion.valid.all()
+
+
+def test_the_module_of_the_process_needs_nothing_of_ours():
+    source = Path(str(importlib.util.find_spec("harmolab.readers.pose_child").origin)).read_text()
+    assert "harmolab import" not in source and "import harmolab" not in source

@@ -43,13 +43,17 @@ app.add_typer(data_app, name="data", rich_help_panel="Movement")
 
 @app.command(cls=CheckedCommand, rich_help_panel="Many dances")
 def report(
-    notebooks: Annotated[Path, typer.Option(help="Folder of notebooks.")] = Path("notebooks"),
-    out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
-    profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
+    notebooks: Path = Path("notebooks"), out: Path = Path("report"), profile: Literal["quick", "full"] = "quick"
 ) -> None:
     """Run the notebooks and build the offline HTML report.
 
     Example: `harmolab report --notebooks notebooks --out report`
+
+    Parameters
+    ----------
+    notebooks : Folder of notebooks.
+    out : Folder to write.
+    profile : quick (minutes) or full.
     """
     from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
 

@@ -23,18 +23,23 @@ def beats(
     dance: DanceName = "",
     one: One = None,
     beats: Beats = None,
-    out: Annotated[Path | None, typer.Option(help="Write them, .beats: lines of time and place in the bar.")] = None,
-    clicks: Annotated[Path | None, typer.Option(help="Write the song with a click on each beat, .wav.")] = None,
-    tracker: Annotated[
-        Tracker, typer.Option(help="beat_this: a neural network, where its package and a checkpoint are installed.")
-    ] = "librosa",
-    checkpoint: Annotated[Path | None, typer.Option(help="File with the weights of beat_this.")] = None,
+    out: Path | None = None,
+    clicks: Path | None = None,
+    tracker: Tracker = "librosa",
+    checkpoint: Path | None = None,
 ) -> None:
     """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them with --clicks.
 
     What it writes, other commands take with --beats. Where it is wrong, `harmolab tap` lets you tap.
 
     Example: `harmolab beats song.mp3 --dance waltz --one 12.4 --out song.beats --clicks check.wav`
+
+    Parameters
+    ----------
+    out : Write them, .beats: lines of time and place in the bar.
+    clicks : Write the song with a click on each beat, .wav.
+    tracker : beat_this: a neural network, where its package and a checkpoint are installed.
+    checkpoint : File with the weights of beat_this.
     """
     from harmolab.beats.audio import with_clicks
     from harmolab.beats.meter import describe_beats
@@ -76,10 +81,10 @@ def _beats(
 
 def tap(
     song: Song,
-    out: Annotated[Path, typer.Option(help="Where the beats are written, .beats.")],
-    meter: Annotated[int, typer.Option(help="Beats in a bar: 3 for a waltz.", min=1, max=32)] = 4,
-    port: Annotated[int, typer.Option(help="Port of the local page; 0: any free one.", min=0, max=65535)] = 0,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address only.")] = False,
+    out: Annotated[Path, typer.Option()],
+    meter: Annotated[int, typer.Option(min=1, max=32)] = 4,
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open")] = False,
 ) -> None:
     """Tap the beats of a song, and mark "one", on a page that only this machine can open.
 
@@ -87,6 +92,13 @@ def tap(
     file with --beats.
 
     Example: `harmolab tap song.mp3 --meter 3 --out song.beats`
+
+    Parameters
+    ----------
+    out : Where the beats are written, .beats.
+    meter : Beats in a bar: 3 for a waltz.
+    port : Port of the local page; 0: any free one.
+    no_open : Print the address only.
     """
     from harmolab.beats.meter import describe_beats
     from harmolab.readers.audio import load_sound

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import webbrowser
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from importlib.util import find_spec
-from inspect import Signature, signature
+from inspect import Signature, cleandoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -117,26 +118,12 @@ Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do n
 Scale = Annotated[
     float | None, typer.Option(help="Metres in one unit of a 3-D file: 0.001 for millimetres, 0.056444 for CMU's BVH.")
 ]
-Joints = Annotated[
-    str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")
-]
 Smpl = Annotated[
     Path | None, typer.Option(help="Your own SMPL body, npz, for SMPL parameters (default: a neutral skeleton).")
 ]
 
 
 How = Literal["rest", "hit", "half time"]  # names in `harmolab.params.HOW_PATTERNS`
-HowDanced = Annotated[
-    How | None,
-    typer.Option(
-        "--how",
-        help="What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. Left out, "
-        "a rest or a waltz counts as on the beat, and anything else is said as it is seen.",
-        show_default=False,
-    ),
-]
-
-
 Up = Annotated[
     Literal["y", "z"] | None,
     typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says)."),
@@ -163,11 +150,16 @@ def processes(jobs: int | None) -> int:
 
 @dataclass(frozen=True)
 class FileOptions:
-    """Options that say how a motion file is read."""
+    """Options that say how a motion file is read.
+
+    Parameters
+    ----------
+    joints : Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).
+    """
 
     fps: Fps = None
     scale: Scale = None
-    joints: Joints = ""
+    joints: str = ""
     smpl: Smpl = None
     up: Up = None
 
@@ -179,17 +171,37 @@ class FileOptions:
 
 @dataclass(frozen=True)
 class JudgeOptions:
-    """Options on the music's beats, and on what to expect of a dance to them."""
+    """Options on the music's beats, and on what to expect of a dance to them.
+
+    Parameters
+    ----------
+    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. Left out, a
+        rest or a waltz counts as on the beat, and anything else is said as it is seen.
+    """
 
     dance: DanceName = ""
     beats: Beats = None
     one: One = None
     pattern: PatternFile = None
-    how: HowDanced = None
+    how: Annotated[How | None, typer.Option(show_default=False)] = None
 
     def params(self, dance: str) -> HarmonyParams:
         """The `recommended` settings; `dance` is that of the files."""
         return recommended(self.pattern, dance, self.how)
+
+
+SECTION = "\n\nParameters\n----------\n"  # of a docstring; behind it stand lines "name : help"
+
+
+def described(docstring: str | None) -> tuple[str, dict[str, str]]:
+    """The words on a command in its docstring, and parameter -> help, of the section on its parameters.
+
+    >>> described("Do it.\\n\\nParameters\\n----------\\nout : The file\\n    to write.\\nseed : Luck.")
+    ('Do it.', {'out': 'The file to write.', 'seed': 'Luck.'})
+    """
+    words, _, section = cleandoc(docstring or "").partition(SECTION)
+    parts = re.split(r"^(\w+) : ", section, flags=re.MULTILINE)
+    return words, {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -203,6 +215,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         filled = {name: record(**{one: values.pop(one) for one in fields[name]}) for name, record in records.items()}
         command(**values, **filled)
 
+    docstrings = [cleandoc(one.__doc__ or "").partition(SECTION) for one in (command, *records.values())]
+    called.__doc__ = docstrings[0][0] + SECTION + "\n".join(section for _, _, section in docstrings)
     options = [option for one in parameters for option in (fields[one.name].values() if one.name in fields else [one])]
     called.__signature__ = Signature([one.replace(kind=one.KEYWORD_ONLY) for one in options])  # type: ignore[attr-defined]
     return called
@@ -330,13 +344,6 @@ def print_table(
         console.print(sentence, markup=False, highlight=False)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a line or more of text, whole or not at all."""
-    from harmolab import files
-
-    files.write_text(path, text + "\n")
-
-
 # Checks that every command makes of its options before it runs: finite numbers, and files that stay as they are.
 
 OUTPUTS = ("out", "plot", "clicks", "csv")  # parameters that name what a command writes; every other path is read
@@ -347,15 +354,18 @@ FORCE = "--force"
 class CheckedCommand(TyperCommand):
     """A command that ends with one line for a number that is not finite, or for an output that is worth keeping.
 
-    An output is worth keeping where it is an input or, without `FORCE`, a file that harmolab did not write.
+    The help of its parameters stands in the docstring of its function. An output is worth keeping where it is an input
+    or, without `FORCE`, a file that harmolab did not write.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
-        self.params += options_of(_said)
+        words, helps = described(keywords.get("help"))
+        super().__init__(*arguments, **keywords | {"help": words})
+        for one in self.params:
+            one.help = helps.get(one.name, one.help)  # type: ignore[attr-defined]
         writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
-        if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):
-            self.params += options_of(_forced)
+        is_forced = writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params)
+        self.params += options_of(_all_take)[: 3 if is_forced else 2]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The remaining arguments; ends with one line for a value that an option does not take."""
@@ -383,16 +393,12 @@ def _keep(context: typer.Context, value: bool) -> None:
     context.meta[FORCE] = value
 
 
-def _forced(
-    _: Annotated[
-        bool,
-        typer.Option(FORCE, help="Write over files that harmolab did not write.", callback=_keep, expose_value=False),
-    ] = False,
-) -> None:
-    """A command that has the option alone, from which others take it."""
+_Force = Annotated[
+    bool, typer.Option(FORCE, help="Write over files that harmolab did not write.", callback=_keep, expose_value=False)
+]
 
 
-def _said(quiet: screen.Quiet = False, verbose: screen.Verbose = False) -> None:
+def _all_take(quiet: screen.Quiet = False, verbose: screen.Verbose = False, force: _Force = False) -> None:
     """A command that has these options alone, from which others take them."""
 
 

@@ -96,40 +96,27 @@ class Dancer:
 
 @dataclass(frozen=True)
 class DancerOptions:
-    """Options that say who dances, and to what music."""
+    """Options that say who dances, and to what music.
 
-    corpus: Annotated[
-        Path | None,
-        typer.Option(
-            "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
-        ),
-    ] = None
+    Parameters
+    ----------
+    corpus : Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file.
+    style : Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).
+    dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of
+        music2dance, --dance "" asks their classifier.
+    system : choreographer (default), harmogan, or another; package.module:Class.
+    weights : Folder of `harmolab train`, or a weights file; it knows its system.
+    """
+
+    corpus: Annotated[Path | None, typer.Option("--from")] = None
     scale: Scale = None
-    style: Annotated[
-        str | None,
-        typer.Option(
-            help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).",
-            autocompletion=completed("salsa", "indian", "puppet"),
-        ),
-    ] = None
-    dance: Annotated[
-        str,
-        typer.Option(
-            help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of "
-            'music2dance, --dance "" asks their classifier.',
-            autocompletion=dance_names,
-        ),
-    ] = ""
+    style: Annotated[str | None, typer.Option(autocompletion=completed("salsa", "indian", "puppet"))] = None
+    dance: Annotated[str, typer.Option(autocompletion=dance_names)] = ""
     system: Annotated[
         str | None,
-        typer.Option(
-            help="choreographer (default), harmogan, or another; package.module:Class.",
-            autocompletion=completed("choreographer", "harmogan", "lee2019", "music2dance", "ren2020"),
-        ),
+        typer.Option(autocompletion=completed("choreographer", "harmogan", "lee2019", "music2dance", "ren2020")),
     ] = None
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file; it knows its system.")
-    ] = None
+    weights: Path | None = None
 
 
 def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,10 +18,14 @@ from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, p
 from harmolab.cli.training import TRAIN_HINT
 from harmolab.files import plain
 
-# The files of a dance: their names, checked before any work, and what is written to each.
-
 if TYPE_CHECKING:
-    from harmolab.types import Audio
+    from harmolab.metrics.likeness import Likeness
+    from harmolab.params import HarmonyParams
+    from harmolab.score import HarmonyScore
+    from harmolab.systems.choreographer.generate import Choreography
+    from harmolab.types import Audio, BeatTrack, Motion
+
+# The files of a dance: their names, checked before any work, and what is written to each.
 
 SUFFIXES = (*common.VIDEOS_OUT, ".html", ".bvh", ".npz")
 UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
@@ -54,11 +58,6 @@ def files_to_write(out: Path | None, song: Path, noun: str, unasked: Sequence[st
     for path in paths:
         common.check_place(path)
     return paths
-
-
-def write_files(paths: list[Path], report: DanceReport, sound: Audio, title: str, *, is_asked: bool) -> list[Path]:
-    """Write a dance with its part of the sound to files, as `written`."""
-    return written(paths, lambda path: _write(path, report, sound, title), is_asked=is_asked)
 
 
 def written(paths: Iterable[Path], write: Callable[[Path], None], *, is_asked: bool) -> list[Path]:
@@ -106,12 +105,6 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 
 
 # All that `harmolab dance` says of a dance: whether it moves like people, how it was joined, how it fits the
-
-if TYPE_CHECKING:
-    from harmolab.metrics.likeness import Likeness
-    from harmolab.score import HarmonyScore
-    from harmolab.systems.choreographer.generate import Choreography
-    from harmolab.types import BeatTrack, Motion
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 UNSURE = "laid on beats that a program found, which are unsure here"
@@ -243,10 +236,6 @@ def folded(shares: Mapping[str, float]) -> str:
     return ", ".join(lines + more)
 
 
-if TYPE_CHECKING:
-    from harmolab.params import HarmonyParams
-    from harmolab.types import Audio, BeatTrack, Motion
-
 FARTHEST = 30.0  # centimetres that --harmonise may move a joint
 CENTIMETRE = 0.01  # metres
 MOST_SEEDS = 4  # that are tried, where none is named, until a dance moves like recorded dancers
@@ -261,38 +250,19 @@ MEANINGS = (
 def dance(
     context: typer.Context,
     song: common.Song,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and "
-            ".bvh in this folder."
-        ),
-    ] = None,
+    out: Path | None = None,
     one: common.One = None,
-    seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
-    offset: Annotated[
-        float, typer.Option("--offset", "--start", help="Audio time in seconds at which the dance begins.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
-    samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
+    seconds: float | None = None,
+    offset: Annotated[float, typer.Option("--offset", "--start")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    samples: Annotated[int, typer.Option(min=1)] = 1,
     *,
     dancer_options: DancerOptions,
-    harmonise: Annotated[
-        float | None,
-        typer.Option(metavar="CM", help="Move joints by so many cm at most, to fit the beats better (needs torch)."),
-    ] = None,
+    harmonise: Annotated[float | None, typer.Option(metavar="CM")] = None,
     pattern: common.PatternFile = None,
-    plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
-    feet: Annotated[
-        str | None,
-        typer.Option(
-            help="How, in music2dance: planted (default), model (a network that was trained for it), or none.",
-            autocompletion=common.completed("planted", "model", "none"),
-        ),
-    ] = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.")
-    ] = None,
+    plant_feet: bool = True,
+    feet: Annotated[str | None, typer.Option(autocompletion=common.completed("planted", "model", "none"))] = None,
+    temperature: float | None = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
@@ -308,6 +278,19 @@ def dance(
     Example: `harmolab dance song.mp3`
 
     Example: `harmolab dance song.mp3 --from my_corpus --dance waltz --one 12.4 --out dance.mp4`
+
+    Parameters
+    ----------
+    out : mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and .bvh in
+        this folder.
+    seconds : Length of the dance (default: to the end).
+    offset : Audio time in seconds at which the dance begins.
+    seed : Another seed, another dance.
+    samples : So many dances, from --seed on; files are numbered.
+    harmonise : Move joints by so many cm at most, to fit the beats better (needs torch).
+    plant_feet : Keep feet that carry from sliding.
+    feet : How, in music2dance: planted (default), model (a network that was trained for it), or none.
+    temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.
     """
     with plain_errors():
         files = dance_files(out, song, seed, samples)
@@ -341,12 +324,13 @@ def dance(
             )  # fmt: skip
 
         is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
+        title = f"A generated dance to {common.plain_name(song)}"
         reports: list[DanceReport] = []
         paths: list[Path] = []
         for number in files:
             reports.append(_likely(danced, number) if is_open else danced(number))
-            title = f"A generated dance to {common.plain_name(song)}"
-            paths += write_files(files[number], reports[-1], sound, title, is_asked=out is not None)
+            write = partial(_write, report=reports[-1], sound=sound, title=title)
+            paths += written(files[number], write, is_asked=out is not None)
     if len(reports[0].music) < 2:
         note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)

@@ -16,12 +16,14 @@ data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or m
 
 
 @data_app.command("check", cls=CheckedCommand)
-def data_check(
-    path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")], as_json: AsJson = False
-) -> None:
+def data_check(path: Path, as_json: AsJson = False) -> None:
     """Contents of a file or corpus, and what is odd about it.
 
     Example: `harmolab data check dance.bvh`
+
+    Parameters
+    ----------
+    path : A file, a sequence folder or a corpus.
     """
     from harmolab.cli.data_check import check
 
@@ -48,23 +50,37 @@ def _short(name: str, root: Path) -> str:
 
 @data_app.command("synth", cls=CheckedCommand)
 def data_synth(
-    out: Annotated[Path, typer.Argument(help="New folder for the corpus.")],
-    clips: Annotated[int, typer.Option(help="Number of clips; the seven dances take turns.", min=1)] = 200,
-    seconds: Annotated[float, typer.Option(help="Length of a clip.")] = 6.0,
-    fps: Annotated[float, typer.Option(help="Frame rate of the motion.")] = 60.0,
-    noise: Annotated[float, typer.Option(help="Sensor noise on every joint and axis, metres.")] = 0.0,
-    jitter: Annotated[float, typer.Option(help="Standard deviation of each movement's end, seconds.")] = 0.0,
-    lateness: Annotated[float, typer.Option(help="How late every movement ends, seconds.")] = 0.0,
-    omission: Annotated[float, typer.Option(help="Share of beats without a movement's end.")] = 0.0,
-    redundancy: Annotated[float, typer.Option(help="Share of beats with an extra end after them.")] = 0.0,
-    drift: Annotated[float, typer.Option(help="Tempo change over the clip, as a share.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="Same seed, same corpus.")] = 1,
+    out: Path,
+    clips: Annotated[int, typer.Option(min=1)] = 200,
+    seconds: float = 6.0,
+    fps: float = 60.0,
+    noise: float = 0.0,
+    jitter: float = 0.0,
+    lateness: float = 0.0,
+    omission: float = 0.0,
+    redundancy: float = 0.0,
+    drift: float = 0.0,
+    seed: int = 1,
 ) -> None:
     """Make music and dance whose beats were planted, as ordinary files (wav, npz, beats.json).
 
     A run that was cut off goes on where it stopped.
 
     Example: `harmolab data synth demo --clips 14 --seconds 20`
+
+    Parameters
+    ----------
+    out : New folder for the corpus.
+    clips : Number of clips; the seven dances take turns.
+    seconds : Length of a clip.
+    fps : Frame rate of the motion.
+    noise : Sensor noise on every joint and axis, metres.
+    jitter : Standard deviation of each movement's end, seconds.
+    lateness : How late every movement ends, seconds.
+    omission : Share of beats without a movement's end.
+    redundancy : Share of beats with an extra end after them.
+    drift : Tempo change over the clip, as a share.
+    seed : Same seed, same corpus.
     """
     from harmolab.data.synthetic import write_corpus
 
@@ -82,23 +98,22 @@ def data_synth(
 
 @with_options
 def convert(
-    motion: Annotated[
-        Path,
-        typer.Argument(
-            metavar="A",
-            help="The motion: SMPL parameters (AMASS npz, AIST++ or EDGE pkl, FACT or LODGE npy), joints (npy, json, "
-            "pkl, Bailando's jsons_original), HumanML3D npy, c3d, bvh, npz, key points of a pose estimator, or a Tang "
-            "2018 folder.",
-        ),
-    ],
-    out: Annotated[Path, typer.Argument(metavar="B", help="The file to write, npz or bvh.")],
+    motion: Annotated[Path, typer.Argument(metavar="A")],
+    out: Annotated[Path, typer.Argument(metavar="B")],
     *,
     options: FileOptions,
-    force: Annotated[bool, typer.Option("--force", help="Write over B where it is there already.")] = False,
+    force: Annotated[bool, typer.Option("--force")] = False,
 ) -> None:
     """Turn a motion file of any kind into npz or BVH, in metres with y up, and say what it is and how it was read.
 
     Example: `harmolab convert EDGE_dance.pkl dance.npz --fps 30`
+
+    Parameters
+    ----------
+    motion : The motion: SMPL parameters (AMASS npz, AIST++ or EDGE pkl, FACT or LODGE npy), joints (npy, json, pkl,
+        Bailando's jsons_original), HumanML3D npy, c3d, bvh, npz, key points of a pose estimator, or a Tang 2018 folder.
+    out : The file to write, npz or bvh.
+    force : Write over B where it is there already.
     """
     from harmolab.data.recordings import read_any_motion, recorded_offset
     from harmolab.readers.motion import save_motion

@@ -27,27 +27,14 @@ def explain(
     context: typer.Context,
     song: Song,
     motion: Dance = None,
-    out: Annotated[Path | None, typer.Option(help="Also write a page, .html, with pictures and player.")] = None,
-    offset: Annotated[
-        float | None,
-        typer.Option(
-            help="Audio time in seconds at which the motion begins (default: what its file says, else searched for)."
-        ),
-    ] = None,
-    guess: Annotated[
-        float | None, typer.Option(help="About where it begins, where only the movement can tell (default: 0).")
-    ] = None,
-    search: Annotated[float, typer.Option(help="How many seconds from the guess to look, to either side.")] = 2.0,
+    out: Path | None = None,
+    offset: float | None = None,
+    guess: float | None = None,
+    search: float = 2.0,
     *,
     judged: JudgeOptions,
     read: FileOptions,
-    instrument: Annotated[
-        Literal["piano", "violin"] | None,
-        typer.Option(
-            help="DANCE is a musician's playing instead: key points of body and hands, or the folder of a performance.",
-            show_default=False,
-        ),
-    ] = None,
+    instrument: Annotated[Literal["piano", "violin"] | None, typer.Option(show_default=False)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say how a dance goes with its song: whether it is in time, where in the beat, and how steady that is.
@@ -67,6 +54,14 @@ def explain(
     **A pianist or violinist**: do the hands meet the notes, and where do they part?
 
     `harmolab explain take/audio.wav take/points.json --instrument piano --out playing.html`
+
+    Parameters
+    ----------
+    out : Also write a page, .html, with pictures and player.
+    offset : Audio time in seconds at which the motion begins (default: what its file says, else searched for).
+    guess : About where it begins, where only the movement can tell (default: 0).
+    search : How many seconds from the guess to look, to either side.
+    instrument : DANCE is a musician's playing instead: key points of body and hands, or the folder of a performance.
     """
     with plain_errors():
         common.check_out(out, "the page", common.PAGES)

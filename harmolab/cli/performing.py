@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,9 +16,7 @@ from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
     from harmolab.musician.page import Performed
-    from harmolab.musician.performances import Performance
     from harmolab.musician.system import Audio2Body
-    from harmolab.types import Audio
 
 Instrument = Literal["piano", "violin"]
 UNASKED = (".html", ".mp4")  # where nothing is asked for
@@ -26,37 +25,13 @@ UNASKED = (".html", ".mp4")  # where nothing is asked for
 def perform(
     context: typer.Context,
     song: Song,
-    instrument: Annotated[
-        Instrument | None, typer.Option(help="What is played; a run of --weights knows it.", show_default=False)
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: "
-            "SONG_performance.html and .mp4 in this folder."
-        ),
-    ] = None,
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of `harmolab train --system audio2body`, or a weights file.")
-    ] = None,
-    is_avatar: Annotated[
-        bool | None,
-        typer.Option(
-            "--avatar/--points",
-            help="An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the "
-            "avatar.",
-            show_default=False,
-        ),
-    ] = None,
-    start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
-    seconds: Annotated[float | None, typer.Option(help="Only so many seconds from there.")] = None,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            help="Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown "
-            "beside, or with --points under, the predicted one, with the error and how well both meet the sound."
-        ),
-    ] = None,
+    instrument: Annotated[Instrument | None, typer.Option(show_default=False)] = None,
+    out: Path | None = None,
+    weights: Path | None = None,
+    is_avatar: Annotated[bool | None, typer.Option("--avatar/--points", show_default=False)] = None,
+    start: float = 0.0,
+    seconds: float | None = None,
+    truth: Path | None = None,
     offset: Offset = None,
     fps: Fps = None,
 ) -> None:
@@ -77,6 +52,19 @@ def perform(
     Example: `harmolab perform sonata.wav --instrument piano`
 
     Example: `harmolab perform take/audio.wav --instrument violin --truth take --points --out beside.html`
+
+    Parameters
+    ----------
+    instrument : What is played; a run of --weights knows it.
+    out : html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: SONG_performance.html
+        and .mp4 in this folder.
+    weights : Folder of `harmolab train --system audio2body`, or a weights file.
+    is_avatar : An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the
+        avatar.
+    start : Audio time in seconds at which it begins.
+    seconds : Only so many seconds from there.
+    truth : Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown beside,
+        or with --points under, the predicted one, with the error and how well both meet the sound.
     """
     with plain_errors():
         paths = files_to_write(out, song, "performance", UNASKED)
@@ -87,12 +75,14 @@ def perform(
         is_avatar = _is_avatar(is_avatar, paths)
         system = _player(weights, instrument)
         from harmolab.musician.page import performed
+        from harmolab.musician.performances import load_playing
         from harmolab.readers.audio import load_sound
 
         with waiting("listening"):
             audio = load_sound(song, sample_rate=None)
             begin = perf_counter()
-            own = None if truth is None else _truth(truth, audio, system, offset=offset, fps=fps)
+            plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
+            own = None if truth is None else plays(truth)
             result = performed(
                 system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
             )
@@ -148,13 +138,6 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
     if system.network.params.hears == "notes":
         raise ValueError(f"{weights}: hears notes, not sound; in Python: Audio2Body.load(RUN).generate(audio, notes=)")
     return system
-
-
-def _truth(path: Path, audio: Audio, system: Audio2Body, *, offset: float | None, fps: float | None) -> Performance:
-    """The playing of one's own, with the song as its sound."""
-    from harmolab.musician.performances import load_playing
-
-    return load_playing(path, audio, instrument=system.network.instrument, offset=offset, fps=fps)
 
 
 def _has_body(system: Audio2Body, is_avatar: bool) -> bool:

@@ -23,14 +23,11 @@ VIDEO = (
 def play(
     context: typer.Context,
     song: common.Song,
-    out: Annotated[Path, typer.Option(help="The page to write, .html.")],
+    out: Annotated[Path, typer.Option()],
     motion: common.Dance = None,
-    other: Annotated[Path | None, typer.Option(help="A second motion to the same music, shown beside it.")] = None,
+    other: Path | None = None,
     offset: common.Offset = None,
-    other_offset: Annotated[
-        float | None,
-        typer.Option(help="Audio time at which the second begins (default: what its file says, else --offset)."),
-    ] = None,
+    other_offset: float | None = None,
     start: common.Start = None,
     seconds: common.Seconds = None,
     *,
@@ -45,6 +42,12 @@ def play(
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
 
     Example: `harmolab play recordings/DANCE_W_3 --out dance.html`
+
+    Parameters
+    ----------
+    out : The page to write, .html.
+    other : A second motion to the same music, shown beside it.
+    other_offset : Audio time at which the second begins (default: what its file says, else --offset).
     """
     from harmolab.data.recordings import load_any_motion, recorded_offset
     from harmolab.lab.player import player_of
@@ -83,15 +86,17 @@ NEXT = (
 )
 
 
-def demo(
-    out: Annotated[Path, typer.Option(help="The page to write, .html.")] = Path("harmolab_demo.html"),
-    no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, and do not open it.")] = False,
-) -> None:
+def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.Option("--no-open")] = False) -> None:
     """See what harmolab does: a page with a dancer who meets the beats, and the same one late. Needs no files.
 
     The song is synthetic; the movement was recorded (CMU, salsa) and comes with harmolab.
 
     Example: `harmolab demo`
+
+    Parameters
+    ----------
+    out : The page to write, .html.
+    no_open : Write the page, and do not open it.
     """
     with plain_errors():
         common.check_out(out, "the page", common.PAGES)

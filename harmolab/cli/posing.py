@@ -15,15 +15,11 @@ DECLINED = "poses_declined"  # file in the cache, once a question has been answe
 
 
 def pose(
-    video: Annotated[
-        Path | None, typer.Argument(metavar="VIDEO", help="The video: one dancer, all of the body.", show_default=False)
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The motion to write, .npz or .bvh (default: the video's name, .npz, here).")
-    ] = None,
-    install: Annotated[bool, typer.Option("--install", help="Fetch what finds bodies, if it is not there.")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="Remove it again.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Fetch without a question.")] = False,
+    video: Annotated[Path | None, typer.Argument(metavar="VIDEO", show_default=False)] = None,
+    out: Path | None = None,
+    install: Annotated[bool, typer.Option("--install")] = False,
+    remove: Annotated[bool, typer.Option("--remove")] = False,
+    yes: Annotated[bool, typer.Option("--yes")] = False,
 ) -> None:
     """Find the dancer's body in a video and write its movement, in metres with y up.
 
@@ -37,6 +33,14 @@ def pose(
     Example: `harmolab pose phone_video.mp4 --out dance.npz`
 
     Example: `harmolab pose --install --yes`
+
+    Parameters
+    ----------
+    video : The video: one dancer, all of the body.
+    out : The motion to write, .npz or .bvh (default: the video's name, .npz, here).
+    install : Fetch what finds bodies, if it is not there.
+    remove : Remove it again.
+    yes : Fetch without a question.
     """
     from harmolab.readers.pose import pose_environment, remove_pose_environment
 

@@ -21,39 +21,18 @@ NO_START = "a video is drawn from its first picture on; leave out --start"
 def render(
     context: typer.Context,
     song: Song,
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="The video to write: .mp4 (plays everywhere) or .webm; or .gif, for a README: without sound, 5 s "
-            "unless --seconds says otherwise."
-        ),
-    ],
+    out: Annotated[Path, typer.Option()],
     motion: Dance = None,
-    over: Annotated[
-        Path | None, typer.Option(help="Draw the skeleton over this video, in which the points were found.")
-    ] = None,
+    over: Path | None = None,
     offset: Offset = None,
     start: Start = None,
     seconds: Seconds = None,
-    marks: Annotated[
-        bool, typer.Option(help="Marks that light up on beats: of the music, of the dancer, hits.")
-    ] = True,
-    follow: Annotated[bool, typer.Option("--follow", help="Keep the hips in the middle of the picture.")] = False,
+    marks: bool = True,
+    follow: Annotated[bool, typer.Option("--follow")] = False,
     *,
     judged: JudgeOptions,
-    height: Annotated[
-        int | None,
-        typer.Option(
-            help="Pixels; the width is 4/3 of it, or the video's (never enlarged).",
-            min=120,
-            max=2160,
-            show_default="480; 240 of a gif",
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Pictures a second: 30 (12.5 of a gif), or those of the video.", min=10, max=120),
-    ] = None,
+    height: Annotated[int | None, typer.Option(min=120, max=2160, show_default="480; 240 of a gif")] = None,
+    rate: Annotated[float | None, typer.Option(min=10, max=120)] = None,
     read: FileOptions,
 ) -> None:
     """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
@@ -71,6 +50,16 @@ def render(
     `harmolab render phone_video.mp4 --out marked.mp4`
 
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
+
+    Parameters
+    ----------
+    out : The video to write: .mp4 (plays everywhere) or .webm; or .gif, for a README: without sound, 5 s unless
+        --seconds says otherwise.
+    over : Draw the skeleton over this video, in which the points were found.
+    marks : Marks that light up on beats: of the music, of the dancer, hits.
+    follow : Keep the hips in the middle of the picture.
+    height : Pixels; the width is 4/3 of it, or the video's (never enlarged).
+    rate : Pictures a second: 30 (12.5 of a gif), or those of the video.
     """
     from harmolab.lab.explain.filmed import points_in_video
     from harmolab.lab.render.overlay import load_points

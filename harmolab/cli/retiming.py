@@ -27,18 +27,16 @@ MEANINGS = (
 def retime(
     context: typer.Context,
     song: Song,
-    out: Annotated[Path, typer.Option(help="npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.")],
+    out: Annotated[Path, typer.Option()],
     motion: Dance = None,
-    strength: Annotated[float, typer.Option(help="Share of every shift that is made, 0 to 1.")] = 1.0,
-    phase: Annotated[float, typer.Option(help="Where in the beat to land: 0 on it, 0.5 half way to the next.")] = 0.0,
+    strength: float = 1.0,
+    phase: float = 0.0,
     offset: Offset = None,
-    slowest: Annotated[float, typer.Option(help="Lowest local speed, above 0 to 1.")] = 0.7,
-    fastest: Annotated[float, typer.Option(help="Highest local speed, 1 or more.")] = 1.4,
+    slowest: float = 0.7,
+    fastest: float = 1.4,
     *,
     judged: JudgeOptions,
-    method: Annotated[
-        Literal["dp", "lee2019"], typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
-    ] = "dp",
+    method: Literal["dp", "lee2019"] = "dp",
     read: FileOptions,
 ) -> None:
     """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
@@ -49,6 +47,15 @@ def retime(
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
 
     Example: `harmolab retime phone_video.mp4 --out mended.mp4`
+
+    Parameters
+    ----------
+    out : npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.
+    strength : Share of every shift that is made, 0 to 1.
+    phase : Where in the beat to land: 0 on it, 0.5 half way to the next.
+    slowest : Lowest local speed, above 0 to 1.
+    fastest : Highest local speed, 1 or more.
+    method : dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.
     """
     from harmolab.lab.render.video import retime_files
 

@@ -17,7 +17,9 @@ from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, so
 # `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
 
 if TYPE_CHECKING:
+    from harmolab.params import HarmonyParams
     from harmolab.score import HarmonyScore
+    from harmolab.types import BeatTrack, Clip
 
 ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 
@@ -116,12 +118,6 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
     common.print_table(headings, map(cells, rows), escape(printable(title)))
 
 
-if TYPE_CHECKING:
-    from harmolab.params import HarmonyParams
-    from harmolab.score import HarmonyScore
-    from harmolab.types import BeatTrack, Clip
-
-
 # Names in the table, and of the fields behind them.
 NUMBER_ROWS = {
     "harmony above chance": "harmony_above_chance", "its spread from bar to bar": "interval", "p value": "p_value",
@@ -154,27 +150,16 @@ def score(
     motion: common.Dance = None,
     offset: common.Offset = None,
     seconds: common.Seconds = None,
-    mode: Annotated[
-        str,
-        typer.Option(
-            parser=mode_named, metavar=f"[{'|'.join(get_args(Mode))}]", help="The paper's settings, ours, or both."
-        ),
-    ] = "both",
+    mode: Annotated[str, typer.Option(parser=mode_named, metavar=f"[{'|'.join(get_args(Mode))}]")] = "both",
     *,
     judged: common.JudgeOptions,
     read: common.FileOptions,
-    lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
-    clock: Annotated[
-        float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.", min=0.1, max=10.0)
-    ] = 1.0,
+    lag: float = 0.0,
+    clock: Annotated[float, typer.Option(min=0.1, max=10.0)] = 1.0,
     as_json: common.AsJson = False,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", help="Write a table, .csv, of a folder of recordings, a row each.")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Save a picture of beats, hits and misses as PNG.")] = None,
-    others: Annotated[
-        bool, typer.Option("--others", help="Print the field's other measures too: beat alignment, mir_eval.")
-    ] = False,
+    csv: Annotated[Path | None, typer.Option("--csv")] = None,
+    plot: Path | None = None,
+    others: Annotated[bool, typer.Option("--others")] = False,
     _start: Annotated[str | None, common.renamed("--start", "--offset")] = None,
     _duration: Annotated[str | None, common.renamed("--duration", "--seconds")] = None,
 ) -> None:
@@ -198,6 +183,15 @@ def score(
     `harmolab score recordings --csv table.csv` scores all recordings in a folder.
 
     `harmolab score phone_video.mp4` scores a video with its music in it.
+
+    Parameters
+    ----------
+    mode : The paper's settings, ours, or both.
+    lag : Seconds by which this dancer is expected after the beat.
+    clock : Time stretch of the motion; 1.013 fits most Tang 2018 data.
+    csv : Write a table, .csv, of a folder of recordings, a row each.
+    plot : Save a picture of beats, hits and misses as PNG.
+    others : Print the field's other measures too: beat alignment, mir_eval.
     """
     from harmolab.beats.meter import describe_beats
     from harmolab.verdict.judge import music_and_motion, other_measures, score_motion

@@ -29,26 +29,8 @@ def printable(text: str) -> str:
 
 @contextmanager
 def said_level(context: typer.Context) -> Iterator[None]:
-    """The level that the options of a call ask for, inside the block."""
+    """The level that the options of a call ask for, and the log of the package on the screen, inside the block."""
     token = LEVEL.set(context.meta.get(KEY, USUAL))
-    try:
-        with _log_said():
-            yield
-    finally:
-        LEVEL.reset(token)
-
-
-class _Notes(logging.Handler):
-    """Notes of all that the package logs, such as that it compiles."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """One line on standard error, unless it is to be quiet."""
-        note(record.getMessage())
-
-
-@contextmanager
-def _log_said() -> Iterator[None]:
-    """The log of the package on the screen, inside the block."""
     log, notes = logging.getLogger("harmolab"), _Notes()
     level = log.level
     log.addHandler(notes)
@@ -58,6 +40,15 @@ def _log_said() -> Iterator[None]:
     finally:
         log.setLevel(level)
         log.removeHandler(notes)
+        LEVEL.reset(token)
+
+
+class _Notes(logging.Handler):
+    """Notes of all that the package logs, such as that it compiles."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line on standard error, unless it is to be quiet."""
+        note(record.getMessage())
 
 
 def _set_level(value: int) -> Callable[[typer.Context, bool], None]:

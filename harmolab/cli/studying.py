@@ -11,6 +11,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import left_out
 from harmolab.cli.screen import plain_errors, progress
+from harmolab.files import plain, write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.answers import Answers
@@ -28,38 +29,19 @@ study_app = typer.Typer(
 
 
 Kind = Literal["pick", "choice", "rate"]
-Wrong = Literal["lagged", "swapped"]
-Raters = Literal["all", "people", "simulated"]
 
 
 @study_app.command(cls=common.CheckedCommand)
 def make(
     context: typer.Context,
-    corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
-    out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
-    kind: Annotated[
-        Kind,
-        typer.Option(
-            help="pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13) rate: one "
-            "dance, four marks from 0 to 10 (Music2Dance)"
-        ),
-    ] = "pick",
-    n: Annotated[int, typer.Option(help="Number of trials; an even one, so that the answers are balanced.")] = 20,
-    seconds: Annotated[float, typer.Option(help="Length of a trial's music and dances.")] = 8.0,
-    wrong: Annotated[
-        Wrong,
-        typer.Option(
-            help="The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial)."
-        ),
-    ] = "lagged",
-    against: Annotated[
-        Path | None,
-        typer.Option(
-            help="choice, rate: a folder with another dance to the same music for each sequence, under the same name "
-            "(a sequence folder, NAME.npz or NAME.bvh). No answer is right then; it is told which is preferred."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Same seed, same study. Raters should not know it.", min=0)] = 1,
+    corpus: Path,
+    out: Path,
+    kind: Kind = "pick",
+    n: int = 20,
+    seconds: float = 8.0,
+    wrong: Literal["lagged", "swapped"] = "lagged",
+    against: Path | None = None,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
 ) -> None:
     """Make a study from a corpus: balanced blind trials, a page for each, and the key.
 
@@ -67,6 +49,19 @@ def make(
     `key.json` and `scores.json` do, so do not hand them out.
 
     Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
+
+    Parameters
+    ----------
+    corpus : Folder of sequences (Tang 2018 layout, or ours).
+    out : Folder for the study; `ask` needs nothing else.
+    kind : pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13) rate: one dance, four
+        marks from 0 to 10 (Music2Dance)
+    n : Number of trials; an even one, so that the answers are balanced.
+    seconds : Length of a trial's music and dances.
+    wrong : The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial).
+    against : choice, rate: a folder with another dance to the same music for each sequence, under the same name (a
+        sequence folder, NAME.npz or NAME.bvh). No answer is right then; it is told which is preferred.
+    seed : Same seed, same study. Raters should not know it.
     """
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
     from harmolab.lab.listening.corpus_study import study_pieces
@@ -106,16 +101,23 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
 
 @study_app.command(cls=common.CheckedCommand)
 def ask(
-    study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`.")],
-    rater: Annotated[str, typer.Option(help="Name of the rater; it decides the order of the trials.")],
-    port: Annotated[int, typer.Option(help="Port of the local page; 0: any free one.", min=0, max=65535)] = 0,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address only.")] = False,
+    study: Path,
+    rater: Annotated[str, typer.Option()],
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open")] = False,
 ) -> None:
     """Ask one rater, on a page that only this machine can open; every answer is saved at once.
 
     Ctrl-C stops; the same command goes on where the rater was. It ends by itself after the last answer.
 
     Example: `harmolab study ask my_study --rater Ada`
+
+    Parameters
+    ----------
+    study : Folder of `harmolab study make`.
+    rater : Name of the rater; it decides the order of the trials.
+    port : Port of the local page; 0: any free one.
+    no_open : Print the address only.
     """
     from harmolab.lab.listening.answers import SIMULATED, TRIALS_FILE, answer_log, read_page, read_trials
     from harmolab.lab.listening.local_page import StudyServer
@@ -137,17 +139,23 @@ def ask(
 @study_app.command(cls=common.CheckedCommand)
 def analyse(
     context: typer.Context,
-    study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
-    raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
-    seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
+    study: Path,
+    out: Path | None = None,
+    raters: Literal["all", "people", "simulated"] = "all",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
     as_json: common.AsJson = False,
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 
     Example: `harmolab study analyse my_study --out results`
+
+    Parameters
+    ----------
+    study : Folder of `harmolab study make`, with answers.
+    out : Folder for the tables (csv) and analysis.json.
+    raters : Whose answers count; people and simulated raters never mix.
+    seed : Seed of the bootstrap.
     """
-    from harmolab.files import plain
     from harmolab.lab.listening.analysis import study_tables
     from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
@@ -179,8 +187,8 @@ def _save(out: Path, tables: Tables, text: str) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     for name, rows in tables.items():
-        common.write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
-    common.write_text(out / SUMMARY, text)
+        write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False))
+    write_text(out / SUMMARY, f"{text}\n")
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:

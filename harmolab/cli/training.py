@@ -21,72 +21,28 @@ ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 def train(
     context: typer.Context,
-    data: Annotated[list[Path], typer.Argument(help="Folders of recordings (see `harmolab data check`).")],
-    out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
-    system: Annotated[
-        str,
-        typer.Option(
-            help="harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians); "
-            "package.module:Class.",
-            autocompletion=completed(*LEARNERS),
-        ),
-    ] = "harmogan",
-    preset: Annotated[
-        str,
-        typer.Option(
-            help="Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper; "
-            "audio2body: recommended, tables, section_4.",
-            show_default="small; recommended",
-        ),
-    ] = "small",
-    params: Annotated[
-        Literal["recommended", "paper"],
-        typer.Option(help="HarmoGAN's losses and features: paper (Sec. 5.2) or recommended."),
-    ] = "recommended",
-    harmony_weight: Annotated[
-        float | None,
-        typer.Option(help="HarmoGAN's weight of the harmony loss; 0 is the ablation.", show_default="0.5; 1 in paper"),
-    ] = None,
-    pretrain_epochs: Annotated[
-        int | None, typer.Option(help="HarmoGAN's epochs of pretraining.", min=0, show_default="16; 225 in paper")
-    ] = None,
-    adversarial_epochs: Annotated[
-        int | None, typer.Option(help="Epochs after it.", min=0, show_default="16; 45 in paper")
-    ] = None,
-    pretrained: Annotated[
-        Path | None, typer.Option(help="Run of HarmoGAN on the same data whose pretraining is taken over.")
-    ] = None,
+    data: list[Path],
+    out: Annotated[Path, typer.Option()],
+    system: Annotated[str, typer.Option(autocompletion=completed(*LEARNERS))] = "harmogan",
+    preset: Annotated[str, typer.Option(show_default="small; recommended")] = "small",
+    params: Literal["recommended", "paper"] = "recommended",
+    harmony_weight: Annotated[float | None, typer.Option(show_default="0.5; 1 in paper")] = None,
+    pretrain_epochs: Annotated[int | None, typer.Option(min=0, show_default="16; 225 in paper")] = None,
+    adversarial_epochs: Annotated[int | None, typer.Option(min=0, show_default="16; 45 in paper")] = None,
+    pretrained: Path | None = None,
     representation: Annotated[
-        Literal["positions", "rotations"] | None,
-        typer.Option(help="Motion of music2dance and feet.", show_default="positions; rotations in paper"),
+        Literal["positions", "rotations"] | None, typer.Option(show_default="positions; rotations in paper")
     ] = None,
-    phase1: Annotated[
-        int | None,
-        typer.Option(help="music2dance's epochs of learning from recorded frames.", min=0, show_default="1300"),
-    ] = None,
-    phase2: Annotated[
-        int | None, typer.Option(help="Its epochs of learning from its own frames.", min=0, show_default="200")
-    ] = None,
-    epochs: Annotated[
-        int | None,
-        typer.Option(
-            help="Epochs of feet, attributes, ren2020 and audio2body.", min=0, show_default="200; 30; its preset's"
-        ),
-    ] = None,
-    velocity_weight: Annotated[
-        float | None,
-        typer.Option(
-            help="feet's weight of the speed of standing feet, positions only.", show_default="0, the paper's loss"
-        ),
-    ] = None,
-    step: Annotated[int, typer.Option(help="Beats between the starts of training units.", min=1)] = 2,
-    seed: Annotated[int, typer.Option(help="Of first weights, order of the units and the pose network.", min=0)] = 1,
-    split_seed: Annotated[int, typer.Option(help="Of the split by motion group.", min=0)] = 0,
-    shards: Annotated[
-        int, typer.Option(help="Parts of a batch; as many as processes: the same result to the last bit.", min=1)
-    ] = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
-    accelerator: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Device that is trained on.")] = "auto",
+    phase1: Annotated[int | None, typer.Option(min=0, show_default="1300")] = None,
+    phase2: Annotated[int | None, typer.Option(min=0, show_default="200")] = None,
+    epochs: Annotated[int | None, typer.Option(min=0, show_default="200; 30; its preset's")] = None,
+    velocity_weight: Annotated[float | None, typer.Option(show_default="0, the paper's loss")] = None,
+    step: Annotated[int, typer.Option(min=1)] = 2,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    split_seed: Annotated[int, typer.Option(min=0)] = 0,
+    shards: Annotated[int, typer.Option(min=1)] = 1,
+    resume: Annotated[bool, typer.Option("--resume")] = False,
+    accelerator: Literal["auto", "cpu", "cuda"] = "auto",
 ) -> None:
     """Train a system, or a part of one. Without --system: HarmoGAN, 16 epochs of pretraining and 16 adversarial ones.
 
@@ -139,6 +95,31 @@ def train(
 
     **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
     has. Name it in both commands: `--system package.module:Class`.
+
+    Parameters
+    ----------
+    data : Folders of recordings (see `harmolab data check`).
+    out : Folder of the run: weights, history, split, settings.
+    system : harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians);
+        package.module:Class.
+    preset : Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper;
+        audio2body: recommended, tables, section_4.
+    params : HarmoGAN's losses and features: paper (Sec. 5.2) or recommended.
+    harmony_weight : HarmoGAN's weight of the harmony loss; 0 is the ablation.
+    pretrain_epochs : HarmoGAN's epochs of pretraining.
+    adversarial_epochs : Epochs after it.
+    pretrained : Run of HarmoGAN on the same data whose pretraining is taken over.
+    representation : Motion of music2dance and feet.
+    phase1 : music2dance's epochs of learning from recorded frames.
+    phase2 : Its epochs of learning from its own frames.
+    epochs : Epochs of feet, attributes, ren2020 and audio2body.
+    velocity_weight : feet's weight of the speed of standing feet, positions only.
+    step : Beats between the starts of training units.
+    seed : Of first weights, order of the units and the pose network.
+    split_seed : Of the split by motion group.
+    shards : Parts of a batch; as many as processes: the same result to the last bit.
+    resume : Go on with the run in --out; start it if none.
+    accelerator : Device that is trained on.
     """
     first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
     with plain_errors(), epoch_bar() as report:

@@ -83,14 +83,10 @@ def read_array_pickle(data: bytes) -> dict[str, Any]:
 
 def _dictionary(content: Any) -> Any:
     """The dictionary in an array of one object, or one with an array of numbers; anything else as it is."""
-    if (
-        isinstance(content, _Array)
-        and content.shape == ()
-        and isinstance(content.data, list)
-        and len(content.data) == 1
-    ):
-        return content.data[0]
-    return {"positions": content} if isinstance(content, _Array) else content
+    if not isinstance(content, _Array):
+        return content
+    is_object = content.shape == () and isinstance(content.data, list) and len(content.data) == 1
+    return content.data[0] if is_object else {"positions": content}
 
 
 def _check_instructions(data: bytes) -> None:
@@ -148,18 +144,6 @@ class _Type:
     """Stands for the class numpy.ndarray, which a pickle only hands on."""
 
 
-def _reconstruct(*_: Any) -> _Array:
-    return _Array()
-
-
-def _scalar(dtype: Any, data: Any = b"") -> _Array:
-    return _Array((), dtype, False, data)
-
-
-def _from_buffer(data: Any, dtype: Any, shape: Any, order: Any) -> _Array:
-    return _Array(shape, dtype, order == "F", data)
-
-
 class _ArrayUnpickler(pickle.Unpickler):
     """An unpickler that knows numpy arrays, under the module names of numpy 1 and 2, and nothing else."""
 
@@ -168,12 +152,11 @@ class _ArrayUnpickler(pickle.Unpickler):
         stand_ins = {
             ("numpy", "ndarray"): _Type,
             ("numpy", "dtype"): _Dtype,
-            ("multiarray", "_reconstruct"): _reconstruct,
-            ("multiarray", "scalar"): _scalar,
-            ("numeric", "_frombuffer"): _from_buffer,
+            ("multiarray", "_reconstruct"): lambda *_: _Array(),
+            ("multiarray", "scalar"): lambda dtype, data=b"": _Array((), dtype, False, data),
+            ("numeric", "_frombuffer"): lambda data, dtype, shape, order: _Array(shape, dtype, order == "F", data),
         }
-        for prefix in ("numpy.core.", "numpy._core."):
-            module = module.removeprefix(prefix) if module.startswith(prefix) else module
+        module = module.removeprefix("numpy.core.").removeprefix("numpy._core.")
         if (module, name) not in stand_ins:
             raise pickle.UnpicklingError(f"it asks for {module}.{name}, and only arrays of numbers are read")
         return stand_ins[module, name]

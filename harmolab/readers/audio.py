@@ -211,7 +211,6 @@ def resampled(audio: Audio, sample_rate: float) -> Audio:
 
 # The sound of video files, through PyAV; and the sound of any file that has one.
 
-MIN_VIDEO_RATE, MAX_VIDEO_RATE = 1000, 768_000
 MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
 
 
@@ -251,8 +250,8 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
         if not container.streams.audio:
             raise ValueError("holds no sound; name the music's own file")
         stream = container.streams.audio[0]
-        if stream.codec_context is None or not MIN_VIDEO_RATE <= stream.codec_context.sample_rate <= MAX_VIDEO_RATE:
-            raise ValueError(f"holds sound that cannot be read; {MIN_VIDEO_RATE} to {MAX_VIDEO_RATE} Hz can be sound")
+        if stream.codec_context is None or not MIN_RATE <= stream.codec_context.sample_rate <= MAX_RATE:
+            raise ValueError(f"holds sound that cannot be read; {MIN_RATE} to {MAX_RATE} Hz can be sound")
         rate = round(sample_rate or stream.codec_context.sample_rate)
         pieces = list(_pieces(container, stream, rate, max_seconds))
         if not pieces:

@@ -69,16 +69,10 @@ from harmolab.readers.smpl import MEMBERS, is_parameters, parameter_motion
 from harmolab.readers.video import is_video
 from harmolab.types import BoolArray, Motion
 
-_MEMBERS = {
-    "positions": "fiu",
-    "fps": "fiu",
-    "joints": "U",
-    "parents": "iu",
-    "valid": "b",
-    "units": "U",
-    "offset": "fiu",
+_MEMBERS = {  # array -> its kinds of dtype
+    "positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U", "offset": "fiu",
     "detected": "b",
-}
+}  # fmt: skip
 _MOST_SECONDS = 36_000.0  # ten hours: no song begins or ends beyond
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import av
 import numpy as np
@@ -37,8 +37,7 @@ AUDIO_RATE = 48_000
 READ_TAGS: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 
 
-@dataclass(frozen=True)
-class _Coding:
+class _Coding(NamedTuple):
     """The coding of a kind of file: names of FFmpeg's coders, and options of the picture coder and of the file."""
 
     video: str

@@ -10,14 +10,6 @@ from harmolab.data.synthetic.dancer import DANCER, figure_names, synthetic_motio
 from harmolab.data.synthetic.music import PlantedMusic, synthetic_music
 
 __all__ = [
-    "DANCER",
-    "ClipSettings",
-    "PlantedClip",
-    "PlantedMusic",
-    "figure_names",
-    "planted_clip",
-    "synthetic_clip",
-    "synthetic_motion",
-    "synthetic_music",
-    "write_corpus",
-]
+    "DANCER", "ClipSettings", "PlantedClip", "PlantedMusic", "figure_names", "planted_clip", "synthetic_clip",
+    "synthetic_motion", "synthetic_music", "write_corpus",
+]  # fmt: skip

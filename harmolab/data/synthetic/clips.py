@@ -1,6 +1,5 @@
 """One synthetic clip with the truth about it: music and dance on the same beats."""
 
-import io
 import itertools
 import json
 import re
@@ -11,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import soundfile
 
 from harmolab.data.synthetic.beats import ClipSettings
 from harmolab.data.synthetic.dancer import choreography, dance_motion, figure_names
 from harmolab.data.synthetic.music import planted_music
-from harmolab.files import UNFINISHED, PathLike, Progress, atomic_folder, atomic_write, plain, silent, write_json
+from harmolab.files import UNFINISHED, PathLike, Progress, atomic_folder, plain, silent, write_json
 from harmolab.params import DANCES
+from harmolab.readers.audio import save_audio
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.readers.motion import save_motion
 from harmolab.types import Clip, FloatArray
@@ -223,10 +222,7 @@ def _write_clip(folder: Path, planted: PlantedClip) -> None:
     if motion is None:
         raise ValueError(f"{folder}: the clip has no motion")
     with atomic_folder(folder) as part:
-        sound = io.BytesIO()  # libsndfile itself would not say why a file cannot be written
-        soundfile.write(sound, audio.samples, round(audio.sample_rate), format="WAV", subtype="PCM_16")
-        with atomic_write(part / "audio.wav") as file:
-            file.write_bytes(sound.getvalue())
+        save_audio(part / "audio.wav", audio)
         save_motion(part / "motion.npz", motion)
         write_json(part / "beats.json", _annotation(planted))
 
