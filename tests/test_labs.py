@@ -1,26 +1,48 @@
-"""The live labs in Python: controls, settings to copy, numbers that are those of the score, and the page."""
+"""The live labs: controls, numbers that are those of the score, the page, and its script against Python."""
 
+import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import quickjs
+from hypothesis import given
+from hypothesis import strategies as st
 
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.beats.visual import visual_beats
+from harmolab.data.synthetic import ClipSettings, PlantedClip, planted_clip, synthetic_clip
 from harmolab.lab.labs import live
-from harmolab.lab.labs.corpus import corpus_lab
+from harmolab.lab.labs.corpus import Corpus, corpus_content, corpus_lab, corpus_numbers, corpus_scores
 from harmolab.lab.labs.detector import detector_lab
-from harmolab.lab.labs.live import LiveLab, Stage, lab_params
-from harmolab.lab.labs.meter import meter_lab
+from harmolab.lab.labs.live import (
+    CONTROLS,
+    FORMULAS,
+    READS,
+    SCRIPT,
+    LabContent,
+    LiveLab,
+    Menu,
+    Slider,
+    Stage,
+    curve_evidence,
+    lab_params,
+    params_line,
+    unread,
+)
+from harmolab.lab.labs.meter import Song, meter_lab, meter_numbers
+from harmolab.lab.labs.pages import inexact_corpus, inexact_dance, inexact_detector_lab, inexact_meter_lab
 from harmolab.lab.labs.saliency import saliency_lab, saliency_numbers
 from harmolab.lab.labs.scoring import N_ROTATIONS, lags, scoring_content, scoring_lab
 from harmolab.lab.labs.scoring import scoring_numbers as numbers_of
 from harmolab.lab.player import percent
-from harmolab.params import HarmonyParams
+from harmolab.params import CHOICES, BarPattern, HarmonyParams
+from harmolab.score import score_harmony
 from harmolab.types import BeatTrack, Clip, Motion
 from harmolab.verdict.judge import score_clip, score_motion
 from tests.builders import along_x, cases, planted_dance, refused
@@ -284,3 +306,475 @@ def test_names_of_clips_are_escaped_and_the_page_asks_for_no_file(planted_clip: 
 def test_the_page_of_synthetic_data_says_so(planted_clip: Clip):
     for maker in LABS.values():
         assert maker(planted_clip).data["evidence"]["source"] == "synthetic"
+
+
+# The detector lab and the meter lab
+
+FINE = {"detector": "valleys", "fps": None, "smoothing": 0.05, "subframe": True}
+
+
+@pytest.fixture(scope="module")
+def planted() -> PlantedClip:
+    """Six seconds of a cha-cha whose rests are known."""
+    return planted_clip(ClipSettings("cha-cha", seconds=6.0, seed=0))
+
+
+@pytest.fixture(scope="module")
+def human_clip() -> Clip:
+    """An inexact dancer, and beats of very different strength, so that every control has something to act on."""
+    clip = synthetic_clip("cha-cha", seconds=8.0, fps=30.0, jitter=0.06, omission=0.2, redundancy=0.3, seed=2)
+    assert clip.beats is not None
+    count = len(clip.beats)
+    strengths = np.where(np.arange(count) % 3 == 0, 1.0, 0.2) + np.arange(count) % 2
+    return replace(clip, beats=replace(clip.beats, strengths=strengths, bar_places=np.arange(count) % 4))
+
+
+def holding_dancer() -> Motion:
+    """A hand that speeds up, keeps its speed for four frames and slows down, over and over."""
+    speed = np.tile([1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 4.0, 3.0, 2.0, 1.0, 0.5], 16)
+    return along_x(np.cumsum(speed) / 32, fps=30.0)  # exact in binary, so that a plateau is a tie
+
+
+# The detector lab
+
+
+def test_valleys_of_a_smoothed_curve_find_every_planted_rest(planted: PlantedClip):
+    lab = detector_lab(planted.clip, planted=planted.visual_beat_times)
+    coarse = lab.numbers
+    lab.set(**FINE)
+    fine, total = lab.numbers, planted.visual_beat_times.size
+    assert (fine["found"], fine["planted"]) == (total, total)
+    assert coarse["beats"] > 1.5 * fine["beats"]
+    assert fine["distance"] <= 0.02
+    counts = f"{fine['beats']} visual beats for {fine['music']} music beats."
+    assert lab.sentence == f"Now {total} of {total} planted rests are found within 50 ms; {counts}"
+
+
+def test_planted_rests_are_counted_from_the_start_of_the_motion(planted: PlantedClip):
+    later = replace(planted.clip, motion=planted.clip.motion.span(2.0, 3.0), offset=2.0)
+    numbers = detector_lab(later, planted=planted.visual_beat_times, **FINE).numbers
+    inside = ((planted.visual_beat_times >= 2.0) & (planted.visual_beat_times < 5.0)).sum()
+    assert numbers["planted"] == inside
+    assert numbers["found"] >= inside - 1  # the first or last may lie at the cut
+
+
+def test_lab_without_a_truth_makes_no_claim_about_planted_rests(planted_clip: Clip):
+    lab = detector_lab(planted_clip)
+    assert "planted" not in lab.sentence
+    assert lab.numbers["mask"] is None
+    assert lab.data["evidence"]["planted"] is None
+
+
+@pytest.mark.parametrize(
+    "value",
+    [{"detector": "valleys"}, {"fps": 25.0}, {"smoothing": 0.1}, {"position_smoothing": 0.1}, {"subframe": True}],
+    ids=lambda value: next(iter(value)),
+)
+def test_each_control_of_the_detector_lab_moves_the_beats(human_clip: Clip, value: dict[str, object]):
+    lab = detector_lab(human_clip)
+    before = lab.numbers["times"].tolist()
+    lab.set(**value)
+    assert lab.numbers["times"].tolist() != before
+
+
+def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Clip):
+    lab = detector_lab(replace(human_clip, motion=holding_dancer()), fps=None)
+    before = lab.numbers["times"]
+    lab.set(plateau="middle")
+    assert lab.numbers["times"].mean() < before.mean()
+
+
+@cases(
+    "values, line",
+    ({"smoothing": 0.05}, "HarmonyParams(smoothing=0.05)"),
+    ({"fps": None}, "HarmonyParams(fps=None)"),
+    ({"fps": 30}, "HarmonyParams(fps=30.0)"),  # a browser writes 30.0 as 30
+    ({"subframe": True, "position_smoothing": 0.1}, "HarmonyParams(position_smoothing=0.1, subframe=True)"),
+)
+def test_line_of_the_detector_lab_follows_its_controls(planted_clip: Clip, values: dict[str, object], line: str):
+    lab = detector_lab(planted_clip)
+    lab.set(**values)
+    assert lab.line == line
+
+
+def test_a_rate_that_is_not_offered_is_refused(planted_clip: Clip):
+    refused(r"fps must be one of None, 60\.0, 30\.0, .*; got 29\.97", detector_lab, planted_clip, fps=29.97)
+
+
+# The meter lab
+
+
+def test_alternating_strengths_are_grouped_by_two_and_two():
+    numbers = meter_numbers(Song({"of the clip": metronome(10, [1, 2] * 5)}))
+    # Beats 2-5 and 6-9 are strong, weak, strong, weak; the tenth ends the second unit: 4 of 5 seconds.
+    assert [label for _, _, label in numbers["units"]] == ["4/4 (2+2)"] * 2
+    assert numbers["sentence"] == "Now 5 of 10 beats are strong, and meter units cover 80 % of the time."
+
+
+def test_every_second_beat_of_an_alternation_has_no_accent():
+    numbers = meter_numbers(Song({"of the clip": metronome(10, [1, 2] * 5)}), every=2.0, lambda1=0.0)
+    assert (numbers["beats"], numbers["strong"], len(numbers["units"])) == (5, 0, 0)
+
+
+def test_units_start_later_when_the_first_beats_are_left_out():
+    song = Song({"of the clip": metronome(12, [1, 2] * 6)})
+    starts = [meter_numbers(song, first=count)["units"][0][0] for count in (0.0, 2.0)]
+    assert starts[1] - starts[0] == pytest.approx(1.0)
+
+
+def test_downbeats_are_counted_only_where_somebody_annotated_them(planted_clip: Clip):
+    assert "downbeats" not in meter_lab(planted_clip).sentence
+    track = metronome(9, [2, 1, 1, 1] * 2 + [2], places=True)
+    numbers = meter_numbers(Song({"of the clip": track}, track))
+    # The first beat has none before it and is weak (Eq. 22).
+    assert numbers["sentence"].endswith(" Of the downbeats among them 2 of 3 are strong.")
+    assert numbers["accents"].tolist() == pytest.approx([2 / 3, 0, 0, 0])
+    assert numbers["chance"] == pytest.approx(2 / 9)
+
+
+def test_weak_beats_below_the_threshold_are_not_compared():
+    assert meter_numbers(Song({"of the clip": metronome(12, [1.0, 0.2, 2.0] * 4)}), lambda1=1.0)["beats"] == 8
+
+
+@pytest.mark.parametrize(
+    "value",
+    [{"beats": "annotated"}, {"lambda1": 1.0}, {"every": 2.0}, {"first": 3.0}, {"error": 0.5}],
+    ids=lambda value: next(iter(value)),
+)
+def test_each_control_of_the_meter_lab_changes_its_sentence(human_clip: Clip, value: dict[str, object]):
+    assert human_clip.beats is not None
+    annotated = replace(human_clip.beats, strengths=1.0 + (np.arange(len(human_clip.beats)) % 4 == 0))
+    lab = meter_lab(human_clip, annotated=annotated)
+    before = lab.sentence
+    lab.set(**value)
+    assert lab.sentence != before
+
+
+def test_line_of_the_meter_lab_holds_the_threshold_alone(planted_clip: Clip):
+    lab = meter_lab(planted_clip, first=2.0)
+    assert lab.line == "HarmonyParams.paper()"
+    lab.set(lambda1=1.0)
+    assert lab.line == "HarmonyParams(audio_threshold=1.0)"
+
+
+# The corpus lab
+
+
+@pytest.fixture(scope="module")
+def clips() -> list[Clip]:
+    kinds = ("cha-cha", "jive", "rumba", "waltz", "tango")
+    return [synthetic_clip(kind, seconds=5.0, fps=30.0, jitter=0.08, seed=seed) for seed, kind in enumerate(kinds)]
+
+
+def exact_corpus() -> Corpus:
+    """Three dancers with a visual beat on every music beat."""
+    tracks = tuple(metronome(count) for count in (12, 16, 20))
+    return Corpus(("a", "b", "c"), tracks, {"paper": tracks, "valleys": tracks})
+
+
+def exact_numbers(**values: Any) -> tuple[float, int, int, float]:
+    """AUC, wins, ties and mean score with wrong music, of the exact dancers."""
+    numbers = corpus_numbers(exact_corpus(), mode="valleys", score="hit_rate", **values)
+    return numbers["auc"], numbers["wins"], numbers["ties"], numbers["mean_wrong"]
+
+
+def test_music_half_a_beat_late_loses_against_exact_dancers_in_a_narrow_field_only():
+    assert exact_numbers(delay=0.1) == (1.0, 3, 0, 0.0)
+    assert exact_numbers(delay=0.25) == (0.5, 0, 3, 1.0)
+
+
+def test_the_sentence_counts_wins_and_ties():
+    numbers = corpus_numbers(exact_corpus(), mode="valleys", delay=0.1)
+    assert numbers["sentence"].startswith("The true music wins in 3 of 3 dances, with 0 ties. AUC 100 %")
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_music_a_whole_beat_late_is_as_good_as_the_true_one(late: float):
+    assert exact_numbers(late=late)[:3] == (0.5, 0, 3)
+
+
+def test_moved_music_scores_as_score_harmony_says():
+    clip = synthetic_clip("cha-cha", seconds=6.0, fps=30.0, jitter=0.1, seed=4)
+    corpus = Corpus.of([clip])
+    stage = Stage.of(clip)
+    moved = np.sort(np.mod(stage.music.times + 0.4 * corpus.periods[0], stage.music.duration))
+    params = replace(HarmonyParams.valleys(), audio_threshold=0.0)
+    flat = replace(stage.music, times=moved, strengths=np.ones(moved.size))
+    by_hand = score_harmony(flat, visual_beats(stage.motion, params=params), params=params, n_rotations=0)
+    assert corpus_scores(corpus, "valleys", params, "hit_rate", 0.4)[0] == pytest.approx(by_hand.hit_rate)
+
+
+def test_recommended_mode_scores_every_clip_as_score_motion():
+    kinds = ("cha-cha", "jive", "waltz")
+    clips = [synthetic_clip(kind, seconds=14.0, fps=30.0, jitter=0.08, seed=seed) for seed, kind in enumerate(kinds)]
+    numbers = corpus_lab(clips, mode="recommended", score="harmony_above_chance", late=0.25).numbers
+    for clip, true, wrong in zip(clips, numbers["true"], numbers["wrong"], strict=True):
+        stage = Stage.of(clip)
+        score = score_motion(stage.music, stage.motion)
+        late = score.judgement.place.curve[12]  # the quarter of a beat is 12 of 48 moments
+        assert true == pytest.approx(score.place_harmony)
+        assert wrong == pytest.approx((late - score.chance) / (1 - score.chance))
+
+
+def test_mode_sets_the_sliders_and_the_chosen_clip_stays():
+    lab = corpus_lab(exact_corpus(), clip=2)
+    lab.set(mode="valleys")
+    assert (lab.values["delay"], lab.values["lambda2"], lab.values["clip"]) == (0.1, 0.0, 2)
+    assert lab.params == HarmonyParams.valleys()
+
+
+def test_corpus_without_a_mode_has_no_button_for_it():
+    lab = corpus_lab(exact_corpus())
+    assert "recommended" not in [preset.label for preset in lab.content.presets]
+    refused("mode must be one of paper, valleys", lab.set, mode="recommended")
+
+
+def test_the_button_opens_the_chosen_clip_and_no_slider_does(clips: list[Clip]):
+    lab = corpus_lab(clips, mode="valleys", clip=2)
+    lab.set(lag=0.02)
+    assert lab.player == ""
+    lab._handle_custom_msg({"play": True}, [])
+    assert f'title="{clips[2].name}: player"' in unescape(lab.player)
+    shown = lab.player
+    lab.set(clip=3)
+    assert lab.player == shown
+
+
+def test_a_corpus_of_beats_alone_has_no_player():
+    lab = corpus_lab(exact_corpus())
+    lab.play()
+    assert (lab.player, lab.data["plays"]) == ("", False)
+
+
+def test_sound_of_the_player_starts_with_the_motion(clips: list[Clip]):
+    clip = clips[0]
+    late = replace(clip, motion=clip.motion.span(1.0, 2.0), offset=1.0)
+    early = replace(clip, audio=clip.audio.span(0.5, 4.0), offset=-0.5, beats=clip.beats.span(0.5, 4.0))
+    for other, start in ((late, 1.0), (early, 0.0)):
+        sound = other.shared().audio
+        np.testing.assert_array_equal(sound.samples, other.audio.span(start, sound.duration).samples)
+
+
+def test_clip_that_cannot_be_played_says_why_under_the_picture(clips: list[Clip]):
+    silent = replace(clips[0].audio, sample_rate=clips[0].audio.sample_rate * 100)
+    lab = corpus_lab([replace(clips[0], audio=replace(silent, samples=np.zeros(round(silent.sample_rate * 5))))])
+    lab.play()
+    assert "the player takes sound of 3000 to 192000 Hz" in lab.player
+
+
+def test_corpus_whose_parts_do_not_fit_is_refused():
+    track = metronome(12)
+    with pytest.raises(ValueError, match="as many names, tracks and places as clips; got 1, 2 in the modes paper"):
+        Corpus(("a", "b"), (track, track), {"paper": (track,)})
+    refused(r"at least one clip and one mode, .* in the modes none", Corpus, ("a",), (track,), {})
+    for mode in ("literal", "recommended"):
+        refused(f"no mode {mode} counts hits", Corpus, ("a",), (track,), {mode: (track,)})
+
+
+def test_empty_corpus_is_refused():
+    refused("at least one clip", corpus_lab, [])
+
+
+# Settings as Python text
+
+PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
+
+
+@pytest.mark.parametrize("params", PRESETS)
+def test_preset_is_written_by_its_name(params: HarmonyParams):
+    assert params_line(params) in ("HarmonyParams.paper()", "HarmonyParams.recommended()", "HarmonyParams.valleys()")
+    assert eval(params_line(params)) == params
+
+
+def test_numbers_of_numpy_and_a_learnt_pattern_are_written_as_plain_python():
+    pattern = BarPattern(2, (np.float64(-0.5), np.float64(0.25)), (np.float64(0.1), np.float64(0.0)), 'it\'s "learnt"')
+    params = HarmonyParams(lag=np.float64(0.1), pattern=pattern)
+    assert "np." not in params_line(params)
+    assert eval(params_line(params)) == params
+
+
+any_number = st.floats(0.0, 10.0, allow_nan=False)
+any_params = st.builds(
+    replace,
+    st.sampled_from(PRESETS),
+    audio_threshold=any_number,
+    visual_threshold=st.none() | any_number,
+    lag=st.floats(-1.0, 1.0),
+    fps=st.none() | st.floats(1.0, 120.0),
+    subframe=st.booleans(),
+    **{name: st.sampled_from(choices) for name, choices in CHOICES.items()},
+    pattern=st.builds(lambda values: BarPattern(1, tuple(values), tuple(values)), st.lists(any_number, min_size=1)),
+)
+
+
+@given(any_params)
+def test_any_settings_come_back_from_their_line(params: HarmonyParams):
+    assert eval(params_line(params)) == params
+
+
+# The script in a JavaScript engine without a browser
+
+STAGE = Stage.of(inexact_dance())
+
+
+def with_every_control(content: LabContent, measure: str = "hits") -> LabContent:
+    """The lab with every control that one of its formulas reads and that has a place for each mode's own value."""
+    names = [name for name in CONTROLS if name != "position_smoothing" and not unread(content.kind, measure, [name])]
+    controls = {**content.controls, **{name: CONTROLS[name] for name in names}}
+    return replace(content, controls=controls, evidence={**content.evidence, **curve_evidence(STAGE.motion, controls)})
+
+
+SCRIPTED: dict[str, Callable[[], LiveLab]] = {
+    "scoring": lambda: LiveLab(scoring_content(STAGE)),
+    "scoring, every control": lambda: LiveLab(with_every_control(scoring_content(STAGE))),
+    "saliency": lambda: saliency_lab(inexact_dance()),
+    "corpus": lambda: corpus_lab(inexact_corpus(6)),
+    "corpus, every control": lambda: LiveLab(with_every_control(corpus_content(Corpus.of(inexact_corpus(4))))),
+    "detector": inexact_detector_lab,
+    "meter": inexact_meter_lab,
+}
+WHOLE = {"clip", "every", "first"}  # sliders of whole numbers
+
+
+@pytest.fixture(scope="module", params=SCRIPTED)
+def lab(request: pytest.FixtureRequest) -> LiveLab:
+    return SCRIPTED[request.param]()
+
+
+ANSWER = """
+const read = new Set(), recorded = settings => new Proxy(settings, {
+  get: (all, name) => { read.add(name); return all[name]; }, has: (all, name) => name in all,
+});
+function answer(text) {
+  const settings = JSON.parse(text), numbers = NUMBERS[data.kind](data, recorded(complete(data, settings)));
+  return JSON.stringify([numbers, settingsLine(data, settings)]);
+}
+"""
+
+
+def engine(lab: LiveLab) -> Any:
+    """A JavaScript engine with the script and the lab's data; `answer` gives numbers and line of settings, as JSON."""
+    context = quickjs.Context()
+    context.eval(re.sub(r"^export (default .*)?", "", SCRIPT, flags=re.MULTILINE))
+    context.eval(f"const data = {json.dumps(lab.data)}; {ANSWER}")
+    return context
+
+
+def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
+    """Any values of the controls: a third of the sliders on a step, the others between; and beats that were dragged."""
+    values: dict[str, Any] = {}
+    for name, control in lab.content.controls.items():
+        if isinstance(control, Menu):
+            values[name] = list(control.options)[int(rng.integers(len(control.options)))]
+        else:
+            values[name] = slider_value(control, rng)
+    if values.get("mode") == "recommended" and lab.content.kind == "scoring":
+        values["lag"] = float(rng.choice(lags()))  # the verdict is computed at the slider's steps
+    for name in WHOLE & set(values):
+        values[name] = float(round(values[name]))
+    if lab.content.kind == "scoring" and values["mode"] != "recommended" and rng.random() < 0.3:
+        values["moves"] = random_moves(lab, values, rng)
+    return values
+
+
+def slider_value(slider: Slider, rng: np.random.Generator) -> float:
+    steps = round((slider.high - slider.low) / slider.step)
+    if rng.random() < 1 / 3:
+        return round(slider.low + int(rng.integers(steps + 1)) * slider.step, 6)
+    return round(float(rng.uniform(slider.low, slider.high)), 4)  # smaller ones JavaScript writes in another way
+
+
+def random_moves(lab: LiveLab, values: dict[str, Any], rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """One music beat and one visual beat, each moved to somewhere between its neighbours."""
+    visual, moves = visual_beats(STAGE.motion, params=lab.content.params(**values)), {}
+    for kind, times in (("music", STAGE.music.times), ("dance", visual.times)):
+        beat = int(rng.integers(1, len(times) - 1))
+        moves[kind] = {str(beat): float(rng.uniform(times[beat - 1] + 0.001, times[beat + 1] - 0.001))}
+    return moves
+
+
+def differences(ours: Any, theirs: Any, name: str = "") -> list[str]:
+    """Names of what is not equal: numbers to 1e-9, all else exactly."""
+    if isinstance(ours, dict):
+        return [fault for key in ours for fault in differences(ours[key], theirs[key], f"{name}.{key}")]
+    ours = ours.tolist() if isinstance(ours, np.ndarray | np.generic) else ours
+    if isinstance(ours, list | tuple):
+        if len(ours) != len(theirs):
+            return [f"{name}: {len(ours)} and {len(theirs)}"]
+        return [fault for one, other in zip(ours, theirs, strict=True) for fault in differences(one, other, name)]
+    if isinstance(ours, float) and np.isnan(ours):
+        ours = None
+    is_equal = np.isclose(ours, theirs, rtol=1e-9, atol=1e-12) if isinstance(ours, float) else ours == theirs
+    return [] if is_equal else [f"{name}: {ours} in Python, {theirs} in the script"]
+
+
+def test_numbers_sentences_and_lines_of_random_settings_are_those_of_python(lab: LiveLab) -> None:
+    rng, answer, wrong = np.random.default_rng(17), engine(lab).get("answer"), []
+    for _ in range(100 if lab.content.kind in ("saliency", "corpus") else 300):
+        lab.settings = values = random_values(lab, rng)
+        numbers, line = json.loads(answer(json.dumps(values)))
+        faults = differences(lab.numbers, numbers) + differences(lab.line, line, "line")
+        wrong += [(values, faults)] if faults else []
+    assert wrong == []
+
+
+def test_numbers_sentences_and_lines_of_every_preset_are_those_of_python(lab: LiveLab) -> None:
+    answer, presets = engine(lab).get("answer"), lab.content.presets
+    assert len(presets) > 5
+    for preset in presets:
+        lab.settings = dict(lab.content.start)
+        lab.set(**preset.values)
+        numbers, line = json.loads(answer(json.dumps(lab.settings)))
+        assert differences(lab.numbers, numbers) + differences(lab.line, line, "line") == [], preset.label
+
+
+@pytest.mark.parametrize("lab", sorted(FORMULAS), indirect=True)
+def test_the_formulas_read_every_setting_that_is_declared_for_them(lab: LiveLab) -> None:
+    context, rng = engine(lab), np.random.default_rng(1)
+    for _ in range(30):
+        context.get("answer")(json.dumps(random_values(lab, rng)))
+    formulas = {formula for formulas in FORMULAS[lab.content.kind].values() for formula in formulas}
+    assert set(json.loads(context.eval("JSON.stringify([...read])"))) >= {
+        name for formula in formulas for name in READS[formula]
+    }
+
+
+@cases(
+    "settings, name, fault",
+    ("{ delay: 1 }", "delay", "the formula place reads delay, which READS in controls.py does not declare"),
+    ("{ beta: 1 }", "lag", "the formula place reads lag, which has no value"),
+)
+def test_a_formula_that_reads_what_it_does_not_declare_stops(settings: str, name: str, fault: str) -> None:
+    context = engine(SCRIPTED["meter"]())
+    with pytest.raises(quickjs.JSException, match=fault):
+        context.eval(f'declared({settings}, "place").{name}')
+
+
+def test_a_reading_that_a_lab_is_given_by_one_word_acts_on_the_page_as_in_python() -> None:
+    controls = {**scoring_content(STAGE).controls, "saliency": CONTROLS["saliency"]}
+    lab = LiveLab(replace(scoring_content(STAGE), controls=controls), {"lambda2": 3.0})
+    answer, harmonies = engine(lab).get("answer"), []
+    for saliency in ("threshold", "literal"):
+        lab.set(saliency=saliency)
+        harmonies.append(json.loads(answer(json.dumps(lab.settings)))[0]["harmony"])
+        assert harmonies[-1] == pytest.approx(lab.numbers["harmony"])
+    assert harmonies[0] != pytest.approx(harmonies[1])
+
+
+@cases(
+    "kind, control, readers",
+    ("scoring", "every", "(detector, salient music, salient dance, hits, verdict); those that read it: meter"),
+    ("corpus", "detector", "(salient music, salient dance, hits, corpus, place); those that read it: detector"),
+    ("saliency", "clock", "(salient music, salient dance); those that read it: none of any lab"),
+)
+def test_a_control_that_no_formula_of_the_lab_reads_is_refused(kind: str, control: str, readers: str) -> None:
+    content = SCRIPTED[kind]().content
+    slider = Slider("how fast", "n", 0.0, 1.0, 0.1)
+    fault = f"the {kind} lab has a control {control} that none of its formulas reads {readers}; leave the control out"
+    refused(re.escape(fault), replace, content, controls={**content.controls, control: slider})
+
+
+def test_a_menu_without_the_value_of_a_mode_is_refused() -> None:
+    content = SCRIPTED["scoring"]().content
+    with pytest.raises(ValueError, match=r"position_smoothing must be one of 0\.0, 0\.05, .*; got 0\.06"):
+        replace(content, controls={**content.controls, "position_smoothing": CONTROLS["position_smoothing"]})
