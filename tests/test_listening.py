@@ -3,11 +3,13 @@
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -18,51 +20,12 @@ import pytest
 from matplotlib.figure import Figure
 
 import harmolab
-from harmolab.lab.listening.analysis import (
-    MARK,
-    WEIGHTS,
-    Grid,
-    agreement_of_marks,
-    agreement_row,
-    answer_grid,
-    cohen_kappa,
-    interval_alpha,
-    krippendorff_alpha,
-    mark_rows,
-    pooled_rate,
-    rater_rows,
-    score_rows,
-    study_tables,
-    version_rows,
-    wilson_rate,
-)
-from harmolab.lab.listening.answers import (
-    Answer,
-    AnswerLog,
-    Answers,
-    SimulatedRater,
-    answer_files,
-    answer_log,
-    merge,
-    read_key,
-    read_page,
-    read_scores,
-    read_trials,
-    write_page,
-    write_scores,
-    write_study,
-)
-from harmolab.lab.listening.corpus_study import (
-    FPS,
-    LOUDNESS,
-    ONSET,
-    QUIET,
-    Pieces,
-    clip_scores,
-    lagged_pieces,
-    paired_pieces,
-    swapped_pieces,
-)
+from harmolab.lab.listening import analysis
+from harmolab.lab.listening import answers as files
+from harmolab.lab.listening import corpus_study as corpus
+from harmolab.lab.listening.analysis import Grid
+from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, SimulatedRater
+from harmolab.lab.listening.corpus_study import Pieces
 from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import (
     MARKED,
@@ -88,14 +51,10 @@ PICK = {"kind": "pick", "n": 12, "seed": 5}
 CHOICE = {"kind": "choice", "n": 12, "seed": 5}
 
 
-def test_half_of_the_clips_are_true_and_wrong_conditions_share_the_other_half():
+def test_half_of_the_clips_are_true_wrong_conditions_share_the_other_half_and_no_clip_comes_twice():
     asked = make_key(WALTZES, **PICK).trials.values()
     assert Counter(one.versions for one in asked) == {("true",): 6, ("lagged",): 3, ("other",): 3}
     assert {(one.versions[0] == "true", one.right) for one in asked} == {(True, "harmonious"), (False, "inharmonious")}
-
-
-def test_no_rater_sees_a_clip_twice():
-    asked = make_key(WALTZES, **PICK).trials.values()
     assert len({one.item for one in asked}) == 12
     assert all(one.sources == (f"{one.item} {one.versions[0]}",) for one in asked)
 
@@ -145,7 +104,7 @@ def test_blind_trials_alone_give_every_rater_their_order(items: list[Item], sett
 def test_the_file_for_the_rater_holds_nothing_of_what_is_asked(
     tmp_path: Path, items: list[Item], settings: dict[str, object]
 ):
-    write_study(tmp_path, make_trials(items, **settings, rater="Ada"), make_key(items, **settings))
+    files.write_study(tmp_path, make_trials(items, **settings, rater="Ada"), make_key(items, **settings))
     blind = (tmp_path / "trials.json").read_text()
     told = [text for item in items for text in (item.name, *item.versions, *item.versions.values())]
     assert [text for text in told if text in blind] == []
@@ -153,27 +112,17 @@ def test_the_file_for_the_rater_holds_nothing_of_what_is_asked(
     assert {tuple(sorted(row)) for row in json.loads(blind)["trials"]} == {("id", "stimuli")}
 
 
-def test_order_of_the_blind_trials_does_not_follow_the_condition():
-    key = make_key(WALTZES, **PICK)
-    orders = {
-        tuple(key.trials[trial.id].right for trial in make_trials(WALTZES, **PICK, rater=name).trials)
-        for name in ("Ada", "Bob", "Cleo", "Dan")
-    }
-    assert len(orders) == 4
-
-
 @pytest.mark.parametrize(("items", "settings"), [(WALTZES, PICK), (MODELS, CHOICE)])
 def test_a_written_study_is_read_back_equal(tmp_path: Path, items: list[Item], settings: dict[str, object]):
     trials, key = make_trials(items, **settings, rater="Zoë"), make_key(items, **settings)
-    write_study(tmp_path / "study", trials, key)
-    assert read_trials(tmp_path / "study" / "trials.json") == trials
-    assert read_key(tmp_path / "study" / "key.json") == key
+    files.write_study(tmp_path / "study", trials, key)
+    assert files.read_trials(tmp_path / "study" / "trials.json") == trials
+    assert files.read_key(tmp_path / "study" / "key.json") == key
 
 
 def test_key_of_another_study_is_refused(tmp_path: Path):
-    trials = make_trials(WALTZES, **PICK, rater="Ada")
-    with pytest.raises(ValueError, match="do not go with the key of study"):
-        write_study(tmp_path, trials, replace(make_key(WALTZES, **PICK), study="0" * 12))
+    trials, key = make_trials(WALTZES, **PICK, rater="Ada"), replace(make_key(WALTZES, **PICK), study="0" * 12)
+    refused("do not go with the key of study", files.write_study, tmp_path, trials, key)
 
 
 @cases(
@@ -197,11 +146,8 @@ def test_settings_that_cannot_be_balanced_are_refused(change: dict[str, object],
     refused(message, make_trials, settings.pop("items"), **settings)
 
 
-def test_item_with_one_version_is_refused():
+def test_trials_and_keys_that_contradict_their_kind_are_refused_and_an_item_with_one_version():
     refused("needs two or more versions", Item, "x", {"true": "a"})
-
-
-def test_trials_and_keys_that_contradict_their_kind_are_refused():
     refused("must have 2 stimuli", TrialSet, "0" * 12, "choice", "Ada", (Trial("1" * 12, ("2" * 12,)),))
     asked = next(iter(make_key(WALTZES, **PICK).trials.values()))
     refused("right answer must be in", Key, "0" * 12, "pick", {"1" * 12: replace(asked, right="left")})
@@ -213,7 +159,7 @@ GOOD = f'{{"study": "{"0" * 12}", "kind": "pick", "rater": "A", "trials": [{TRIA
 
 def test_the_hand_written_trials_are_good(tmp_path: Path):
     (tmp_path / "t.json").write_text(GOOD)
-    assert read_trials(tmp_path / "t.json").trials == (Trial("1" * 12, ("2" * 12,)),)
+    assert files.read_trials(tmp_path / "t.json").trials == (Trial("1" * 12, ("2" * 12,)),)
 
 
 @cases(
@@ -233,11 +179,8 @@ def test_the_hand_written_trials_are_good(tmp_path: Path):
     (GOOD.replace(f"[{TRIAL}]", "3"), "trials must be a list"),
 )
 def test_damaged_trials_are_refused_by_name(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "t.json"
-    path.write_text(content)
-    with pytest.raises(ValueError, match=message) as caught:
-        read_trials(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    (tmp_path / "t.json").write_text(content)
+    refused(f"^{re.escape(str(tmp_path / 't.json'))}: .*{message}", files.read_trials, tmp_path / "t.json")
 
 
 @cases(
@@ -248,32 +191,34 @@ def test_damaged_trials_are_refused_by_name(tmp_path: Path, content: str, messag
     ('"kind": "pick"', '"kind": "choice"', "must have 2 versions and sources"),
 )
 def test_damaged_key_is_refused_by_name(tmp_path: Path, old: str, new: str, message: str):
-    write_study(tmp_path, make_trials(WALTZES, **PICK, rater="Ada"), make_key(WALTZES, **PICK))
+    files.write_study(tmp_path, make_trials(WALTZES, **PICK, rater="Ada"), make_key(WALTZES, **PICK))
     path = tmp_path / "key.json"
     path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(ValueError, match=message) as caught:
-        read_key(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    refused(f"^{re.escape(str(path))}: .*{message}", files.read_key, path)
 
 
-def test_missing_trials_are_a_missing_file(tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match=r"t\.json: no such file"):
-        read_trials(tmp_path / "t.json")
+def test_pages_are_read_back(tmp_path: Path):
+    files.write_page(tmp_path, "1" * 12, "<p>Zoë</p>")
+    assert files.read_page(tmp_path, "1" * 12) == "<p>Zoë</p>"
 
 
-def test_pages_are_read_back_and_a_missing_one_is_named(tmp_path: Path):
-    write_page(tmp_path, "1" * 12, "<p>Zoë</p>")
-    assert read_page(tmp_path, "1" * 12) == "<p>Zoë</p>"
-    with pytest.raises(FileNotFoundError, match=rf"{'2' * 12}\.html: no such file"):
-        read_page(tmp_path, "2" * 12)
+@cases(
+    "read, name, fault",
+    (files.read_trials, "t.json", r"t\.json: no such file"),
+    (lambda folder: files.read_page(folder, "2" * 12), ".", r"2{12}\.html: no such file"),
+    (files.answer_files, ".", "nobody has answered yet"),
+    (lambda path: files.merge([path]), "a.jsonl", r"a\.jsonl: no such file"),
+    (AnswerLog, "none/a.jsonl", "create it first"),
+)
+def test_what_is_missing_is_named(tmp_path: Path, read: Callable[[Path], object], name: str, fault: str):
+    with pytest.raises(FileNotFoundError, match=fault):
+        read(tmp_path / name)
 
 
 def test_scores_are_read_back_with_those_that_do_not_exist(tmp_path: Path):
-    write_scores(tmp_path, {"h": {"a": 0.5, "b": math.nan}})
+    files.write_scores(tmp_path, {"h": {"a": 0.5, "b": math.nan}})
     assert json.loads((tmp_path / "scores.json").read_text()) == {"h": {"a": 0.5, "b": None}}
-    found = read_scores(tmp_path / "scores.json")
-    assert found["h"]["a"] == 0.5
-    assert math.isnan(found["h"]["b"])
+    assert files.read_scores(tmp_path / "scores.json")["h"] == pytest.approx({"a": 0.5, "b": math.nan}, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -281,25 +226,18 @@ def test_scores_are_read_back_with_those_that_do_not_exist(tmp_path: Path):
     [("[]", "from score to source"), ('{"h": 1}', "from score to source"), ('{"h": {"a": "1"}}', "a number or null")],
 )
 def test_damaged_scores_are_refused_by_name(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "scores.json"
-    path.write_text(content)
-    with pytest.raises(ValueError, match=message) as caught:
-        read_scores(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    (tmp_path / "scores.json").write_text(content)
+    fault = f"^{re.escape(str(tmp_path / 'scores.json'))}: .*{message}"
+    refused(fault, files.read_scores, tmp_path / "scores.json")
 
 
 @pytest.mark.parametrize("name", ["Ada", "Zoë", "../../etc/passwd", ".", "a/b", "x" * 100, "é" * 100])
 def test_every_rater_has_a_file_inside_the_study(tmp_path: Path, name: str):
-    log = answer_log(tmp_path, name)
+    log = files.answer_log(tmp_path, name)
     trials = make_trials(WALTZES, **PICK, rater=name)
     log.record(trials, trials.trials[0].id, "harmonious")
     assert log.path.resolve().parent == tmp_path.resolve() / "answers"
-    assert answer_files(tmp_path) == [log.path]
-
-
-def test_study_that_nobody_answered_says_so(tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match="nobody has answered yet"):
-        answer_files(tmp_path)
+    assert files.answer_files(tmp_path) == [log.path]
 
 
 # Answers
@@ -359,7 +297,7 @@ def test_kill_between_answers_loses_nothing_and_the_study_goes_on_where_it_was(t
     assert log.read().notes == ()
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.003, 0.007, 0.013])
+@pytest.mark.parametrize("delay", [0.0, 0.007])
 def test_kill_while_answering_keeps_every_answer_that_was_confirmed(tmp_path: Path, delay: float):
     path = tmp_path / "answers.jsonl"
     rater = start(path, "run")
@@ -378,7 +316,7 @@ def test_kill_while_answering_keeps_every_answer_that_was_confirmed(tmp_path: Pa
 def test_file_cut_anywhere_loses_only_the_line_it_was_cut_in(tmp_path: Path):
     path, cut = tmp_path / "answers.jsonl", tmp_path / "cut.jsonl"
     log = AnswerLog(path)
-    answers = [replace(ANSWER, rater="Zoë", trial=f"{n:012x}") for n in range(3)]
+    answers = [replace(ANSWER, rater="Zoë", trial=f"{n:012x}") for n in range(2)]
     for answer in answers:
         log.append(answer)
     content = path.read_bytes()
@@ -415,34 +353,26 @@ def test_files_of_two_raters_merge(tmp_path: Path):
     for log, name in zip(logs, ("Ada", "Bob"), strict=True):
         for trial in trials_of(name).trials[:5]:
             log.record(trials_of(name), trial.id, "inharmonious", seconds=2.0)
-    merged = merge([log.path for log in logs])
-    assert merged.raters == ("Ada", "Bob")
-    assert len(merged.answers) == 10
-    assert merged.notes == ()
-    assert not merged.simulated
+    merged = files.merge([log.path for log in logs])
+    assert (merged.raters, len(merged.answers), merged.notes, merged.simulated) == (("Ada", "Bob"), 10, (), False)
 
 
 def test_of_two_answers_of_a_rater_to_a_trial_the_first_counts_and_the_second_is_reported(tmp_path: Path):
     first, second = tmp_path / "a.jsonl", tmp_path / "b.jsonl"
     AnswerLog(first).append(ANSWER)
     AnswerLog(second).append(replace(ANSWER, choice="inharmonious"))
-    merged = merge([first, second])
+    merged = files.merge([first, second])
     assert merged.answers == (ANSWER,)
     assert merged.notes == (f"{second}: line 1: Ada had answered trial 111111111111 before; left out",)
 
 
-def test_files_of_two_studies_do_not_merge(tmp_path: Path):
+def test_files_of_two_studies_do_not_merge_and_neither_is_gone_on_with_in_a_third(tmp_path: Path):
     first, second = tmp_path / "a.jsonl", tmp_path / "b.jsonl"
     AnswerLog(first).append(ANSWER)
     AnswerLog(second).append(replace(ANSWER, study="f" * 12))
-    refused(r"b\.jsonl: line 1 is of study ffffffffffff, but .*a\.jsonl is of study 0000", merge, [first, second])
-    refused("no answer files", merge, [])
-
-
-def test_log_of_another_study_is_not_gone_on_with(tmp_path: Path):
-    log = AnswerLog(tmp_path / "a.jsonl")
-    log.append(ANSWER)
-    refused("holds answers of study 000000000000", log.resume, trials_of("Ada"))
+    refused(r"b\.jsonl: line 1 is of study ffffffffffff, but .*a\.jsonl is of study 0000", files.merge, [first, second])
+    refused("no answer files", files.merge, [])
+    refused("holds answers of study 000000000000", AnswerLog(first).resume, trials_of("Ada"))
 
 
 def test_trial_is_answered_once_and_with_an_answer_of_its_kind(tmp_path: Path):
@@ -453,12 +383,8 @@ def test_trial_is_answered_once_and_with_an_answer_of_its_kind(tmp_path: Path):
     assert len(log.read().answers) == 1
 
 
-def test_log_that_is_not_there_yet_is_empty_but_its_folder_must_be(tmp_path: Path):
+def test_log_that_is_not_there_yet_is_empty(tmp_path: Path):
     assert AnswerLog(tmp_path / "a.jsonl").read() == Answers(())
-    with pytest.raises(FileNotFoundError, match="create it first"):
-        AnswerLog(tmp_path / "none" / "a.jsonl")
-    with pytest.raises(FileNotFoundError, match="no such file"):
-        merge([tmp_path / "a.jsonl"])
 
 
 LINE = json.dumps({"study": "0" * 12, "rater": "Ada", "trial": "1" * 12, "choice": "left", "seconds": None, "time": ""})
@@ -481,20 +407,17 @@ WHOLE = LINE[:-1] + ', "simulated": false}'
     (b"[" * 100_000, "line 1 is not an answer"),
 )
 def test_file_that_is_no_answer_file_is_refused_by_name_and_line(tmp_path: Path, content: bytes, message: str):
-    path = tmp_path / "a.jsonl"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=message) as caught:
-        merge([path])
-    assert str(caught.value).startswith(f"{path}: ")
-    assert len(str(caught.value)) < 600
+    (tmp_path / "a.jsonl").write_bytes(content)
+    fault = rf"^{re.escape(str(tmp_path / 'a.jsonl'))}: {message}[^\n]{{0,300}}$"
+    refused(fault, files.merge, [tmp_path / "a.jsonl"])
 
 
 # Analysis
 
 SONGS = [Item(f"song {n}", {"A": f"{n} A", "B": f"{n} B"}) for n in range(40)]
 NAN = math.nan
-STUDIES = 200
-FEW = 25  # where a bootstrap takes its time
+STUDIES = 100
+FEW = 12  # where a bootstrap takes its time
 
 
 def study(skills: list[float], *, seed: int = 0, kind: str = "pick", prefers: str | None = None) -> Grid:
@@ -507,7 +430,7 @@ def study(skills: list[float], *, seed: int = 0, kind: str = "pick", prefers: st
         for rater in raters
         for answer in rater.answers(make_trials(items, kind=kind, n=40, seed=seed, rater=rater.name), key)
     ]
-    return answer_grid(Answers(tuple(given)), key)
+    return analysis.answer_grid(Answers(tuple(given)), key)
 
 
 def people(rows: list[str], key_seed: int = 0) -> Grid:
@@ -519,35 +442,35 @@ def people(rows: list[str], key_seed: int = 0) -> Grid:
         for trial, mark in zip(key.trials, row, strict=False)
         if mark != "."
     ]
-    return answer_grid(Answers(tuple(given)), key)
+    return analysis.answer_grid(Answers(tuple(given)), key)
 
 
-@pytest.mark.slow  # 200 studies
+@pytest.mark.slow  # 100 studies
 @pytest.mark.parametrize("skill", [0.5, 0.8])
 def test_interval_of_every_rater_and_of_all_covers_the_planted_skill_as_often_as_it_says(skill: float):
     one, everyone = [], []
     for seed in range(STUDIES):
-        rows = rater_rows(study([skill] * 6, seed=seed))
+        rows = analysis.rater_rows(study([skill] * 6, seed=seed))
         one += [row["low"] <= skill <= row["high"] for row in rows[:-1]]
         everyone.append(rows[-1]["low"] <= skill <= rows[-1]["high"])
     assert 0.90 <= np.mean(one) <= 0.99
     assert 0.90 <= np.mean(everyone) <= 0.99
 
 
-@pytest.mark.slow  # 200 studies
+@pytest.mark.slow  # 100 studies
 def test_interval_of_all_holds_for_raters_of_unequal_skill_where_counting_answers_fails():
     rng = np.random.default_rng(1)
     pooled, counted = [], []
     for seed in range(STUDIES):
         right = study(list(rng.uniform(0.5, 1.0, 8)), seed=seed).right()
-        pooled.append(pooled_rate(right))
-        counted.append(wilson_rate(right.ravel()))
+        pooled.append(analysis.pooled_rate(right))
+        counted.append(analysis.wilson_rate(right.ravel()))
     assert 0.90 <= np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in pooled]) <= 0.99
     assert np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in counted]) < 0.8
 
 
 def test_wilson_interval_is_that_of_the_textbook():
-    rate = wilson_rate(np.array([1.0] * 8 + [0.0] * 2 + [NAN]))
+    rate = analysis.wilson_rate(np.array([1.0] * 8 + [0.0] * 2 + [NAN]))
     assert (rate["n"], rate["rate"]) == (10, 0.8)
     # Centre (0.8 + z²/20) / (1 + z²/10), half width z sqrt(0.016 + z²/400) / (1 + z²/10), with z = 1.959964.
     assert (rate["low"], rate["high"]) == pytest.approx((0.490162, 0.943318), abs=1e-6)
@@ -555,8 +478,8 @@ def test_wilson_interval_is_that_of_the_textbook():
 
 def test_pooled_rate_of_one_rater_without_repeats_is_wilsons():
     values = np.array([[1.0, 1, 0, 1, 1, 1, 0, 1, 1, 1]])
-    assert (pooled_rate(values)["low"], pooled_rate(values)["high"]) == pytest.approx(
-        (wilson_rate(values)["low"], wilson_rate(values)["high"]), abs=0.03
+    assert (analysis.pooled_rate(values)["low"], analysis.pooled_rate(values)["high"]) == pytest.approx(
+        (analysis.wilson_rate(values)["low"], analysis.wilson_rate(values)["high"]), abs=0.03
     )
 
 
@@ -564,19 +487,19 @@ def test_pooled_rate_of_answers_that_are_alike_counts_raters_or_trials_not_answe
     values = np.repeat([[1.0], [1.0], [0.0], [0.0]], 50, axis=1)
     for alike in (values, values.T):  # four raters who never waver; four trials that all answer in the same way
         # A variance of 1/12, as of 3 answers: Wilson's low is 0.125, with Student's quantile (3 degrees) 0.063.
-        assert 0.02 < pooled_rate(alike)["low"] < 0.1
-        assert 0.9 < pooled_rate(alike)["high"] < 0.98
+        assert 0.02 < analysis.pooled_rate(alike)["low"] < 0.1
+        assert 0.9 < analysis.pooled_rate(alike)["high"] < 0.98
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_unanimous_answers_still_have_an_interval(share: float):
-    rate = pooled_rate(np.full((3, 10), share))
+    rate = analysis.pooled_rate(np.full((3, 10), share))
     assert rate["rate"] == share
     assert 0.1 < rate["high"] - rate["low"] < 0.2  # Wilson for 30 of 30: 0.886 to 1
 
 
 def test_nothing_answered_has_no_rate():
-    for measure in (pooled_rate, wilson_rate):
+    for measure in (analysis.pooled_rate, analysis.wilson_rate):
         rate = measure(np.full((2, 3), NAN))
         assert rate["n"] == 0
         assert np.isnan([rate["rate"], rate["low"], rate["high"]]).all()
@@ -585,7 +508,7 @@ def test_nothing_answered_has_no_rate():
 def test_right_answers_are_counted_against_the_key():
     key = make_key(CLIPS, kind="pick", n=40, seed=0)
     wrong = "".join("1" if asked.right == "inharmonious" else "0" for asked in key.trials.values())
-    rows = rater_rows(people([wrong, "1" * 40, "." * 39 + "1"]))
+    rows = analysis.rater_rows(people([wrong, "1" * 40, "." * 39 + "1"]))
     assert [(row["rater"], row["n"], row["rate"]) for row in rows[:2]] == [("person 0", 40, 1.0), ("person 1", 40, 0.5)]
     assert (rows[2]["n"], rows[3]["rater"], rows[3]["n"]) == (1, "all", 81)
     assert not any(row["simulated"] for row in rows)
@@ -594,7 +517,7 @@ def test_right_answers_are_counted_against_the_key():
 def test_conditions_are_called_inharmonious_as_often_as_planted():
     covered = []
     for seed in range(FEW):
-        rows = {row["version"]: row for row in version_rows(study([0.9] * 6, seed=seed))}
+        rows = {row["version"]: row for row in analysis.version_rows(study([0.9] * 6, seed=seed))}
         assert set(rows) == {"true", "lagged"}
         covered += [
             rows[name]["low"] <= share <= rows[name]["high"] for name, share in (("lagged", 0.9), ("true", 0.1))
@@ -603,52 +526,43 @@ def test_conditions_are_called_inharmonious_as_often_as_planted():
 
 
 def test_preference_between_two_models_does_not_depend_on_the_side():
-    (row,) = version_rows(study([1.0], kind="choice", prefers="A"))
+    (row,) = analysis.version_rows(study([1.0], kind="choice", prefers="A"))
     assert (row["version"], row["rate"], row["n"]) == ("A over B", 1.0, 40)
-    (row,) = version_rows(study([1.0], kind="choice", prefers="B"))
+    (row,) = analysis.version_rows(study([1.0], kind="choice", prefers="B"))
     assert row["rate"] == 0.0
-
-
-def test_two_models_have_no_right_answer():
-    refused("use version_rows", rater_rows, study([0.8], kind="choice", prefers="A"))
 
 
 def test_kappa_is_that_of_cohens_formula():
     first = np.array([1.0] * 25 + [0.0] * 25 + [NAN])
     second = np.array([1.0] * 20 + [0.0] * 5 + [1.0] * 10 + [0.0] * 15 + [1.0])
-    assert cohen_kappa(first, second) == pytest.approx((0.7 - 0.5) / 0.5)
-    assert math.isnan(cohen_kappa(np.ones(4), np.ones(4)))
-    assert math.isnan(cohen_kappa(np.array([NAN]), np.array([1.0])))
+    assert analysis.cohen_kappa(first, second) == pytest.approx((0.7 - 0.5) / 0.5)
+    assert math.isnan(analysis.cohen_kappa(np.ones(4), np.ones(4)))
+    assert math.isnan(analysis.cohen_kappa(np.array([NAN]), np.array([1.0])))
 
 
 def test_alpha_is_that_of_krippendorffs_formula():
     # Ten trials, two raters, four disagreements; 14 zeros and 6 ones: 1 - 19 * 4 / (6 * 14) (Krippendorff 2011, A).
     first = np.array([0, 1, 0, 0, 0, 0, 0, 0, 1, 0], float)
     second = np.array([1, 1, 1, 0, 0, 1, 0, 0, 0, 0], float)
-    assert krippendorff_alpha(np.array([first, second])) == pytest.approx(0.095, abs=5e-4)
+    assert analysis.krippendorff_alpha(np.array([first, second])) == pytest.approx(0.095, abs=5e-4)
     alone = np.array([[*first, 1.0], [*second, NAN]])
-    assert krippendorff_alpha(alone) == pytest.approx(krippendorff_alpha(np.array([first, second])))
-    assert math.isnan(krippendorff_alpha(np.ones((3, 4))))
+    assert analysis.krippendorff_alpha(alone) == pytest.approx(analysis.krippendorff_alpha(np.array([first, second])))
+    assert math.isnan(analysis.krippendorff_alpha(np.ones((3, 4))))
 
 
 @pytest.mark.parametrize(("raters", "measure"), [(2, "Cohen's kappa"), (4, "Krippendorff's alpha")])
 def test_agreement_of_two_is_kappa_and_of_more_alpha(raters: int, measure: str):
-    row = agreement_row(study([0.9] * raters))
-    assert row["measure"] == measure
-    assert row["low"] < row["rate"] < row["high"]
+    row = analysis.agreement_row(study([0.9] * raters))
+    assert (row["measure"], row["low"] < row["rate"] < row["high"]) == (measure, True)
 
 
-@pytest.mark.slow  # 1000 resamplings of each of 25 studies
+@pytest.mark.slow  # 1000 resamplings of each of 12 studies
 @pytest.mark.parametrize("raters", [2, 4])
 def test_agreement_and_its_interval_cover_what_was_planted(raters: int):
-    rows = [agreement_row(study([0.9] * raters, seed=seed)) for seed in range(FEW)]
+    rows = [analysis.agreement_row(study([0.9] * raters, seed=seed)) for seed in range(FEW)]
     # Independent errors of 10 %: two agree in 0.82, by chance in 0.5, which makes 0.64.
     assert np.mean([row["rate"] for row in rows]) == pytest.approx(0.64, abs=0.06)
     assert np.mean([row["low"] <= 0.64 <= row["high"] for row in rows]) >= 0.8
-
-
-def test_one_rater_has_nobody_to_agree_with():
-    refused("two raters or more", agreement_row, study([0.9]))
 
 
 def truth() -> dict[str, dict[str, float]]:
@@ -656,17 +570,8 @@ def truth() -> dict[str, dict[str, float]]:
     return {"truth": {source: float(source.endswith("t")) for clip in CLIPS for source in clip.versions.values()}}
 
 
-def test_correlation_with_the_planted_truth_is_the_raters_skill():
-    row = score_rows(study([0.9] * 4, seed=1), truth())[0]
-    # Right in 90 %, two values of each: the correlation of single answers is 0.9 - 0.1, their AUC 0.9.
-    assert row["pb_low"] < row["point_biserial"] < row["pb_high"]
-    assert row["point_biserial"] == pytest.approx(0.8, abs=0.1)
-    assert row["auc"] == pytest.approx(0.9, abs=0.05)
-
-
-@pytest.mark.slow  # 2000 resamplings of each of 25 studies
-def test_correlation_with_the_planted_truth_is_covered_by_its_interval():
-    rows = [score_rows(study([0.9] * 4, seed=seed), truth())[0] for seed in range(8)]
+def test_correlation_with_the_planted_truth_is_the_raters_skill_and_covered_by_its_interval():
+    rows = [analysis.score_rows(study([0.9] * 4, seed=seed), truth())[0] for seed in range(6)]
     # Right in 90 %, two values of each: the correlation of single answers is 0.9 - 0.1, their AUC 0.9.
     assert np.mean([row["point_biserial"] for row in rows]) == pytest.approx(0.8, abs=0.03)
     assert np.mean([row["auc"] for row in rows]) == pytest.approx(0.9, abs=0.015)
@@ -674,10 +579,9 @@ def test_correlation_with_the_planted_truth_is_covered_by_its_interval():
 
 
 def test_score_turned_round_turns_its_correlation_round_and_one_that_never_varies_has_none():
-    sources = [source for clip in CLIPS for source in clip.versions.values()]
-    good = {source: float(source.endswith("t")) for source in sources}
-    scores = {"good": good, "bad": {name: -value for name, value in good.items()}, "flat": dict.fromkeys(sources, 1.0)}
-    rows = {row["score"]: row for row in score_rows(study([0.9] * 4), scores)}
+    good = truth()["truth"]
+    scores = {"good": good, "bad": {name: -value for name, value in good.items()}, "flat": dict.fromkeys(good, 1.0)}
+    rows = {row["score"]: row for row in analysis.score_rows(study([0.9] * 4), scores)}
     assert rows["good"]["low"] > 0.5
     assert rows["bad"]["rank"] == pytest.approx(-rows["good"]["rank"])
     assert math.isnan(rows["flat"]["rank"])
@@ -686,12 +590,15 @@ def test_score_turned_round_turns_its_correlation_round_and_one_that_never_varie
 
 def test_choice_follows_the_difference_of_the_two_scores():
     scores = {"planted": {f"{n} {v}": n + (v == "A") for n in range(40) for v in "AB"}}
-    (row,) = score_rows(study([1.0] * 2, kind="choice", prefers="A"), scores)
+    (row,) = analysis.score_rows(study([1.0] * 2, kind="choice", prefers="A"), scores)
     assert (row["rank"], row["auc"]) == pytest.approx((1.0, 1.0))
 
 
-def test_score_without_a_value_for_a_source_is_refused():
-    refused(r"score 'h' has no value for '0 ", score_rows, study([0.9]), {"h": {}})
+def test_what_cannot_be_analysed_is_refused():
+    refused("use version_rows", analysis.rater_rows, study([0.8], kind="choice", prefers="A"))
+    refused("two raters or more", analysis.agreement_row, study([0.9]))
+    refused("give prefers=", study, [0.8], kind="choice")
+    refused(r"score 'h' has no value for '0 ", analysis.score_rows, study([0.9]), {"h": {}})
 
 
 def test_answers_that_do_not_go_together_are_refused():
@@ -705,7 +612,7 @@ def test_answers_that_do_not_go_together_are_refused():
         ((replace(good, trial="x"),), "the key knows no answer"),
         ((replace(good, choice="left"),), "the key knows no answer 'left'"),
     ]:
-        refused(message, answer_grid, Answers(answers), key)
+        refused(message, analysis.answer_grid, Answers(answers), key)
 
 
 def test_simulated_rater_is_called_so_in_everything_it_writes():
@@ -725,21 +632,17 @@ def test_impossible_rater_is_refused(skill: float, seed: int, name: str):
     refused(f"{name} must", SimulatedRater, skill, seed)
 
 
-def test_simulated_rater_needs_a_preference_between_models():
-    refused("give prefers=", study, [0.8], kind="choice")
-
-
 def titles(figure: Figure) -> list[str]:
     return [ax.get_title(loc="left") or ax.get_title() for ax in figure.axes]
 
 
 def test_figures_of_simulated_raters_say_so_and_those_of_people_do_not():
-    figure = rates_figure(rater_rows(study([0.9, 0.6])), label="right answers", title="Who was right?")
+    figure = rates_figure(analysis.rater_rows(study([0.9, 0.6])), label="right answers", title="Who was right?")
     assert titles(figure) == ["Who was right? (simulated raters, no people)"]
     assert [text.get_text() for text in figure.axes[0].texts if text.get_gid() == "watermark"] == [
         "simulated: no people"
     ]
-    figure = rates_figure(rater_rows(people(["01" * 20])), label="right answers", title="Who was right?")
+    figure = rates_figure(analysis.rater_rows(people(["01" * 20])), label="right answers", title="Who was right?")
     assert titles(figure) == ["Who was right?"]
     assert not [text for text in figure.axes[0].texts if text.get_gid() == "watermark"]
 
@@ -798,28 +701,28 @@ def test_what_is_no_four_marks_is_refused(text: str):
 def test_means_and_weights_by_hand():
     _, key = marks_study()
     version = key.trials[sorted(key.trials)[0]].versions[0]
-    rows = mark_rows(marked(("Ada", 0, "8 6 10 2"), ("Bob", 0, "6 6 4 4")), key)
-    (own,) = [row for row in rows if row["version"] == version and row["side"] == MARK]
+    rows = analysis.mark_rows(marked(("Ada", 0, "8 6 10 2"), ("Bob", 0, "6 6 4 4")), key)
+    (own,) = [row for row in rows if row["version"] == version and row["side"] == analysis.MARK]
     assert own["n"] == 1 and own["raters"] == 2 and not own["simulated"]
     assert own["rate"] == pytest.approx(np.mean([0.25 * 8 + 0.25 * 6 + 0.4 * 10 + 0.1 * 2, 0.5 * 6 + 0.4 * 4 + 0.4]))
     assert next(row for row in rows if row["version"] == version and row["side"] == "music")["rate"] == 7.0
-    assert sum(WEIGHTS.values()) == pytest.approx(1.0)
+    assert sum(analysis.WEIGHTS.values()) == pytest.approx(1.0)
 
 
 def test_agreement_of_marks_is_krippendorffs_alpha():
-    assert interval_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
-    assert np.isnan(interval_alpha(np.full((2, 3), 5.0)))
-    assert abs(interval_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
-    refused("two raters", agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), marks_study()[1])
+    assert analysis.interval_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
+    assert np.isnan(analysis.interval_alpha(np.full((2, 3), 5.0)))
+    assert abs(analysis.interval_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
+    refused("two raters", analysis.agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), marks_study()[1])
 
 
 def test_simulated_raters_find_the_system_that_they_prefer():
     _, key = marks_study()
     raters = [SimulatedRater(0.9, seed, prefers="WaveNet") for seed in range(1, 6)]
     answers = Answers(sum((rater.answers(marks_study(rater.name)[0], key) for rater in raters), ()))
-    tables = study_tables(answers, key, {})
+    tables = analysis.study_tables(answers, key, {})
     assert set(tables) == {"marks", "agreement"} and all(row["simulated"] for row in tables["marks"])
-    means = {row["version"]: row for row in tables["marks"] if row["side"] == MARK}
+    means = {row["version"]: row for row in tables["marks"] if row["side"] == analysis.MARK}
     assert means["WaveNet"]["low"] > means["LSTM"]["high"]
     assert means["WaveNet"]["n"] == 20 and tables["agreement"][0]["rate"] > 0.5
 
@@ -855,12 +758,12 @@ def clips() -> list[Clip]:
 
 @pytest.fixture(scope="module")
 def lagged(clips: list[Clip]) -> Pieces:
-    return lagged_pieces(clips, seconds=SECONDS, seed=3)
+    return corpus.lagged_pieces(clips, seconds=SECONDS, seed=3)
 
 
 @pytest.fixture(scope="module")
 def swapped(clips: list[Clip]) -> Pieces:
-    return swapped_pieces(clips, seconds=SECONDS, seed=3)
+    return corpus.swapped_pieces(clips, seconds=SECONDS, seed=3)
 
 
 def power(samples: np.ndarray) -> float:
@@ -879,12 +782,12 @@ def test_lagged_dance_is_the_same_half_a_beat_late(clips: list[Clip], lagged: Pi
     assert [piece.name for piece in lagged.pieces] == [clip.name for clip in clips]
     for clip, piece in zip(clips, lagged.pieces, strict=True):
         late = start_of(clip, piece.motions["true"].positions) - start_of(clip, piece.motions["lagged"].positions)
-        assert late / FPS == pytest.approx(0.5 * np.median(np.diff(clip.beats.times)), abs=0.5 / FPS)
+        assert late / corpus.FPS == pytest.approx(0.5 * np.median(np.diff(clip.beats.times)), abs=0.5 / corpus.FPS)
 
 
 def test_music_and_true_dance_are_those_of_one_moment(clips: list[Clip], lagged: Pieces):
     for clip, piece in zip(clips, lagged.pieces, strict=True):
-        start = start_of(clip, piece.motions["true"].positions) / FPS
+        start = start_of(clip, piece.motions["true"].positions) / corpus.FPS
         rate = round(clip.audio.sample_rate)
         heard = clip.audio.samples[round(start * rate) :][: piece.audio.samples.size]
         middle = slice(rate // 10, -rate // 10)  # not the fades
@@ -895,8 +798,8 @@ def test_music_and_true_dance_are_those_of_one_moment(clips: list[Clip], lagged:
 
 def test_offset_between_music_and_dance_is_kept(clips: list[Clip]):
     moved = replace(clips[0], offset=0.7, motion=clips[0].motion.span(0.7, 9.0))
-    piece = lagged_pieces([moved], seconds=SECONDS, seed=3).pieces[0]
-    start = start_of(clips[0], piece.motions["true"].positions) / FPS
+    piece = corpus.lagged_pieces([moved], seconds=SECONDS, seed=3).pieces[0]
+    start = start_of(clips[0], piece.motions["true"].positions) / corpus.FPS
     np.testing.assert_allclose(
         piece.beats.times, [time - start for time in clips[0].beats.times if start <= time < start + SECONDS], atol=1e-9
     )
@@ -908,16 +811,16 @@ def test_all_sounds_and_dances_are_equally_long_loud_faded_and_begin_with_sound(
 ):
     pieces = request.getfixturevalue(made).pieces
     samples = [piece.audio.samples for piece in pieces]
-    assert {motion.n_frames for piece in pieces for motion in piece.motions.values()} == {round(SECONDS * FPS)}
-    assert {motion.fps for piece in pieces for motion in piece.motions.values()} == {FPS}
+    assert {motion.n_frames for piece in pieces for motion in piece.motions.values()} == {round(SECONDS * corpus.FPS)}
+    assert {motion.fps for piece in pieces for motion in piece.motions.values()} == {corpus.FPS}
     assert np.ptp([sound.size for sound in samples]) <= 1
     assert {round(power(sound), 9) for sound in samples} == {round(power(samples[0]), 9)}
-    assert 0.2 * LOUDNESS < power(samples[0]) <= LOUDNESS + 1e-9
+    assert 0.2 * corpus.LOUDNESS < power(samples[0]) <= corpus.LOUDNESS + 1e-9
     assert max(np.abs(sound).max() for sound in samples) <= 0.99 + 1e-9
     assert max(abs(sound[at]) for sound in samples for at in (0, -1)) < 1e-9
     for piece in pieces:
-        beginning = piece.audio.samples[: round(ONSET * piece.audio.sample_rate)]
-        assert power(beginning) > QUIET * power(piece.audio.samples)
+        beginning = piece.audio.samples[: round(corpus.ONSET * piece.audio.sample_rate)]
+        assert power(beginning) > corpus.QUIET * power(piece.audio.samples)
 
 
 def test_swapped_dance_is_of_another_clip_of_its_kind_and_nothing_comes_twice(clips: list[Clip], swapped: Pieces):
@@ -935,13 +838,13 @@ def test_swapped_dance_is_of_another_clip_of_its_kind_and_nothing_comes_twice(cl
 
 
 def test_clip_without_a_partner_and_clips_that_are_too_short_are_left_out_and_named(clips: list[Clip]):
-    made = swapped_pieces([*clips[:4:2], clips[1]], seconds=SECONDS, seed=1)
+    made = corpus.swapped_pieces([*clips[:4:2], clips[1]], seconds=SECONDS, seed=1)
     assert len(made.pieces) == 1
     assert made.left_out == ("clip 1: no other clip is left to swap its dance (tango) with",)
-    assert lagged_pieces(clips[:1], seconds=8.9, seed=1).left_out == (
+    assert corpus.lagged_pieces(clips[:1], seconds=8.9, seed=1).left_out == (
         "clip 0: has no 8.9 s of dance and music together",
     )
-    assert lagged_pieces([replace(clips[0], motion=None)], seconds=4.0, seed=1).left_out == (
+    assert corpus.lagged_pieces([replace(clips[0], motion=None)], seconds=4.0, seed=1).left_out == (
         "clip 0: has no motion to show",
     )
 
@@ -951,16 +854,16 @@ def test_music_that_is_silent_at_first_begins_where_it_sounds(clips: list[Clip])
     samples[: round(2.5 * clips[0].audio.sample_rate)] = 0.0
     quiet = replace(clips[0], audio=Audio(samples, clips[0].audio.sample_rate))
     for seed in range(5):
-        piece = lagged_pieces([quiet], seconds=SECONDS, seed=seed).pieces[0]
-        assert start_of(clips[0], piece.motions["true"].positions) / FPS > 2.5 - ONSET
+        piece = corpus.lagged_pieces([quiet], seconds=SECONDS, seed=seed).pieces[0]
+        assert start_of(clips[0], piece.motions["true"].positions) / corpus.FPS > 2.5 - corpus.ONSET
     silent = replace(quiet, audio=Audio(np.zeros(samples.size), quiet.audio.sample_rate))
-    assert "that begin with sound" in lagged_pieces([silent], seconds=SECONDS, seed=0).left_out[0]
+    assert "that begin with sound" in corpus.lagged_pieces([silent], seconds=SECONDS, seed=0).left_out[0]
 
 
 def test_same_seed_gives_the_same_pieces_whatever_other_clips_there_are(clips: list[Clip], lagged: Pieces):
-    alone = lagged_pieces(clips[2:3], seconds=SECONDS, seed=3).pieces[0]
+    alone = corpus.lagged_pieces(clips[2:3], seconds=SECONDS, seed=3).pieces[0]
     np.testing.assert_array_equal(alone.motions["true"].positions, lagged.pieces[2].motions["true"].positions)
-    others = lagged_pieces(clips, seconds=SECONDS, seed=4).pieces
+    others = corpus.lagged_pieces(clips, seconds=SECONDS, seed=4).pieces
     assert any(
         not np.array_equal(one.motions["true"].positions, other.motions["true"].positions)
         for one, other in zip(lagged.pieces, others, strict=True)
@@ -970,13 +873,13 @@ def test_same_seed_gives_the_same_pieces_whatever_other_clips_there_are(clips: l
 def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rate(clips: list[Clip]):
     slow = clips[2].motion
     other = replace(slow, positions=slow.positions[::2], fps=30.0, valid=slow.valid[::2])
-    made = paired_pieces([(clips[0], other)], ("ours", "theirs"), seconds=SECONDS, seed=2)
+    made = corpus.paired_pieces([(clips[0], other)], ("ours", "theirs"), seconds=SECONDS, seed=2)
     motions = made.pieces[0].motions
     assert list(motions) == ["ours", "theirs"]
-    assert {motion.n_frames for motion in motions.values()} == {round(SECONDS * FPS)}
+    assert {motion.n_frames for motion in motions.values()} == {round(SECONDS * corpus.FPS)}
     start = start_of(clips[0], motions["ours"].positions)
     np.testing.assert_allclose(
-        motions["theirs"].positions, slow.positions[start : start + round(SECONDS * FPS)], atol=0.02
+        motions["theirs"].positions, slow.positions[start : start + round(SECONDS * corpus.FPS)], atol=0.02
     )
     key = make_key([*made.items, replace(made.items[0], name="x", versions={"ours": "1", "theirs": "2"})],
                    kind="choice", n=2, seed=0, truth="")  # fmt: skip
@@ -985,7 +888,7 @@ def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rat
 
 def test_scores_tell_the_true_dance_from_the_late_one(lagged: Pieces):
     for piece in lagged.pieces:
-        true, late = clip_scores(piece.clip("true")), clip_scores(piece.clip("lagged"))
+        true, late = corpus.clip_scores(piece.clip("true")), corpus.clip_scores(piece.clip("lagged"))
         assert set(true) >= {"paper_h", "paper_above_chance", "valleys_above_chance", "recommended_above_chance"}
         assert true["valleys_above_chance"] > late["valleys_above_chance"] + 0.3
 
@@ -997,9 +900,9 @@ def test_scores_tell_the_true_dance_from_the_late_one(lagged: Pieces):
     ({"seed": -1}, "seed must not be negative"),
 )
 def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, float], message: str):
-    for make in (lagged_pieces, swapped_pieces):
+    for make in (corpus.lagged_pieces, corpus.swapped_pieces):
         refused(message, make, clips, **{"seconds": SECONDS, "seed": 1, **change})
-    refused("two names", paired_pieces, [], ("a", "a"), seconds=SECONDS, seed=1)
+    refused("two names", corpus.paired_pieces, [], ("a", "a"), seconds=SECONDS, seed=1)
 
 
 def test_trial_shows_the_dances_that_its_key_names_to_the_music_of_its_item(lagged: Pieces):
@@ -1012,7 +915,7 @@ def test_trial_shows_the_dances_that_its_key_names_to_the_music_of_its_item(lagg
 def test_scores_of_a_study_are_those_of_each_dance_shown(lagged: Pieces):
     piece = lagged.pieces[0]
     scores = lagged.scores([KeyEntry(piece.name, ("true", "lagged"), ("a", "b"), "left")])
-    expected = clip_scores(piece.clip("lagged"))
+    expected = corpus.clip_scores(piece.clip("lagged"))
     assert {name: values["b"] for name, values in scores.items()} == pytest.approx(expected, nan_ok=True)
     assert scores["valleys_above_chance"]["a"] > scores["valleys_above_chance"]["b"]
     assert np.isnan([*scores["recommended_above_chance"].values()]).all()  # six seconds hold fewer than 16 beats
