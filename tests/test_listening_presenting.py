@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
 import soundfile
-from jupyter_client.manager import start_new_kernel
 
 from harmolab.beats.audio import with_clicks
 from harmolab.lab.listening.answers import AnswerLog
@@ -23,7 +23,6 @@ from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
 from harmolab.readers.beats import tap_grid, tapped_beats
 from harmolab.types import Audio
 from tests.builders import cases, refused, track
-from tests.test_listening_presenting import ask
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 
@@ -40,25 +39,6 @@ def log(tmp_path: Path) -> AnswerLog:
 
 def shown(trial: Trial) -> str:
     return f"<b>{trial.id}</b>"
-
-
-def framed_page(server: StudyServer) -> str:
-    """The page in the frame that a notebook shows."""
-    return html.unescape(re.search(r' srcdoc="([^"]*)"', server._repr_html_())[1])
-
-
-def test_notebook_frames_the_trial_and_its_buttons_send_answers_to_the_server(trials: TrialSet, log: AnswerLog):
-    server = StudyServer(trials, log, shown).start()
-    for number, trial in enumerate(trials.trials, 1):
-        page = framed_page(server)
-        assert f"Trial {number} of 4" in page
-        assert html.escape(f"<b>{trial.id}</b>") in page
-        assert re.findall(r'name="choice" value="(\w+)"', page) == list(trials.choices)
-        action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
-        assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
-        assert len(log.read().answers) == number
-    assert "Thank you" in framed_page(server)
-    server.stop()
 
 
 @pytest.fixture
@@ -79,16 +59,21 @@ def ask(address: str, method: str, form: object = None, *, path: str | None = No
         connection.close()
 
 
-def test_page_asks_every_trial_and_saves_every_answer(address: str, trials: TrialSet, log: AnswerLog):
-    assert urlsplit(address).hostname == "127.0.0.1"
+def test_page_and_frame_in_a_notebook_ask_every_trial_and_each_answer_is_on_disk(trials: TrialSet, log: AnswerLog):
+    server = StudyServer(trials, log, shown).start()
+    assert urlsplit(server.address).hostname == "127.0.0.1"
     for number, trial in enumerate(trials.trials, 1):
-        status, page = ask(address, "GET")
+        status, page = ask(server.address, "GET")
         assert status == 200
-        assert f"Trial {number} of 4" in page
+        assert html.unescape(re.search(r' srcdoc="([^"]*)"', server._repr_html_())[1]) == page
+        assert f"Trial {number} of 4" in page and html.escape(f"<b>{trial.id}</b>") in page
         assert f'name="trial" value="{trial.id}"' in page
-        assert ask(address, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
+        assert re.findall(r'name="choice" value="(\w+)"', page) == list(trials.choices)
+        action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
+        assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
         assert len(log.read().answers) == number
-    assert "Thank you" in ask(address, "GET")[1]
+    assert "Thank you" in ask(server.address, "GET")[1]
+    server.stop()
 
 
 def test_page_sent_twice_changes_nothing(address: str, trials: TrialSet, log: AnswerLog):
@@ -112,17 +97,15 @@ def test_hostile_forms_are_refused(address: str, trials: TrialSet, log: AnswerLo
     assert log.read().answers == ()
 
 
-def test_damaged_answer_file_is_said_on_the_page(address: str, log: AnswerLog):
+def test_damaged_answer_file_is_said_on_the_page_and_the_answer_asked_again(
+    address: str, trials: TrialSet, log: AnswerLog
+):
+    form = {"trial": trials.trials[0].id, "choice": "harmonious"}
     log.path.write_text("<no answers>\n")
     status, page = ask(address, "GET")
     assert status == 500
     assert "<no answers>" not in page
     assert "line 1 is not an answer: b'<no answers>'" in html.unescape(page)
-
-
-def test_answer_that_cannot_be_written_is_said_and_asked_again(address: str, trials: TrialSet, log: AnswerLog):
-    form = {"trial": trials.trials[0].id, "choice": "harmonious"}
-    log.path.write_text("<no answers>\n")
     status, page = ask(address, "POST", form)
     assert status == 400
     assert "The answer was not saved" in page
@@ -162,43 +145,6 @@ def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
     assert capfd.readouterr().err == ""
 
 
-PRESENT = """
-from pathlib import Path
-from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.local_page import StudyServer
-from harmolab.lab.listening.trials import Item, make_trials
-clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
-trials = make_trials(clips, kind="pick", n=4, seed=1, rater="Ada")
-server = StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: trial.id).start()
-Path("address").write_text(server.address)
-server
-"""
-
-
-@pytest.mark.slow  # processes
-def test_killed_kernel_loses_no_answer_and_the_notebook_goes_on_where_it_was(
-    tmp_path: Path, trials: TrialSet, log: AnswerLog
-):
-    manager, client = start_new_kernel(cwd=str(tmp_path))
-    try:
-        client.execute(PRESENT, reply=True, timeout=60)
-        address = (tmp_path / "address").read_text()
-        for trial, choice in zip(trials.trials, trials.choices, strict=False):
-            assert ask(address, "POST", {"trial": trial.id, "choice": choice})[0] == 303
-        client.stop_channels()
-        manager.shutdown_kernel(now=True)  # SIGKILL
-    finally:
-        client.stop_channels()
-        if manager.is_alive():
-            manager.shutdown_kernel(now=True)
-    assert [(answer.trial, answer.choice) for answer in log.read().answers] == [
-        (trials.trials[0].id, "harmonious"),
-        (trials.trials[1].id, "inharmonious"),
-    ]
-    with StudyServer(trials, log, shown).running() as address:
-        assert html.escape(f"<b>{trials.trials[2].id}</b>") in ask(address, "GET")[1]
-
-
 # The page on which a song is tapped
 
 Saved = list[tuple[list[float], list[float]]]
@@ -227,9 +173,7 @@ def test_page_plays_the_song_and_names_it(server: TapServer, click_track: Callab
     assert status == 200
     assert "&lt;song&gt; &amp; co" in page
     assert "http" not in page.replace(server.address, "")
-    import urllib.request
-
-    with urllib.request.urlopen(f"{server.address}sound.wav", timeout=10) as reply:
+    with urlopen(f"{server.address}sound.wav", timeout=10) as reply:
         samples, rate = soundfile.read(io.BytesIO(reply.read()))
     assert rate == 22050
     np.testing.assert_allclose(samples, click_track(120, seconds=2.0).samples, atol=1e-4)
