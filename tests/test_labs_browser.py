@@ -19,15 +19,9 @@ import numpy as np
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
+from harmolab.lab.labs import pages
 from harmolab.lab.labs.corpus import corpus_lab
 from harmolab.lab.labs.live import LiveLab
-from harmolab.lab.labs.pages import (
-    inexact_corpus,
-    inexact_dance,
-    inexact_detector_lab,
-    inexact_meter_lab,
-    write_lab_pages,
-)
 from harmolab.lab.labs.saliency import saliency_lab
 from harmolab.lab.labs.scoring import scoring_lab
 from harmolab.lab.listening.answers import AnswerLog
@@ -37,21 +31,19 @@ from harmolab.lab.player import blind_page
 from harmolab.readers.beats import TappedBeats, tapped_beats
 from harmolab.types import Audio, Clip
 from tests.builders import cases, planted_dance
-from tests.test_browser import TOKEN, running_jupyterlab
-from tests.test_study_browser import PHONE, WAIT, WIDE, opened
 
 # Labs as pages of their own
 
 pytestmark = pytest.mark.browser
 
 LABS: dict[str, Callable[[], LiveLab]] = {
-    "scoring": lambda: scoring_lab(inexact_dance()),
-    "saliency": lambda: saliency_lab(inexact_dance()),
-    "corpus": lambda: corpus_lab(inexact_corpus(14)),
-    "detector": inexact_detector_lab,
-    "meter": inexact_meter_lab,
+    "scoring": lambda: scoring_lab(pages.inexact_dance()),
+    "saliency": lambda: saliency_lab(pages.inexact_dance()),
+    "corpus": lambda: corpus_lab(pages.inexact_corpus(14)),
+    "detector": pages.inexact_detector_lab,
+    "meter": pages.inexact_meter_lab,
 }
-WIDE, PHONE = {"width": 1280, "height": 1000}, {"width": 390, "height": 844}
+TALL, WIDE, PHONE = ({"width": width, "height": height} for width, height in ((1280, 1000), (1280, 900), (390, 844)))
 
 
 @pytest.fixture(scope="module", params=LABS)
@@ -61,7 +53,7 @@ def lab(request: pytest.FixtureRequest) -> LiveLab:
 
 def opened(chromium: Any, path: Path, **context: Any) -> Any:
     """The page; `page.faults` collects its errors, and what it asks the network for."""
-    page = chromium.new_context(**{"viewport": WIDE, **context}).new_page()
+    page = chromium.new_context(**{"viewport": TALL, **context}).new_page()
     page.faults = []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     page.on("request", lambda request: page.faults.append(request.url) if request.url.startswith("http") else None)
@@ -70,14 +62,19 @@ def opened(chromium: Any, path: Path, **context: Any) -> Any:
     return page
 
 
+def closed(page: Any) -> None:
+    """Closes a page that had no fault."""
+    assert page.faults == []
+    page.context.close()
+
+
 @pytest.fixture
 def page(chromium: Any, lab: LiveLab, tmp_path: Path) -> Iterator[Any]:
     lab.settings = dict(lab.content.start)  # another test may have moved them
     lab.save(tmp_path / "lab.html")
     page = opened(chromium, tmp_path / "lab.html")
     yield page
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +84,7 @@ def scoring_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_shown_sentence_and_line_are_those_of_python_for_every_preset(lab: LiveLab, page: Any) -> None:
+def test_the_shown_sentence_and_line_are_those_of_python_for_every_preset(page: Any, lab: LiveLab) -> None:
     buttons = page.locator(".presets button")
     assert buttons.count() == len(lab.content.presets) > 5
     for number, preset in enumerate(lab.content.presets):
@@ -147,8 +144,7 @@ def test_a_slider_moved_by(way: str, chromium: Any, scoring_page: Path) -> None:
     assert value(page, "delay") == pytest.approx(0.05, abs=0.011)
     assert picture(page) != before[0]
     assert page.locator(".sentence").inner_text() != before[1]
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_page: Path) -> None:
@@ -169,8 +165,7 @@ def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_pag
     assert page.evaluate("harmolabLab.state.sound.count") > 3
     page.get_by_role("button", name="stops only").click()
     assert page.evaluate("harmolabLab.state.numbers.hits") == hits
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chromium: Any, scoring_page: Path) -> None:
@@ -186,8 +181,7 @@ def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chr
         page.keyboard.press("Shift+ArrowRight")
     times = page.evaluate(f"harmolabLab.state.numbers.{'allMusic' if selected['kind'] == 'music' else 'allDance'}")
     assert times == sorted(times)
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_play_schedules_a_click_for_each_beat_and_a_second_press_stops_it(chromium: Any, scoring_page: Path) -> None:
@@ -207,8 +201,7 @@ def test_a_click_on_a_mark_chooses_its_dance(chromium: Any, tmp_path: Path) -> N
     spot = page.evaluate("harmolabLab.state.picture.beats.reduce((a, b) => (b.y > a.y ? b : a))")
     page.locator("canvas").click(position={"x": spot["x"], "y": spot["y"]})
     assert value(page, "clip") == spot["index"]
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, scoring_page: Path) -> None:
@@ -223,10 +216,10 @@ def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, s
 def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, tmp_path: Path) -> None:
     cell = "from harmolab import synthetic_clip\nfrom harmolab.lab import saliency_lab\n"
     cell += "saliency_lab(synthetic_clip('cha-cha', seconds=6.0, seed=1))"
-    nbformat.write(new_notebook(cells=[new_code_cell(cell)]), tmp_path / "lab.ipynb")
-    command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute", str(tmp_path / "lab.ipynb")]
+    command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute"]
+    command.append(str(written(tmp_path / "lab.ipynb", cell)))
     subprocess.run(command, check=True, capture_output=True)
-    context = chromium.new_context(viewport=WIDE, offline=True)
+    context = chromium.new_context(viewport=TALL, offline=True)
     page = context.new_page()
     page.goto((tmp_path / "lab.html").as_uri(), wait_until="commit")
     frame = page.locator("iframe").first.element_handle(timeout=20_000).content_frame()
@@ -241,16 +234,15 @@ def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, 
     context.close()
 
 
-@pytest.mark.parametrize("viewport", [WIDE, PHONE])
+@pytest.mark.parametrize("viewport", [TALL, PHONE])
 def test_pages_of_a_site_fit_the_screen_and_ask_for_nothing(chromium: Any, tmp_path: Path, viewport: Any) -> None:
-    paths = write_lab_pages(tmp_path)
+    paths = pages.write_lab_pages(tmp_path)
     assert [path.stem for path in paths] == [f"{name}_lab" for name in LABS]
     for path in paths:
         page = opened(chromium, path, viewport=viewport)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
         assert page.evaluate("document.querySelector('input[type=range]').clientWidth") > 250
-        assert page.faults == []
-        page.context.close()
+        closed(page)
 
 
 # In JupyterLab
@@ -326,16 +318,22 @@ def wait_for(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
     pytest.fail(f"JupyterLab did not start:\n{log.read_text()[-2000:]}")
 
 
-@contextmanager
-def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
-    """A browser tab in which the whole notebook has been run."""
-    tab = chromium.new_page(viewport={"width": 1400, "height": 1000})
+def started(address: str, chromium: Any, viewport: dict[str, int]) -> Any:
+    """A browser tab in which all cells of the notebook were just told to run."""
+    tab = chromium.new_page(viewport=viewport)
     tab.goto(f"{address}/lab/tree/lab.ipynb?reset&token={TOKEN}")
     tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
     # Run without a kernel, and JupyterLab asks for one.
     tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
     tab.get_by_role("menuitem", name="Run", exact=True).click()
     tab.locator('[data-command="runmenu:run-all"]').click()
+    return tab
+
+
+@contextmanager
+def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
+    """A browser tab in which the whole notebook has been run."""
+    tab = started(address, chromium, {"width": 1400, "height": 1000})
     tab.wait_for_selector(".harmolab-lab canvas", timeout=180_000)
     # The figure or the words of the last cell: everything has been run, and the kernel has nothing else to do.
     tab.locator(".jp-CodeCell").last.locator("img, .jp-RenderedMarkdown").first.wait_for(timeout=180_000)
@@ -344,7 +342,7 @@ def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def page(jupyterlab: str, chromium: Any) -> Iterator[object]:
+def notebook(chromium: Any, jupyterlab: str) -> Iterator[object]:
     with notebook_run(jupyterlab, chromium) as tab:
         yield tab
 
@@ -398,49 +396,49 @@ def report(what: str, delays: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", ["delay", "lambda2", "lag"])
-def test_arrow_keys_on_a_slider_change_the_picture_of_the_paper_mode(page: Any, name: str) -> None:
-    lab = live_lab(page, "The scoring lab")
+def test_arrow_keys_on_a_slider_change_the_picture_of_the_paper_mode(notebook: Any, name: str) -> None:
+    lab = live_lab(notebook, "The scoring lab")
     before = pixels(lab)
-    delays = press_live_arrows(page, lab, name)
-    page.keyboard.press("ArrowLeft")
-    page.wait_for_function(f"window.delays.length > {N_PRESSES}", timeout=10_000)
+    delays = press_live_arrows(notebook, lab, name)
+    notebook.keyboard.press("ArrowLeft")
+    notebook.wait_for_function(f"window.delays.length > {N_PRESSES}", timeout=10_000)
     assert pixels(lab) != before
-    screenshot(page, f"lab_paper_{name}", lab)
+    screenshot(notebook, f"lab_paper_{name}", lab)
     report(f"paper, {name}", delays)
 
 
-def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected_speed(page: Any) -> None:
-    lab = live_lab(page, "The scoring lab")
+def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected_speed(notebook: Any) -> None:
+    lab = live_lab(notebook, "The scoring lab")
     before = pixels(lab)
     lab.locator('select[data-name="mode"]').select_option("recommended")
     assert pixels(lab) != before
     assert lab.locator('input[data-name="delay"]').input_value() == "0.1"
     assert lab.locator("code").inner_text().startswith("HarmonyParams")
-    report("recommended, lag", press_live_arrows(page, lab, "lag"))
-    screenshot(page, "lab_recommended", lab)
+    report("recommended, lag", press_live_arrows(notebook, lab, "lag"))
+    screenshot(notebook, "lab_recommended", lab)
 
 
-def test_fast_key_presses_end_at_the_last_value(page: Any) -> None:
-    lab = live_lab(page, "The scoring lab")
+def test_fast_key_presses_end_at_the_last_value(notebook: Any) -> None:
+    lab = live_lab(notebook, "The scoring lab")
     lag = lab.locator('input[data-name="lag"]')
     lag.focus()
     before, shown = float(lag.input_value()), pixels(lab)
     for _ in range(10):
-        page.keyboard.press("ArrowRight")
+        notebook.keyboard.press("ArrowRight")
     assert float(lag.input_value()) == pytest.approx(before + 10 * LAG_STEP)
     assert pixels(lab) != shown
 
 
-def test_settings_of_the_page_reach_python(page: Any) -> None:
-    live_lab(page, "The scoring lab").get_by_role("button", name="50 ms").click()
-    page.wait_for_timeout(1000)
-    page.locator(".jp-CodeCell").last.click()
-    page.keyboard.press("Escape")
-    page.keyboard.press("b")
-    page.keyboard.press("Enter")
-    page.keyboard.type("lab.line")
-    page.keyboard.press("Shift+Enter")
-    page.get_by_text("'HarmonyParams(reaction_delay=0.05)'").wait_for(timeout=30_000)
+def test_settings_of_the_page_reach_python(notebook: Any) -> None:
+    live_lab(notebook, "The scoring lab").get_by_role("button", name="50 ms").click()
+    notebook.wait_for_timeout(1000)
+    notebook.locator(".jp-CodeCell").last.click()
+    notebook.keyboard.press("Escape")
+    notebook.keyboard.press("b")
+    notebook.keyboard.press("Enter")
+    notebook.keyboard.type("lab.line")
+    notebook.keyboard.press("Shift+Enter")
+    notebook.get_by_text("'HarmonyParams(reaction_delay=0.05)'").wait_for(timeout=30_000)
 
 
 # The other labs, one a cell, the corpus lab on 200 clips
@@ -463,15 +461,17 @@ clips = [replace(clip, name=f"{place}: {clip.dance}") for place, clip in enumera
 )
 
 
+def written(path: Path, *cells: str) -> Path:
+    """The file of a notebook with these cells of code."""
+    kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    nbformat.write(new_notebook(cells=[*map(new_code_cell, cells)], metadata={"kernelspec": kernel}), path)
+    return path
+
+
 @pytest.fixture(scope="module")
 def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[Any]:
     """A browser tab with these four labs, one a cell."""
-    notebook = nbformat.v4.new_notebook(
-        cells=[nbformat.v4.new_code_cell(cell) for cell in CELLS],
-        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
-    )
-    path = Path(tmp_path_factory.mktemp("source")) / "labs.ipynb"
-    nbformat.write(notebook, path)
+    path = written(tmp_path_factory.mktemp("source") / "labs.ipynb", *CELLS)
     with running_jupyterlab(tmp_path_factory.mktemp("lab"), path) as address, notebook_run(address, chromium) as tab:
         yield tab
 
@@ -565,7 +565,6 @@ N = 4
 WAIT = 20_000  # milliseconds
 FRAME = "iframe[title^=Dance]"
 STUDY = "iframe[title='Listening study']"
-WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 
 @pytest.fixture(scope="module")
@@ -587,7 +586,7 @@ def asked(request: pytest.FixtureRequest, clip: Clip, tmp_path: Path) -> Iterato
         yield address, trials, log
 
 
-def opened(chromium: Any, address: str, viewport: dict[str, int] = WIDE) -> Any:
+def at_address(chromium: Any, address: str, viewport: dict[str, int] = WIDE) -> Any:
     """The page; `page.faults` collects errors and requests to elsewhere."""
     page = chromium.new_page(viewport=viewport)
     page.faults = []
@@ -612,20 +611,20 @@ def player_in(page: Any) -> Any:
     return frame
 
 
-def picture(frame: Any) -> str:
+def stage_picture(frame: Any) -> str:
     return frame.eval_on_selector(".stage", "canvas => canvas.toDataURL()")
 
 
 def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[str, TrialSet, AnswerLog]) -> None:
     address, trials, log = asked
-    page = opened(chromium, address)
+    page = at_address(chromium, address)
     for number in range(1, N + 1):
         page.get_by_text(f"Trial {number} of {N}").wait_for(timeout=WAIT)
         frame = player_in(page)
-        before = picture(frame)
+        before = stage_picture(frame)
         frame.click("#play")
         frame.wait_for_function("harmolabPlayer.time() > 0.3", timeout=WAIT)
-        assert picture(frame) != before
+        assert stage_picture(frame) != before
         if number == 3:
             page.reload()
             page.get_by_text(f"Trial 3 of {N}").wait_for(timeout=WAIT)
@@ -641,7 +640,7 @@ def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[
 def test_question_player_and_answers_fit_on_one_screen(
     chromium: Any, asked: tuple[str, TrialSet, AnswerLog], viewport: dict[str, int]
 ) -> None:
-    page = opened(chromium, asked[0], viewport)
+    page = at_address(chromium, asked[0], viewport)
     frame = player_in(page)
     page.wait_for_function("document.querySelector('iframe').contentDocument.documentElement.scrollHeight <= "
                            "document.querySelector('iframe').clientHeight", timeout=WAIT)  # fmt: skip
@@ -654,7 +653,7 @@ def test_question_player_and_answers_fit_on_one_screen(
 
 
 def test_keys_play_and_seek_in_the_player(chromium: Any, asked: tuple[str, TrialSet, AnswerLog]) -> None:
-    page = opened(chromium, asked[0])
+    page = at_address(chromium, asked[0])
     frame = player_in(page)
     frame.focus(".stage")
     page.keyboard.press("ArrowRight")
@@ -681,19 +680,9 @@ StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: page).start()"""
 
 
 def test_page_framed_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, tmp_path: Path) -> None:
-    notebook = nbformat.v4.new_notebook(
-        cells=[nbformat.v4.new_code_cell(CELL)],
-        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
-    )
     (tmp_path / "lab").mkdir()
-    nbformat.write(notebook, tmp_path / "study.ipynb")
-    with running_jupyterlab(tmp_path / "lab", tmp_path / "study.ipynb") as address:
-        tab = chromium.new_page(viewport=WIDE)
-        tab.goto(f"{address}/lab/tree/lab.ipynb?reset&token={TOKEN}")
-        tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
-        tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
-        tab.get_by_role("menuitem", name="Run", exact=True).click()
-        tab.locator('[data-command="runmenu:run-all"]').click()
+    with running_jupyterlab(tmp_path / "lab", written(tmp_path / "study.ipynb", CELL)) as address:
+        tab = started(address, chromium, WIDE)
         log = AnswerLog(tmp_path / "lab" / "work" / "answers.jsonl")
         for number in range(1, N + 1):
             tab.locator(STUDY).scroll_into_view_if_needed(timeout=120_000)  # it is loaded when it comes into view
@@ -742,7 +731,7 @@ def ready(page: Any) -> None:
 
 
 def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, kept: list[TappedBeats]) -> None:
-    page = opened(chromium, address)
+    page = at_address(chromium, address)
     ready(page)
     page.keyboard.press("p")
     for beat in range(2, 16):
@@ -763,7 +752,7 @@ def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, 
 def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
     chromium: Any, address: str, kept: list[TappedBeats]
 ) -> None:
-    page = opened(chromium, address, PHONE)
+    page = at_address(chromium, address, PHONE)
     ready(page)
     page.click("#tap")
     page.get_by_text("Play the song first").wait_for(timeout=WAIT)
@@ -783,7 +772,7 @@ def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
 
 
 def test_starting_again_forgets_all_taps(chromium: Any, address: str) -> None:
-    page = opened(chromium, address)
+    page = at_address(chromium, address)
     ready(page)
     page.keyboard.press("p")
     at_beat(page, 1)
@@ -796,7 +785,7 @@ def test_starting_again_forgets_all_taps(chromium: Any, address: str) -> None:
 
 @pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])
 def test_all_fits_on_one_screen_with_pads_for_thumbs(chromium: Any, address: str, viewport: dict[str, int]) -> None:
-    page = opened(chromium, address, viewport)
+    page = at_address(chromium, address, viewport)
     ready(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     assert page.evaluate("document.documentElement.scrollHeight") <= viewport["height"]

@@ -1,4 +1,4 @@
-"""The player in a browser: the sound is its clock, the picture follows, and its script draws the person that Python draws."""
+"""The player in a browser: the sound is its clock, and its script draws the person that Python draws."""
 
 import time
 from collections.abc import Iterator
@@ -21,11 +21,10 @@ from harmolab.params import HarmonyParams
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.player_points import PLAYER_50
 from harmolab.readers.smpl import SMPL_24
-from harmolab.types import BeatTrack, Clip, Motion
+from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
-from tests.builders import planted_dance
-from tests.test_person import standing
-from tests.test_player_browser import PHONE, audio_time, opened, wait_until
+from tests.builders import planted_dance, track
+from tests.test_render import standing
 
 pytestmark = pytest.mark.browser
 
@@ -66,6 +65,12 @@ def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE) -> Any:
 def page(chromium: Any, saved: Path) -> Iterator[Any]:
     page = opened(chromium, saved)
     yield page
+    assert page.faults == []
+    page.close()
+
+
+def closed(page: Any) -> None:
+    """Closes a page that had no fault."""
     assert page.faults == []
     page.close()
 
@@ -289,8 +294,7 @@ def test_nothing_is_wider_than_the_screen(
     page.evaluate("harmolabPlayer.seek(4)")
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     assert page.locator(".stage").count() == len(names)
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 @pytest.mark.parametrize("sandbox", ["", ' sandbox="allow-scripts"'], ids=["free", "sandboxed"])
@@ -336,8 +340,7 @@ def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, sa
     assert page.is_visible("#silent")
     page.click("#play")
     wait_until(page, "harmolabPlayer.time() > 0.3")
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) -> None:
@@ -355,8 +358,7 @@ def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) 
         }""",
     )
     assert min(inked) > 200  # head and arms above, legs below
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromium: Any, clip: Clip, tmp_path: Path):
@@ -395,10 +397,9 @@ BODIES = {
 @pytest.fixture(scope="module")
 def barred() -> Clip:
     """A synthetic dance of 15 s whose beats are in bars of four, the third of them "one"; two of them missed."""
-    barred = planted_dance(seconds=15.0)
-    times = barred.beats.times
-    places = (np.arange(times.size) - 2) % 4
-    return replace(barred, beats=BeatTrack(times, np.ones(times.size), 100.0, barred.beats.duration, places))
+    clip = planted_dance(seconds=15.0)
+    places = (np.arange(len(clip.beats)) - 2) % 4
+    return replace(clip, beats=track(clip.beats.times, duration=clip.beats.duration, bar_places=places))
 
 
 def barred_dancer(barred: Clip, motion: Motion | None = None, name: str = "one") -> Dancer:
@@ -417,10 +418,9 @@ def pair(barred: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def pair_page(chromium: Any, pair: Path) -> Iterator[Any]:
-    pair_page = opened(chromium, pair)
-    yield pair_page
-    assert pair_page.faults == []
-    pair_page.close()
+    page = opened(chromium, pair)
+    yield page
+    closed(page)
 
 
 def moving(skeleton: Skeleton, axes: int) -> Motion:
@@ -442,11 +442,11 @@ def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, ba
     else:
         motion = moving(*BODIES[name])
     Player(barred.audio, [barred_dancer(barred, motion)], music=barred.beats, title="x").save(tmp_path / "x.html")
-    pair_page = opened(chromium, tmp_path / "x.html")
+    page = opened(chromium, tmp_path / "x.html")
     stage = stage_of(page_motion(motion))
     camera, positions = stage.camera(480, 640), stage.turned(stage.positions)
     for frame in (0, 20, 41):
-        drawn = pair_page.evaluate(
+        drawn = page.evaluate(
             """at => {
               const size = { width: 640, height: 480 }, dancer = dancers[0], points = pointsAt(dancer, at);
               const camera = cameraOf(dancer, at, size, points), parts = figureOf(dancer, camera, points);
@@ -463,8 +463,7 @@ def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, ba
             np.testing.assert_allclose(shown, expected, atol=0.3)
         np.testing.assert_allclose(drawn["hulls"], hulls(discs.centres, discs.radii)[0], atol=0.5)
         np.testing.assert_allclose(drawn["shadow"], shadow_outline(stage.plan, camera, pose, only)[0], atol=0.5)
-    assert pair_page.faults == []
-    pair_page.close()
+    closed(page)
 
 
 def test_mirror_swaps_the_sides_of_the_picture(pair_page: Any) -> None:
@@ -589,12 +588,12 @@ def test_full_screen_fills_the_screen_with_the_picture(pair_page: Any) -> None:
 
 
 def test_a_finger_hits_every_control_of_a_phone(chromium: Any, pair: Path) -> None:
-    pair_page = opened(chromium, pair, PHONE)
-    small = pair_page.evaluate(
+    page = opened(chromium, pair, PHONE)
+    small = page.evaluate(
         """[...document.querySelectorAll("button, label, summary, #seek")].filter(each => each.offsetParent)
           .map(each => [each.textContent, each.getBoundingClientRect()])
           .filter(([, box]) => box.width < 44 || box.height < 44).map(([text, box]) => [text, box.width, box.height])"""
     )
     assert small == []
-    assert pair_page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    pair_page.close()
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    page.close()
