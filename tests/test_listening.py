@@ -710,9 +710,9 @@ def test_means_and_weights_by_hand():
 
 
 def test_agreement_of_marks_is_krippendorffs_alpha():
-    assert analysis.interval_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
-    assert np.isnan(analysis.interval_alpha(np.full((2, 3), 5.0)))
-    assert abs(analysis.interval_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
+    assert analysis.krippendorff_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
+    assert np.isnan(analysis.krippendorff_alpha(np.full((2, 3), 5.0)))
+    assert abs(analysis.krippendorff_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
     refused("two raters", analysis.agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), marks_study()[1])
 
 
