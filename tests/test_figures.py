@@ -24,7 +24,7 @@ from harmolab.lab.figures.people import draw_poses
 from harmolab.lab.figures.style import COLOURS, MARKERS
 from harmolab.lab.labs.live import Stage
 from harmolab.lab.labs.meter import UNIT_COLOURS, unit_label
-from harmolab.lab.labs.scoring import scoring_numbers
+from harmolab.lab.labs.one_clip import scoring_numbers
 from harmolab.lab.person import ANGLE
 from harmolab.lab.player import Dancer, Player
 from harmolab.lab.render.stick import hit_times

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from harmolab.beats.visual import visual_beats
 from harmolab.data.synthetic import ClipSettings, PlantedClip, planted_clip, synthetic_clip
-from harmolab.lab.labs import corpus, live, meter, pages, saliency, scoring
+from harmolab.lab.labs import corpus, live, meter, one_clip, pages
 from harmolab.lab.labs.corpus import Corpus, corpus_lab, corpus_numbers
-from harmolab.lab.labs.detector import detector_lab
 from harmolab.lab.labs.live import CONTROLS, LabContent, LiveLab, Stage
+from harmolab.lab.labs.one_clip import detector_lab
 from harmolab.lab.player import percent
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.score import score_harmony
@@ -49,8 +49,8 @@ def shared_turn() -> Motion:
 
 
 MAKERS: dict[str, Callable[..., LiveLab]] = {
-    "scoring": scoring.scoring_lab,
-    "saliency": saliency.saliency_lab,
+    "scoring": one_clip.scoring_lab,
+    "saliency": one_clip.saliency_lab,
     "corpus": lambda clip, **values: corpus_lab([clip], **values),
 }
 LABS = {**MAKERS, "detector": detector_lab, "meter": meter.meter_lab}
@@ -62,22 +62,22 @@ LABS = {**MAKERS, "detector": detector_lab, "meter": meter.meter_lab}
 def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
     stage = Stage(track([1.0, 1.3, 3.0], duration=6.0), shared_turn())
     many, nearest = (
-        scoring.scoring_numbers(stage, mode="valleys", delay=0.2, matching=how) for how in ("many", "nearest")
+        one_clip.scoring_numbers(stage, mode="valleys", delay=0.2, matching=how) for how in ("many", "nearest")
     )
     assert (many["hits"], nearest["hits"]) == (2, 1)
 
 
 def test_a_beat_dragged_away_from_its_movement_is_missed():
     stage = Stage(track([1.1, 3.0], duration=6.0), shared_turn())
-    assert scoring.scoring_numbers(stage, mode="valleys")["hits"] == 1
-    assert scoring.scoring_numbers(stage, mode="valleys", moves={"music": {"0": 1.4}})["hits"] == 0
-    assert scoring.scoring_numbers(stage, mode="valleys", moves={"dance": {"0": 2.95}})["pairs"].tolist() == [-1, 0]
+    assert one_clip.scoring_numbers(stage, mode="valleys")["hits"] == 1
+    assert one_clip.scoring_numbers(stage, mode="valleys", moves={"music": {"0": 1.4}})["hits"] == 0
+    assert one_clip.scoring_numbers(stage, mode="valleys", moves={"dance": {"0": 2.95}})["pairs"].tolist() == [-1, 0]
 
 
 @pytest.mark.parametrize("mode", ["paper", "valleys"])
 def test_numbers_are_what_score_clip_says(planted_clip: Clip, stage: Stage, mode: str):
-    numbers = scoring.scoring_numbers(stage, mode=mode)
-    score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=scoring.N_ROTATIONS)
+    numbers = one_clip.scoring_numbers(stage, mode=mode)
+    score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=one_clip.N_ROTATIONS)
     assert (numbers["harmony"], numbers["chance"], numbers["p"]) == (score.harmony, score.chance, score.p_value)
     assert (numbers["hits"], numbers["beats"]) == (score.hits.sum(), score.n_audio)
     words = f"Now {score.hits.sum()} of {score.n_audio} music beats are met; by chance alone {100 * score.chance:.0f} %"
@@ -85,7 +85,7 @@ def test_numbers_are_what_score_clip_says(planted_clip: Clip, stage: Stage, mode
 
 
 def test_recommended_mode_says_the_verdict_and_its_numbers(judged: Stage):
-    numbers = scoring.scoring_numbers(judged, mode="recommended")
+    numbers = one_clip.scoring_numbers(judged, mode="recommended")
     judgement = score_motion(judged.music, judged.motion).judgement
     assert numbers["sentence"] == judgement.verdict
     assert numbers["sentence"].startswith("You are on the beat: slow on it")
@@ -94,8 +94,8 @@ def test_recommended_mode_says_the_verdict_and_its_numbers(judged: Stage):
 
 
 def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
-    verdicts = scoring.scoring_content(judged).to_browser()["evidence"]["verdicts"]
-    steps = scoring.lags()
+    verdicts = one_clip.scoring_content(judged).to_browser()["evidence"]["verdicts"]
+    steps = one_clip.lags()
     assert (steps[0], steps[20], steps[-1]) == (-0.4, 0.0, 0.4)
     later = score_motion(judged.music, judged.motion, params=replace(HarmonyParams.recommended(), lag=0.24))
     assert verdicts[steps.index(0.24)]["sentence"] == later.judgement.verdict
@@ -103,14 +103,14 @@ def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
 
 
 def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
-    numbers = scoring.scoring_numbers(stage, mode="recommended")
+    numbers = one_clip.scoring_numbers(stage, mode="recommended")
     assert numbers["sentence"].startswith("Cannot tell: ")
     assert (numbers["level"], len(numbers["curve"])) == (0, 0)
     assert np.isnan(numbers["above"])
 
 
 def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_a_sentence(stage: Stage):
-    numbers = scoring.scoring_numbers(stage, mode="valleys", lambda1=99.0)
+    numbers = one_clip.scoring_numbers(stage, mode="valleys", lambda1=99.0)
     assert (numbers["harmony"], numbers["hits"], numbers["beats"]) == (0.0, 0, 0)
     assert numbers["sentence"] == "No music beat is loud enough to count."
 
@@ -119,12 +119,12 @@ def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
     music = BeatTrack([0.5, 1.0, 1.5, 2.0, 2.5], [2.0, 4.0, 0.1, 3.0, 1.0], fps=100, duration=3.0)
     dance = BeatTrack([0.2, 0.55, 0.8, 1.15, 1.6, 2.45], [4.0, 1.0, 5.0, 2.0, 2.2, 6.0], fps=100, duration=3.0)
     stage = Stage(music, planted_clip.motion.span(0.0, 3.0))
-    numbers = saliency.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0)
+    numbers = one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0)
     assert numbers["sentence"] == "Now 4 of 5 music beats and 5 of 6 movements are noticed."
-    assert saliency.saliency_numbers(stage, dance, lambda1=0.1, lambda2=0.0)["dance"] == 6
+    assert one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=0.0)["dance"] == 6
     # SD(s_a) is .3466 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.
-    assert saliency.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
-    kept = [saliency.saliency_numbers(stage, dance, lambda1=value)["music"] for value in (0.0, 1.0, 2.0, 3.0)]
+    assert one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
+    kept = [one_clip.saliency_numbers(stage, dance, lambda1=value)["music"] for value in (0.0, 1.0, 2.0, 3.0)]
     assert kept == [5, 3, 2, 0]
 
 
@@ -136,7 +136,7 @@ def test_halves_of_a_per_cent_are_rounded_up():
 
 
 def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
-    lab = scoring.scoring_lab(planted_clip)
+    lab = one_clip.scoring_lab(planted_clip)
     lab.set(mode="recommended")
     own = HarmonyParams.recommended()
     settings = {"detector": own.detector, "matching": own.matching, "beta": own.beta, "lag": 0.0}
@@ -146,8 +146,8 @@ def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
 
 
 def test_a_lab_can_start_elsewhere(planted_clip: Clip):
-    assert scoring.scoring_lab(planted_clip, delay=0.1).line == "HarmonyParams(reaction_delay=0.1)"
-    assert saliency.saliency_lab(planted_clip, lambda2=0.0).line == "HarmonyParams(visual_threshold=None)"
+    assert one_clip.scoring_lab(planted_clip, delay=0.1).line == "HarmonyParams(reaction_delay=0.1)"
+    assert one_clip.saliency_lab(planted_clip, lambda2=0.0).line == "HarmonyParams(visual_threshold=None)"
     lab = corpus_lab([planted_clip], mode="valleys", lag=0.1)
     assert lab.line.endswith("subframe=True, lag=0.1)")
     assert eval(lab.line) == lab.params == replace(HarmonyParams.valleys(), lag=0.1)
@@ -168,7 +168,7 @@ def test_control_or_value_that_does_not_exist_is_refused_by_name(
 
 def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
     fault = "mode must be one of paper, recommended, valleys; got 'tea leaves'"
-    refused(fault, scoring.scoring_lab, planted_clip, mode="tea leaves")
+    refused(fault, one_clip.scoring_lab, planted_clip, mode="tea leaves")
 
 
 def test_clip_without_motion_is_refused(planted_clip: Clip):
@@ -176,22 +176,11 @@ def test_clip_without_motion_is_refused(planted_clip: Clip):
         refused("no motion", maker, Clip("song", planted_clip.audio))
 
 
-@pytest.mark.parametrize("name", LABS)
-def test_each_preset_is_a_setting_of_the_lab_with_a_sentence(planted_clip: Clip, name: str):
-    lab = LABS[name](planted_clip)
-    sentences = {}
-    for preset in lab.content.presets:
-        lab.set(**preset.values)
-        assert preset.note.endswith(".")
-        sentences[preset.label] = lab.sentence
-    assert len(set(sentences.values())) > 1
-
-
 def test_silence_and_a_dancer_who_stands_still_have_labs_too(planted_clip: Clip):
     clip = replace(planted_clip, motion=along_x(np.zeros(180), fps=30.0), beats=track([], duration=6.0))
     for maker in LABS.values():
         assert maker(clip).page
-    lab = scoring.scoring_lab(clip)
+    lab = one_clip.scoring_lab(clip)
     assert lab.sentence == "No music beat is loud enough to count."
     lab.set(mode="recommended")
     assert lab.sentence.startswith("Cannot tell: ")
@@ -450,16 +439,6 @@ def test_corpus_whose_parts_do_not_fit_is_refused():
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
 
 
-@pytest.mark.parametrize("params", PRESETS)
-def test_preset_is_written_by_its_name(params: HarmonyParams):
-    assert live.params_line(params) in (
-        "HarmonyParams.paper()",
-        "HarmonyParams.recommended()",
-        "HarmonyParams.valleys()",
-    )
-    assert eval(live.params_line(params)) == params
-
-
 def test_numbers_of_numpy_and_a_learnt_pattern_are_written_as_plain_python():
     pattern = BarPattern(2, (np.float64(-0.5), np.float64(0.25)), (np.float64(0.1), np.float64(0.0)), 'it\'s "learnt"')
     params = HarmonyParams(lag=np.float64(0.1), pattern=pattern)
@@ -503,9 +482,9 @@ def with_every_control(content: LabContent, measure: str = "hits") -> LabContent
 
 
 SCRIPTED: dict[str, Callable[[], LiveLab]] = {
-    "scoring": lambda: LiveLab(scoring.scoring_content(STAGE)),
-    "scoring, every control": lambda: LiveLab(with_every_control(scoring.scoring_content(STAGE))),
-    "saliency": lambda: saliency.saliency_lab(pages.inexact_dance()),
+    "scoring": lambda: LiveLab(one_clip.scoring_content(STAGE)),
+    "scoring, every control": lambda: LiveLab(with_every_control(one_clip.scoring_content(STAGE))),
+    "saliency": lambda: one_clip.saliency_lab(pages.inexact_dance()),
     "corpus": lambda: corpus_lab(pages.inexact_corpus(6)),
     "corpus, every control": lambda: LiveLab(
         with_every_control(corpus.corpus_content(Corpus.of(pages.inexact_corpus(4))))
@@ -554,7 +533,7 @@ def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
         else:
             values[name] = slider_value(control, rng)
     if values.get("mode") == "recommended" and lab.content.kind == "scoring":
-        values["lag"] = float(rng.choice(scoring.lags()))  # the verdict is computed at the slider's steps
+        values["lag"] = float(rng.choice(one_clip.lags()))  # the verdict is computed at the slider's steps
     for name in WHOLE & set(values):
         values[name] = float(round(values[name]))
     if lab.content.kind == "scoring" and values["mode"] != "recommended" and rng.random() < 0.3:
@@ -636,8 +615,8 @@ def test_a_formula_that_reads_what_it_does_not_declare_stops(settings: str, name
 
 
 def test_a_reading_that_a_lab_is_given_by_one_word_acts_on_the_page_as_in_python() -> None:
-    controls = {**scoring.scoring_content(STAGE).controls, "saliency": CONTROLS["saliency"]}
-    lab = LiveLab(replace(scoring.scoring_content(STAGE), controls=controls), {"lambda2": 3.0})
+    controls = {**one_clip.scoring_content(STAGE).controls, "saliency": CONTROLS["saliency"]}
+    lab = LiveLab(replace(one_clip.scoring_content(STAGE), controls=controls), {"lambda2": 3.0})
     answer, harmonies = engine(lab).get("answer"), []
     for reading in ("threshold", "literal"):
         lab.set(saliency=reading)

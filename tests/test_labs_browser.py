@@ -22,8 +22,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 from harmolab.lab.labs import pages
 from harmolab.lab.labs.corpus import corpus_lab
 from harmolab.lab.labs.live import LiveLab
-from harmolab.lab.labs.saliency import saliency_lab
-from harmolab.lab.labs.scoring import scoring_lab
+from harmolab.lab.labs.one_clip import saliency_lab, scoring_lab
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.local_page import StudyServer, TapServer
 from harmolab.lab.listening.trials import Item, TrialSet, make_trials

@@ -155,17 +155,6 @@ def test_image_coordinates_hang_upright(clip: Clip) -> None:
     np.testing.assert_array_equal(positions_of(shown)[..., 2], 0.0)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1.0, np.pi / 2, -2.5])
-def test_dancer_is_seen_from_where_she_faces(angle: float) -> None:
-    """Left hip and shoulder lie a quarter turn to the left of the front, which is (sin, cos) of the angle in x, z."""
-    left = np.array([np.cos(angle), 0.0, -np.sin(angle)])
-    body = np.array([0.2 * left, -0.2 * left, [0, 0.5, 0] + 0.3 * left, [0, 0.5, 0] - 0.3 * left])
-    skeleton = Skeleton(("left_hip", "right_hip", "left_shoulder", "right_shoulder"), (-1, 0, 0, 1))
-    motion = Motion(np.repeat(body[None], 30, axis=0), 30.0, skeleton)
-    page = blind_page(Audio(np.zeros(22050), 22050), [motion])
-    assert data_of(page)["dancers"][0]["front"] == pytest.approx(angle)
-
-
 def test_thirty_seconds_fit_into_a_megabyte() -> None:
     clip = harmolab.synthetic_clip("cha-cha", seconds=30.0, seed=1)
     motion = resample_motion(clip.motion, 30.0)

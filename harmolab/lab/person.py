@@ -25,17 +25,15 @@ from harmolab.types import FloatArray, IntArray, Motion
 
 # Left and right differ in lightness and between blue and yellow, which eyes without red or green tell apart; neither is
 # a colour of beats, hits or misses.
-PAINTS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
-    {
-        "left": (63, 58, 140),
-        "right": (222, 110, 38),
-        "body": (104, 110, 120),
-        "head": (104, 110, 120),
-        "assumed": (190, 193, 198),
-        "stick": (34, 38, 46),
-        "prop": (110, 68, 36),
-    }
-)
+PAINTS: Mapping[str, tuple[int, int, int]] = {
+    "left": (63, 58, 140),
+    "right": (222, 110, 38),
+    "body": (104, 110, 120),
+    "head": (104, 110, 120),
+    "assumed": (190, 193, 198),
+    "stick": (34, 38, 46),
+    "prop": (110, 68, 36),
+}
 OUTLINES = ("body", "head", "assumed")  # paints of parts that stay open where another figure lies under them
 TRUNK = ("lshoulder", "rshoulder", "rhip", "lhip")
 TRUNK_LENGTH, SHOULDERS_APART = 0.288, 0.258

@@ -26,6 +26,7 @@ from harmolab.types import BoolArray, FloatArray
 
 WEIGHTS: Mapping[str, float] = MappingProxyType(dict(zip(MARKED, (0.25, 0.25, 0.4, 0.1), strict=True)))
 MARK = "mark"
+Row = dict[str, Any]
 
 
 def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
@@ -57,7 +58,7 @@ def _answer_table(answers: Answers, key: Key, value_of: Callable[[str], Any], *s
     return table
 
 
-def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[dict[str, Any]]:
+def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
     """A row for each system and side of a dance, the weighted mark last: mean, SD over dances, 95 % interval.
 
     The interval is a bootstrap over dances of their means over raters. The paper prints means and SDs alone.
@@ -111,7 +112,7 @@ def krippendorff_alpha(marks: FloatArray) -> float:
     return float(1 - observed / values.var(ddof=1))
 
 
-def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> dict[str, Any]:
+def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> Row:
     """Krippendorff's alpha of the weighted marks, with a bootstrap interval over dances; ValueError for one rater."""
     grid, _ = mark_grid(answers, key)
     marks = (grid * np.array([*WEIGHTS.values()])).sum(axis=2)
@@ -119,9 +120,7 @@ def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> dict[str
     return {**row, "simulated": answers.simulated}
 
 
-def agreement(
-    name: str, measure: Callable[[FloatArray], float], values: FloatArray, *, seed: int = 0
-) -> dict[str, Any]:
+def agreement(name: str, measure: Callable[[FloatArray], float], values: FloatArray, *, seed: int = 0) -> Row:
     """A measure of the agreement of raters, of (R, T) values, on the trials that two share at least.
 
     The interval is a bootstrap over trials. ValueError for one rater.
@@ -132,9 +131,6 @@ def agreement(
     low, high = bootstrap_interval_of(lambda places: measure(shared[:, places]), shared.shape[1], seed=seed)
     row = {"measure": name, "raters": len(values), "n": shared.shape[1]}
     return {**row, "rate": measure(shared), "low": low, "high": high}
-
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)

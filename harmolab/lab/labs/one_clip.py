@@ -1,4 +1,8 @@
-"""The scoring lab: every choice of the harmony score at work on one clip, beats that can be dragged, and the sound."""
+"""The labs of one clip: the choices of the score, the beats that one would notice (Eq. 10-13), the moments of beats.
+
+The scoring lab has beats that can be dragged, and the sound. The saliency lab shows the beats that a listener or viewer
+would notice; the detector lab the moments that are visual beats, and the curve from which they are read.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,17 +11,18 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from harmolab.beats.visual import visual_beats
 from harmolab.lab.labs import live
 from harmolab.lab.player import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern
-from harmolab.score import HarmonyScore, score_harmony
+from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalise_strengths, score_harmony, visual_mask
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import rotations
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.verdict.evidence import MOMENTS
-from harmolab.verdict.judge import Judgement, score_motion
+from harmolab.verdict.judge import Judgement, music_and_motion, score_motion
 
 N_ROTATIONS = 200  # as fine as the eye can tell
 
@@ -189,3 +194,160 @@ def _reading(judgement: Judgement) -> dict[str, Any]:
     """The reading that fits best, as a pattern; rests on the beat where there is none."""
     pattern = judgement.place.pattern if judgement.place else BarPattern.stop_on_the_beat()
     return {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)}
+
+
+# The saliency lab
+
+LAMBDAS = np.linspace(0.0, 15.0, 151)
+UNITS = {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
+
+
+def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
+    """Sliders for λ1 and λ2 and menus for the readings of Eq. 10-13, below the beats that are kept and dropped.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; a few seconds are best
+    **values
+        Where controls start instead of at the paper mode: ``lambda2=2.0``.
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = saliency_lab(synthetic_clip("cha-cha"), lambda1=3.0)  # doctest: +SKIP
+    """
+    stage = live.Stage.of(clip)
+    visual = visual_beats(stage.motion, params=live.MODES["paper"])
+    about, presets = live.lab_texts("saliency", loud=live.middle_lambda(stage.music))
+    content = live.LabContent(
+        kind="saliency",
+        about=about,
+        evidence={
+            "source": stage.source,
+            "duration": stage.motion.duration,
+            "music": live.track_evidence(stage.music),
+            "dance": live.track_evidence(visual),
+            "lambdas": LAMBDAS,
+            "units": UNITS,
+        },
+        controls=live.lab_controls("saliency"),
+        presets=presets,
+        numbers=partial(saliency_numbers, stage, visual),
+    )
+    return live.LiveLab(content, values)
+
+
+def saliency_numbers(stage: live.Stage, visual: BeatTrack, **values: Any) -> dict[str, Any]:
+    """The numbers of the lab: masks of both tracks, the shares kept at every λ, and the sentence.
+
+    Parameters
+    ----------
+    stage : Stage
+    visual : BeatTrack, the visual beats of the stage's motion
+    **values
+        The controls, by name; the paper's when left out.
+    """
+    params = live.lab_params(**values)
+    strengths = normalise_strengths(stage.music.strengths, params.normalisation)
+    music = partial(audio_mask, strengths, reading=params.saliency)
+    dance = partial(
+        visual_mask,
+        visual.strengths,
+        reading=params.saliency,
+        quantity=params.visual_saliency,
+        first_beat=params.first_beat,
+    )
+    masks = music(threshold=params.audio_threshold), dance(threshold=params.visual_threshold)
+    counts = {"music": masks[0].sum(), "beats": len(stage.music), "dance": masks[1].sum(), "movements": len(visual)}
+    return {
+        **{name: int(count) for name, count in counts.items()},
+        "music_mask": masks[0],
+        "dance_mask": masks[1],
+        "music_shares": [music(threshold=value).mean() for value in LAMBDAS] if len(stage.music) else [],
+        "dance_shares": [dance(threshold=value or None).mean() for value in LAMBDAS] if len(visual) else [],
+        "sentence": LAB_SENTENCES["kept"].format(**counts),
+    }
+
+
+# The detector lab
+
+NEAR = 0.05  # seconds: a planted beat with a detected one this close is a detected beat
+
+
+def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> live.LiveLab:
+    """Menus for detector, frame rate and plateau and controls for both smoothings, below the curve and its beats.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; a few seconds are best
+    planted : (P,) array, seconds on the audio's time line, optional
+        Where movements truly end, if that is known: circles mark the detected ones, crosses the others.
+    **values
+        Where controls start instead of at the paper mode: ``detector="valleys"``.
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = detector_lab(synthetic_clip("cha-cha"))  # doctest: +SKIP
+    >>> lab.set(smoothing=0.05)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
+    """
+    stage, controls = live.Stage.of(clip), live.lab_controls("detector")
+    times = None if planted is None else _on_stage(clip, planted)
+    evidence = {
+        "source": stage.source,
+        "duration": stage.motion.duration,
+        "music": stage.music.times,
+        "planted": times,
+        "near": NEAR,
+        **live.curve_evidence(stage.motion, controls),
+    }
+    about, presets = live.lab_texts("detector")
+    numbers = partial(detector_numbers, stage, times)
+    return live.LiveLab(live.LabContent("detector", about, evidence, controls, presets, numbers), values)
+
+
+def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
+    """Planted times on the time line of the stage."""
+    times = np.sort(np.asarray(planted, np.float64))
+    track = BeatTrack(times, np.ones(times.size), fps=100.0, duration=clip.audio.duration)
+    return music_and_motion(replace(clip, beats=track))[0].times
+
+
+def detector_numbers(stage: live.Stage, planted: FloatArray | None, **values: Any) -> dict[str, Any]:
+    """The numbers of the lab: visual beats, which planted ones are near one of them, and the sentence.
+
+    Parameters
+    ----------
+    stage : Stage
+    planted : (P,) array, seconds on the stage's time line, or None
+    **values
+        The controls, by name; the paper's when left out.
+    """
+    visual = visual_beats(stage.motion, params=live.lab_params(**values))
+    near = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
+    counts = {
+        "beats": len(visual),
+        "music": len(stage.music),
+        "planted": 0 if planted is None else planted.size,
+        "found": 0 if near is None else int(near.sum()),
+        "near": round(1000 * NEAR),
+    }
+    distances = nearest_intervals(visual.times, stage.music.times)
+    return {
+        **counts,
+        "times": visual.times,
+        "heights": visual.strengths,
+        "mask": near,
+        "rate": len(visual) / stage.motion.duration,
+        "distance": float(np.median(distances)) if len(visual) and len(stage.music) else np.nan,
+        "sentence": LAB_SENTENCES["detected" if planted is None else "planted"].format(**counts),
+    }
