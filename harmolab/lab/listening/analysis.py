@@ -86,6 +86,10 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
     return rows
 
 
+def _interval_of_mean(values: FloatArray, seed: int) -> tuple[float, float]:
+    return bootstrap_interval_of(lambda places: float(values[places].mean()), values.size, seed=seed)
+
+
 def _over_raters(marks: FloatArray) -> FloatArray:
     """Means over raters (D',) of marks (R, D); dances without any are left out."""
     answered = ~np.isnan(marks).all(axis=0)
