@@ -94,6 +94,8 @@ def test_height_of_the_figure_is_that_of_the_person(name: str) -> None:
     top = crown[1] + plan.parts[part_of(plan, "head")].radii[1] * plan.stature
     assert top == pytest.approx(1.7, abs=0.03)
     assert crown[1] > chin[1] > 1.39
+    corners = plan.weights[list(plan.parts[part_of(plan, "body", 4)].points)] @ positions[0]  # a tenth inwards and down
+    np.testing.assert_allclose(abs(corners[:, :2]), [[0.176, 1.341]] * 2 + [[0.088, 0.9]] * 2, atol=1e-9)
     assert (chin[1] + crown[1]) / 2 - 1.39 == pytest.approx(person.HEAD_UP * 1.7, abs=0.02)
 
 

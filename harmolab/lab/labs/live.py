@@ -525,7 +525,7 @@ def curve_evidence(motion: Motion, controls: Mapping[str, Slider | Menu]) -> dic
     """
     options = {name: _options(name, controls) for name in ("fps", "subframe", "position_smoothing")}
     rates = {
-        _rate_name(fps, subframe): lab_params(fps=fps, subframe=subframe)
+        f"{fps:g}" if fps is not None else "interpolated" if subframe else "own": lab_params(fps=fps, subframe=subframe)
         for fps, subframe in product(options["fps"], options["subframe"])
     }
     return {
@@ -541,12 +541,6 @@ def _options(name: str, controls: Mapping[str, Slider | Menu]) -> list[Any]:
     if isinstance(control, Menu):
         return list(control.options)
     return list(dict.fromkeys(mode_settings(mode)[name] for mode in MODES if MODES[mode].measure == "hits"))
-
-
-def _rate_name(fps: float | None, subframe: bool) -> str:
-    if fps is None:
-        return "interpolated" if subframe else "own"
-    return f"{fps:g}"
 
 
 def _curves(motion: Motion, params: HarmonyParams, levels: Sequence[float]) -> dict[str, Any]:

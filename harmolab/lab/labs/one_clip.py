@@ -62,7 +62,15 @@ def scoring_content(stage: live.Stage) -> live.LabContent:
     return live.LabContent(
         kind="scoring",
         about=about,
-        evidence=scoring_evidence(stage, controls),
+        evidence={
+            "source": stage.source,
+            "duration": stage.music.duration,
+            "music": live.track_evidence(stage.music),
+            **live.curve_evidence(stage.motion, controls),
+            "shifts": rotations(stage.music.duration, N_ROTATIONS),
+            "verdicts": [verdict_numbers(stage, lag) for lag in lags()],
+            "shape": _shape(stage),
+        },
         controls=controls,
         presets=presets,
         numbers=partial(scoring_numbers, stage),
@@ -71,19 +79,6 @@ def scoring_content(stage: live.Stage) -> live.LabContent:
 
 
 # Evidence
-
-
-def scoring_evidence(stage: live.Stage, controls: Mapping[str, live.Slider | live.Menu]) -> dict[str, Any]:
-    """The numbers that the lab computes with, of a stage: beats and curves, and the verdict at each step of the lag."""
-    return {
-        "source": stage.source,
-        "duration": stage.music.duration,
-        "music": live.track_evidence(stage.music),
-        **live.curve_evidence(stage.motion, controls),
-        "shifts": rotations(stage.music.duration, N_ROTATIONS),
-        "verdicts": [verdict_numbers(stage, lag) for lag in lags()],
-        "shape": _shape(stage),
-    }
 
 
 def lags() -> list[float]:

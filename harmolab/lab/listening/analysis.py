@@ -72,9 +72,7 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
         columns = np.array([each == version for each in versions])
         for side, marks in sides.items():
             dances = _over_raters(marks[:, columns])
-            low, high = bootstrap_interval_of(
-                lambda at, dances=dances: float(dances[at].mean()), dances.size, seed=seed
-            )
+            low, high = _interval_of_mean(dances, seed)
             rows.append(
                 {
                     "version": version, "side": side, "n": int(dances.size), "raters": len(raters),
