@@ -349,6 +349,8 @@ def test_hits_and_misses_differ_in_shape_and_colour_and_lie_inside_the_picture(a
     assert found["hit"] == ([1.0, 2.0], [-50.0, 80.0], "o", COLOURS["hit"])
     assert found["missed"] == ([3.0], [300.0], "x", COLOURS["miss"])
     assert ax.get_ylim()[1] == -ax.get_ylim()[0] > 300
+    later = replace(SCORE, params=replace(SCORE.params, lag=0.05))
+    assert marks(beats.draw_timing(Figure().subplots(), later))["hit"][1] == [-100.0, 30.0]  # less the expected lag
 
 
 @pytest.mark.parametrize(("detector", "event"), [("valleys", "rest"), ("peaks", "hit"), ("turns", "visual beat")])
