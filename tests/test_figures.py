@@ -1,6 +1,7 @@
-"""What is on the axes: lines, marks, labels, limits. Answers are planted; pixels are not looked at."""
+"""What is on the axes: lines, marks, labels, limits; and that every picture of a score shows its own pairs."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,28 +14,29 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 
-from harmolab import HarmonyParams, score_clip, synthetic_clip
-from harmolab.beats.meter import MeterUnit
+from harmolab import score_clip, synthetic_clip
+from harmolab.beats.meter import CATEGORIES, MeterUnit
+from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import TANG_23
-from harmolab.lab.figures.beats import (
-    draw_curve,
-    draw_hits,
-    draw_marks,
-    draw_shares,
-    draw_stems,
-    draw_tolerance,
-    score_figure,
-)
+from harmolab.lab.figures import beats
 from harmolab.lab.figures.people import draw_poses
 from harmolab.lab.figures.style import COLOURS, MARKERS
+from harmolab.lab.labs.live import Stage
 from harmolab.lab.labs.meter import UNIT_COLOURS, unit_label
+from harmolab.lab.labs.one_clip import scoring_numbers
 from harmolab.lab.person import ANGLE
-from harmolab.types import BeatTrack, Motion
+from harmolab.lab.player import Dancer, Player
+from harmolab.lab.render.stick import hit_times
+from harmolab.params import CHOICES, HOW_PATTERNS, HarmonyParams
+from harmolab.score import HarmonyScore, score_harmony
+from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.verdict.judge import music_and_motion, score_motion
 from study.saving import smallest_text
-from tests.builders import refused
+from tests.builders import cases, planted_dance, refused, track, waving
 from tests.notebook_cells import notebook_cells
-from tests.test_person import standing
+from tests.test_player import data_of
+from tests.test_render import standing
 
 MUSIC = BeatTrack([0.5, 1.0, 1.5], [4.0, 1.0, 2.0], fps=100.0, duration=2.0)
 DANCE = BeatTrack([0.6, 0.8, 1.4, 1.9], [1.0, 1.0, 1.0, 1.0], fps=15.0, duration=2.0)
@@ -73,47 +75,46 @@ def stems(ax: Axes, colour: str) -> list[tuple[float, float, float]]:
 
 def test_curve_has_a_line_and_a_mark_at_each_beat_on_the_curve(ax: Axes):
     times = np.linspace(0.0, 2.0, 21)
-    assert draw_curve(ax, times, 10 * times, DANCE) is ax
+    assert beats.draw_curve(ax, times, 10 * times, DANCE) is ax
     np.testing.assert_allclose(ax.lines[0].get_ydata(), 10 * times)
     assert points(named(ax, "visual beat (4)")) == [(0.6, 6.0), (0.8, 8.0), (1.4, 14.0), (1.9, 19.0)]
     assert [time for time, *_ in stems(ax, COLOURS["visual"])] == [0.6, 0.8, 1.4, 1.9]
-    assert ax.get_xlabel() == "time (s)"
-    assert ax.get_xlim() == (0.0, 2.0)
+    assert (ax.get_xlabel(), ax.get_xlim()) == ("time (s)", (0.0, 2.0))
 
 
 @pytest.mark.parametrize(("kind", "marker"), [("audio", "o"), ("visual", MARKERS["visual"])])
 def test_curve_and_marks_have_the_colour_of_their_kind(ax: Axes, kind: str, marker: str):
-    draw_curve(ax, [0.0, 2.0], [1.0, 1.0], MUSIC, kind=kind)
+    beats.draw_curve(ax, [0.0, 2.0], [1.0, 1.0], MUSIC, kind=kind)
     assert {line.get_color() for line in ax.lines} == {COLOURS[kind]}
     assert ax.lines[1].get_marker() == marker
 
 
 def test_curve_below_zero_stays_in_the_picture(ax: Axes):
-    draw_curve(ax, [0.0, 1.0, 2.0], [-2.0, 0.0, 1.0])
+    beats.draw_curve(ax, [0.0, 1.0, 2.0], [-2.0, 0.0, 1.0])
     assert ax.get_ylim() == pytest.approx((-2.16, 1.08))
 
 
 def test_music_points_up_and_the_dance_points_down(ax: Axes):
-    draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1)
+    beats.draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1)
     assert stems(ax, COLOURS["audio"]) == [(0.5, 0.0, 1.0), (1.0, 0.0, 1.0), (1.5, 0.0, 1.0)]
     assert stems(ax, COLOURS["visual"]) == [(time, 0.0, -1.0) for time in (0.6, 0.8, 1.4, 1.9)]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["dance", "music"]
 
 
 def test_paired_beats_get_circles_missed_ones_crosses_and_spare_ones_grey_dots(ax: Axes):
-    draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1)
+    beats.draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1)
     assert points(named(ax, "hit")) == [(0.5, 1.0), (1.5, 1.0), (0.6, -1.0), (1.4, -1.0)]
     assert points(named(ax, "missed")) == [(1.0, 1.0)]
     assert points(named(ax, "visual beat left over")) == [(0.8, -1.0), (1.9, -1.0)]
     assert named(ax, "visual beat left over").get_color() == COLOURS["chance"]
-    assert named(ax, "hit").get_marker() == "o"
-    assert named(ax, "missed").get_marker() == "x"
-    assert named(ax, "hit").get_markeredgecolor() == COLOURS["hit"]
-    assert named(ax, "missed").get_markeredgecolor() == COLOURS["miss"]
+    looks = [(line.get_marker(), line.get_markeredgecolor()) for line in (named(ax, "hit"), named(ax, "missed"))]
+    assert looks == [("o", COLOURS["hit"]), ("x", COLOURS["miss"])]
 
 
 def test_stems_can_tell_the_strength(ax: Axes):
-    draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1, audio_heights=[1.0, 0.25, 0.5], visual_heights=[0.1, 0.2, 0.3, 0.4])
+    beats.draw_hits(
+        ax, MUSIC, DANCE, PAIRS, delay=0.1, audio_heights=[1.0, 0.25, 0.5], visual_heights=[0.1, 0.2, 0.3, 0.4]
+    )
     assert [top for *_, top in stems(ax, COLOURS["audio"])] == [1.0, 0.25, 0.5]
     assert [top for *_, top in stems(ax, COLOURS["visual"])] == [-0.1, -0.2, -0.3, -0.4]
     assert points(named(ax, "hit"))[0] == (0.5, 1.0)
@@ -123,12 +124,10 @@ def test_stems_can_tell_the_strength(ax: Axes):
 def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     clip = synthetic_clip("waltz", seconds=20, seed=1)
     scores = {"paper": score_clip(clip, HarmonyParams.paper()), "recommended": score_clip(clip)}
-    figure = score_figure(scores, title="a waltz")
+    figure = beats.score_figure(scores, title="a waltz")
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 15.0), (15.0, 30.0)] * 2
-    hits = int(scores["paper"].hits.sum())
-    assert (
-        figure.axes[0].get_title(loc="left").startswith(f"paper: {hits} of {scores['paper'].n_audio} music beats met")
-    )
+    words = f"paper: {scores['paper'].hits.sum()} of {scores['paper'].n_audio} music beats met"
+    assert figure.axes[0].get_title(loc="left").startswith(words)
     assert scores["recommended"].judgement.verdict in figure.axes[2].get_title(loc="left")
     assert [ax.get_xlabel() for ax in figure.axes] == ["", "time in the music (s)"] * 2
     (legend,) = figure.legends
@@ -137,51 +136,32 @@ def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     assert smallest_text(figure) >= 9
 
 
-def fields(ax: Axes) -> list[tuple[float, float]]:
-    """(left, right) of each tolerance field."""
-    (bands,) = [c for c in ax.collections if c.get_label() == "tolerance field"]
-    assert isinstance(bands, PolyCollection)
-    return [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in bands.get_paths()]
-
-
-def test_tolerance_field_reaches_the_delay_to_either_side_of_each_music_beat(ax: Axes):
-    draw_tolerance(ax, MUSIC.times, 0.2)
-    np.testing.assert_allclose(fields(ax), [(0.3, 0.7), (0.8, 1.2), (1.3, 1.7)])
-
-
-def test_tolerance_fields_lie_where_the_lag_expects_the_dance(ax: Axes):
-    draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1, lag=0.05)
-    np.testing.assert_allclose(fields(ax), [(0.45, 0.65), (0.95, 1.15), (1.45, 1.65)])
-
-
-def test_no_delay_draws_no_field(ax: Axes):
-    draw_tolerance(ax, MUSIC.times, 0.0)
+def test_tolerance_fields_lie_where_the_lag_expects_the_dance_and_no_delay_draws_none(ax: Axes):
+    beats.draw_tolerance(ax, MUSIC.times, 0.0)
     assert len(ax.collections) == 0
+    beats.draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1, lag=0.05)
+    (bands,) = [one for one in ax.collections if one.get_label() == "tolerance field"]
+    edges = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in bands.get_paths()]
+    np.testing.assert_allclose(edges, [(0.45, 0.65), (0.95, 1.15), (1.45, 1.65)])
 
 
 def test_empty_tracks_draw_without_a_mark(ax: Axes):
     nothing = BeatTrack([], [], fps=15.0, duration=2.0)
-    draw_hits(ax, nothing, nothing, [], delay=0.25)
-    draw_curve(ax, [], [], nothing)
+    beats.draw_hits(ax, nothing, nothing, [], delay=0.25)
+    beats.draw_curve(ax, [], [], nothing)
     assert all(len(line.get_xdata()) == 0 for line in ax.lines if line.get_label() in ("hit", "missed"))
 
 
 def test_beats_that_nobody_notices_are_grey_and_dotted(ax: Axes):
-    draw_stems(ax, MUSIC, kind="audio", ignored=True)
+    beats.draw_stems(ax, MUSIC, kind="audio", ignored=True)
     (lines,) = ax.collections
     assert to_hex(lines.get_color()[0]) == COLOURS["chance"].lower()
     assert lines.get_linestyle()[0][1] is not None
     assert lines.get_label() == "music beat, not noticed"
 
 
-def test_marks_can_have_other_names(ax: Axes):
-    draw_marks(ax, [1.0, 2.0], [0.5, 0.6], [True, False], labels=("kept", "new"))
-    assert points(named(ax, "kept")) == [(1.0, 0.5)]
-    assert points(named(ax, "new")) == [(2.0, 0.6)]
-
-
 def test_shares_rise_from_chance_and_stronger_beats_are_wider(ax: Axes):
-    draw_shares(ax, MUSIC, [0.9, 0.2, 0.5], chance=0.5)
+    beats.draw_shares(ax, MUSIC, [0.9, 0.2, 0.5], chance=0.5)
     assert stems(ax, COLOURS["audio"]) == [(0.5, 0.5, 0.9), (1.0, 0.5, 0.2), (1.5, 0.5, 0.5)]
     assert ax.collections[0].get_linewidth() == pytest.approx([6.0, 2.25, 3.5])
     assert points(named(ax, "above the median moment")) == [(0.5, 0.9)]
@@ -208,13 +188,7 @@ UNITS = (
 )
 
 
-def test_units_are_labelled_with_their_inner_accent():
-    assert [unit_label(unit) for unit in UNITS] == ["4/4 (2+2)", "4/4", "6/4"]
-
-
 def test_every_category_of_eq_22_has_a_colour_of_its_own():
-    from harmolab.beats.meter import CATEGORIES, MeterUnit
-
     labels = {unit_label(MeterUnit(0.0, 1.0, list(pattern), name)) for pattern, name in CATEGORIES.items()}
     assert set(UNIT_COLOURS) == labels
     assert len(set(UNIT_COLOURS.values())) == len(labels)
@@ -289,9 +263,9 @@ def corners_of(person: PolyCollection) -> np.ndarray:
     return np.concatenate([path.vertices for path in person.get_paths()])
 
 
-def test_there_is_a_figure_at_each_time_with_its_ghosts(ax: Axes):
-    assert draw_poses(ax, moving_arm(), [1.0, 2.0, 3.0], 0.5) is ax
-    assert [box.xy for box in boxes(ax, "pose")] == [(1.0, 0.5), (2.0, 0.5), (3.0, 0.5)]
+def test_there_is_a_figure_at_each_time_with_its_ghosts_beyond_the_motion_too(ax: Axes):
+    assert draw_poses(ax, moving_arm(), [-1.0, 2.0, 99.0], 0.5) is ax
+    assert [box.xy for box in boxes(ax, "pose")] == [(-1.0, 0.5), (2.0, 0.5), (99.0, 0.5)]
     assert [len(people_of(box)) for box in boxes(ax, "pose")] == [3, 3, 3]
 
 
@@ -334,11 +308,6 @@ def test_colour_of_a_figure_is_that_of_its_trunk_and_the_sides_keep_theirs(ax: A
     assert len(set(colours)) > 2
 
 
-def test_times_beyond_the_motion_show_its_first_or_last_pose(ax: Axes, swinging_arm: Callable[..., Motion]):
-    draw_poses(ax, swinging_arm(1.0, 25.0, seconds=2.0), [-1.0, 99.0], 0.0, trail=())
-    assert len(boxes(ax, "pose")) == 2
-
-
 def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes):
     frame = np.full((24, 32, 3), 90, np.uint8)
     FILM.draw_frames(ax, [frame, frame], [0.5, 1.5], width=64.0)
@@ -352,3 +321,236 @@ def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes):
 
 def test_number_of_frames_must_be_the_number_of_times(ax: Axes):
     refused("zip", FILM.draw_frames, ax, [np.zeros((24, 32, 3), np.uint8)], [0.5, 1.5])
+
+
+# Distances from the beats along time
+
+SONG = BeatTrack([1.0, 2.0, 3.0], [1.0, 1.0, 1.0], fps=100.0, duration=4.0)
+DANCER = BeatTrack([0.95, 2.08, 3.3], [1.0, 1.0, 1.0], fps=100.0, duration=4.0)
+SCORE = score_harmony(SONG, DANCER, params=HarmonyParams.valleys(), n_rotations=0)
+NOBODY = BeatTrack([], [], fps=100.0, duration=4.0)
+
+
+def marks(ax: Axes) -> dict[str, tuple[list[float], list[float], str, str]]:
+    """label -> (x, y, marker, colour)"""
+    return {
+        str(line.get_label()): (
+            np.round(line.get_xdata(), 6).tolist(),
+            np.round(line.get_ydata(), 6).tolist(),
+            line.get_marker(),
+            to_hex(line.get_markeredgecolor()).upper(),
+        )
+        for line in ax.lines
+    }
+
+
+def test_hits_and_misses_differ_in_shape_and_colour_and_lie_inside_the_picture(ax: Axes):
+    found = marks(beats.draw_timing(ax, SCORE))
+    assert found["hit"] == ([1.0, 2.0], [-50.0, 80.0], "o", COLOURS["hit"])
+    assert found["missed"] == ([3.0], [300.0], "x", COLOURS["miss"])
+    assert ax.get_ylim()[1] == -ax.get_ylim()[0] > 300
+    later = replace(SCORE, params=replace(SCORE.params, lag=0.05))
+    assert marks(beats.draw_timing(Figure().subplots(), later))["hit"][1] == [-100.0, 30.0]  # less the expected lag
+
+
+@pytest.mark.parametrize(("detector", "event"), [("valleys", "rest"), ("peaks", "hit"), ("turns", "visual beat")])
+def test_picture_names_its_events_and_calls_nobody_early(ax: Axes, detector: str, event: str):
+    beats.draw_timing(ax, replace(SCORE, params=replace(SCORE.params, detector=detector)))
+    assert ax.get_ylabel() == f"{event} before  |  after (ms)"
+
+
+def test_events_of_a_dancer_who_hits_the_beats_are_hits_where_that_was_told():
+    music = track(np.arange(1, 60) * 0.5, duration=30.0)
+    motion = waving(np.arange(900) / 15 + 0.5)  # fastest every half second
+    assert beats.event_name(score_motion(music, motion, params=HarmonyParams.recommended(HOW_PATTERNS["hit"]))) == "hit"
+    assert beats.event_name(score_motion(music, motion)) == "rest"
+
+
+def test_picture_without_visual_beats_shows_the_band_alone(ax: Axes):
+    found = marks(beats.draw_timing(ax, score_harmony(SONG, NOBODY, params=HarmonyParams.valleys(), n_rotations=0)))
+    assert found.get("hit", ([],))[0] == []
+    assert ax.get_xlim() == (0.0, 4.0)
+
+
+def test_means_are_lines_with_fields_and_an_endless_interval_has_none(ax: Axes):
+    beats.draw_means(ax, [(0.0, 2.0, 0.02, (0.01, 0.03)), (2.0, 4.0, 0.08, (-np.inf, np.inf))])
+    assert [list(line.get_ydata()) for line in ax.lines] == [[20.0, 20.0], [80.0, 80.0]]
+    assert len(ax.collections) == 1
+
+
+def test_legend_has_each_meaning_once_and_is_folded_in_a_narrow_figure():
+    means = [(0.0, 2.0, 0.02, (0.01, 0.03)), (2.0, 4.0, 0.08, (0.07, 0.09))]
+    figure = beats.timing_figure(SCORE, means=means, size=(4.4, 4.4))
+    legend = figure.axes[0].get_legend()
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert sorted(labels) == ["hit", "lag and spread from bar to bar", "missed", "tolerance field"]
+    assert (figure.get_size_inches().tolist(), legend._ncols) == ([4.4, 4.4], 2)
+
+
+def test_offset_figure_names_the_place_that_was_found_and_marks_the_others():
+    lags = np.linspace(-1.0, 1.0, 5)
+    figure = beats.offset_figure(lags, np.cos(lags), best=0.36, others=(-0.14, 0.86))
+    (ax,) = figure.axes
+    assert [float(line.get_xdata()[0]) for line in ax.lines[1:]] == [0.36, -0.14, 0.86]
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["found: 0.36 s", "or some beats earlier or later"]
+    assert ax.get_title(loc="left").startswith("The dance fits best when it begins 0.36 s into the song; 2 other")
+    assert smallest_text(figure) >= 9
+
+
+# A dance frame by frame
+
+CELLS = notebook_cells("11_frame_by_frame")
+VALLEYS = HarmonyParams.valleys()
+# The arm swings once a second and rests at 0.25, 0.75, 1.25 ... s.
+BEATS = BeatTrack([0.27, 0.5, 1.25, 1.8], [1.0, 1.0, 1.0, 1.0], fps=15.0, duration=2.0)
+
+
+@pytest.fixture
+def arm(swinging_arm: Callable[..., Motion]) -> Motion:
+    """Two seconds of an arm that rests twice a second."""
+    return swinging_arm(1.0, 15.0, seconds=2.0)
+
+
+def from_start(motion: Motion, start: float) -> HarmonyScore:
+    """The score of the beats from `start` on, found in the whole motion."""
+    visual = visual_beats(motion, params=VALLEYS).span(start, motion.duration - start)
+    return score_harmony(BEATS.span(start, 2.0 - start), visual, params=VALLEYS, n_rotations=0)
+
+
+@cases("options, every", ({}, 4), ({"every": 10}, 10))  # four frames at 15 a second are the paper's interval
+def test_sheet_has_a_pose_at_every_interval_and_a_bar_at_every_beat(ax: Axes, arm: Motion, options: dict, every: int):
+    CELLS.draw_sheet(ax, arm, BEATS, **options)
+    poses = [artist.xy[0] for artist in ax.artists if isinstance(artist, AnnotationBbox)]
+    np.testing.assert_allclose(poses, np.arange(0, 30, every) / 15)
+    bars = [line for line in ax.lines if line.get_gid() == "beat"]
+    assert [line.get_xdata()[0] for line in bars] == list(BEATS.times)
+    assert {line.get_color() for line in bars} == {COLOURS["audio"]}
+
+
+def test_beats_in_reach_of_a_rest_are_met_and_others_missed(ax: Axes, arm: Motion):
+    CELLS.draw_speed(ax, arm, score_motion(BEATS, arm, params=VALLEYS))
+    assert list(named(ax, "hit").get_xdata()) == [0.27, 1.25, 1.8]
+    assert list(named(ax, "missed").get_xdata()) == [0.5]
+    curve, found = ax.lines[0], named(ax, "visual beat")
+    np.testing.assert_allclose(found.get_xdata(), [0.25, 0.75, 1.25, 1.75], atol=0.01)
+    np.testing.assert_allclose(np.interp(found.get_xdata(), *curve.get_data()), found.get_ydata())
+
+
+def test_beats_before_the_start_are_not_judged(ax: Axes, arm: Motion):
+    CELLS.draw_speed(ax, arm, from_start(arm, 1.0), start=1.0)
+    assert list(named(ax, "hit").get_xdata()) == [1.25, 1.8]
+    assert list(named(ax, "missed").get_xdata()) == []
+    np.testing.assert_allclose(named(ax, "visual beat").get_xdata(), [1.25, 1.75], atol=0.01)
+
+
+def test_dancers_are_shown_on_one_time_line_and_one_scale_of_speed(arm: Motion, swinging_arm: Callable[..., Motion]):
+    motions = {"slow": arm, "fast": swinging_arm(2.0, 15.0, seconds=2.0)}
+    scores = {name: from_start(motion, 0.6) for name, motion in motions.items()}
+    figure = CELLS.dance_figure(motions, BEATS, scores, start=0.6, titles={"fast": "twice as fast"})
+    sheets, speeds = figure.axes[::2], figure.axes[1::2]
+    assert [ax.get_title(loc="left") for ax in sheets] == ["slow", "twice as fast"]
+    assert len({ax.get_ylim() for ax in speeds}) == 1
+    assert len({ax.get_xlim() for ax in figure.axes}) == 1
+    assert [ax.patches[-1].get_bbox().x1 for ax in figure.axes] == pytest.approx([0.6] * 4)  # given up to there
+    assert [marked(ax, "hit") for ax in speeds] == [
+        pytest.approx(np.add(music_hits(score), 0.6).tolist()) for score in scores.values()
+    ]
+    assert speeds[0].get_ylim()[1] == pytest.approx(1.5 * max(speeds[1].lines[0].get_ydata()))
+    assert figure.axes[-1].get_xlabel() == "time (s)"
+
+
+# Every picture and page of a score shows its own pairs, whatever the settings
+
+MODES = {"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys(), "recommended": HarmonyParams.recommended()}
+FEW, ALL = 12, 60  # sets of settings in a quick run and in a whole one
+
+
+def settings(rng: np.random.Generator) -> tuple[str, dict[str, object]]:
+    """A mode, and what the lab's controls may change about it."""
+    return str(rng.choice(list(MODES))), {
+        "lag": round(float(rng.uniform(-0.3, 0.3)), 3),
+        "matching": str(rng.choice(CHOICES["matching"])),
+        "reaction_delay": round(float(rng.uniform(0.03, 0.3)), 3),
+        "detector": str(rng.choice(CHOICES["detector"])),
+    }
+
+
+Drawn = list[tuple[str, dict[str, object], HarmonyScore]]
+
+
+@pytest.fixture(scope="module")
+def late_dance() -> tuple[BeatTrack, Motion]:
+    """A dancer who begins a fifth of a second late, so that hits depend on lag and delay."""
+    clip = planted_dance("cha-cha", seconds=7.0, fps=30.0, seed=4)
+    return music_and_motion(replace(clip, offset=clip.offset + 0.2, motion=clip.motion.span(0.0, 6.0)))
+
+
+@pytest.fixture(scope="module", params=[FEW, pytest.param(ALL, marks=pytest.mark.slow)])
+def drawn_scores(request: pytest.FixtureRequest, late_dance: tuple[BeatTrack, Motion]) -> Drawn:
+    """Random settings, and the score by each."""
+    rng = np.random.default_rng(11)
+    drawn = [settings(rng) for _ in range(request.param)]
+    return [
+        (mode, values, score_motion(*late_dance, params=replace(MODES[mode], **values), n_rotations=0))
+        for mode, values in drawn
+    ]
+
+
+def marked(ax: Axes, label: str) -> list[float]:
+    """Places along time of the marks with a label, in order."""
+    return sorted(float(x) for line in ax.lines if line.get_label() == label for x in line.get_xdata())
+
+
+def music_hits(score: HarmonyScore) -> list[float]:
+    return score.music.times[score.pairs >= 0].tolist()
+
+
+def in_score_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
+    ax = beats.score_figure({"one": score}).axes[0]
+    visual = score.visual.times[np.unique(score.pairs[score.pairs >= 0])]
+    return sorted(marked(ax, "hit") + marked(ax, "above the median moment")), sorted([*music_hits(score), *visual])
+
+
+def in_dance_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
+    return marked(CELLS.draw_speed(Figure().subplots(), motion, score), "hit"), music_hits(score)
+
+
+def in_timing_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
+    return marked(beats.draw_timing(Figure().subplots(), score), "hit"), music_hits(score)
+
+
+def in_marks_of_videos(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
+    hits = score.pairs >= 0
+    later = np.maximum(score.music.times[hits], score.visual.times[score.pairs[hits]])
+    return hit_times(score).tolist(), sorted(later.tolist())
+
+
+@pytest.mark.parametrize("drawn", [in_score_figure, in_dance_figure, in_timing_figure, in_marks_of_videos])
+def test_hits_shown_are_the_pairs_of_the_score(
+    drawn: Callable[[HarmonyScore, Motion], tuple[list[float], list[float]]],
+    drawn_scores: Drawn,
+    late_dance: tuple[BeatTrack, Motion],
+):
+    results = [(mode, values, *drawn(score, late_dance[1])) for mode, values, score in drawn_scores]
+    assert [row for row in results if row[2] != pytest.approx(row[3])] == []
+    assert sum(bool(expected) for *_, expected in results) > len(drawn_scores) / 2  # there was something to show
+
+
+def in_scoring_lab(mode: str, values: dict[str, object], score: HarmonyScore, dance: tuple) -> tuple[list, list]:
+    lab = {"delay" if name == "reaction_delay" else name: value for name, value in values.items()}
+    name = "shares" if mode == "recommended" else "pairs"
+    shown = list(scoring_numbers(Stage(*dance), mode=mode, **lab)[name])
+    return shown, getattr(score, name).tolist() if shown else []
+
+
+def in_player(mode: str, values: dict[str, object], score: HarmonyScore, dance: tuple) -> tuple[list, list]:
+    page = Player(Audio(np.zeros(8000), 8000.0), [Dancer("one", dance[1], score)], music=dance[0], title="").page
+    met = [mark["met"] for mark in data_of(page)["dancers"][0]["marks"]]
+    return met, [round(float(score.visual.times[pair]), 4) if pair >= 0 else None for pair in score.pairs]
+
+
+@pytest.mark.parametrize("page", [in_scoring_lab, in_player])
+def test_pages_hold_the_pairs_of_the_score(page: Callable[..., tuple], drawn_scores: Drawn, late_dance: tuple):
+    results = [(mode, values, *page(mode, values, score, late_dance)) for mode, values, score in drawn_scores]
+    assert [row for row in results if row[2] != row[3]] == []

@@ -1,37 +1,48 @@
-"""The labs as pages, driven in Chromium: what they show, sliders by mouse, touch and keyboard, beats dragged."""
+"""Labs, trials and taps in a browser: pages of their own, and in a real JupyterLab."""
 
+import os
+import re
+import shutil
+import socket
 import subprocess
 import sys
+import time
+import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import nbformat
+import numpy as np
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
+from harmolab.lab.labs import pages
 from harmolab.lab.labs.corpus import corpus_lab
 from harmolab.lab.labs.live import LiveLab
-from harmolab.lab.labs.pages import (
-    inexact_corpus,
-    inexact_dance,
-    inexact_detector_lab,
-    inexact_meter_lab,
-    write_lab_pages,
-)
-from harmolab.lab.labs.saliency import saliency_lab
-from harmolab.lab.labs.scoring import scoring_lab
+from harmolab.lab.labs.one_clip import saliency_lab, scoring_lab
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.local_page import StudyServer, TapServer
+from harmolab.lab.listening.trials import Item, TrialSet, make_trials
+from harmolab.lab.player import blind_page
+from harmolab.readers.beats import TappedBeats, tapped_beats
+from harmolab.types import Audio, Clip
+from tests.builders import cases, planted_dance
+
+# Labs as pages of their own
 
 pytestmark = pytest.mark.browser
 
 LABS: dict[str, Callable[[], LiveLab]] = {
-    "scoring": lambda: scoring_lab(inexact_dance()),
-    "saliency": lambda: saliency_lab(inexact_dance()),
-    "corpus": lambda: corpus_lab(inexact_corpus(14)),
-    "detector": inexact_detector_lab,
-    "meter": inexact_meter_lab,
+    "scoring": lambda: scoring_lab(pages.inexact_dance()),
+    "saliency": lambda: saliency_lab(pages.inexact_dance()),
+    "corpus": lambda: corpus_lab(pages.inexact_corpus(14)),
+    "detector": pages.inexact_detector_lab,
+    "meter": pages.inexact_meter_lab,
 }
-WIDE, PHONE = {"width": 1280, "height": 1000}, {"width": 390, "height": 844}
+TALL, WIDE, PHONE = ({"width": width, "height": height} for width, height in ((1280, 1000), (1280, 900), (390, 844)))
 
 
 @pytest.fixture(scope="module", params=LABS)
@@ -41,7 +52,7 @@ def lab(request: pytest.FixtureRequest) -> LiveLab:
 
 def opened(chromium: Any, path: Path, **context: Any) -> Any:
     """The page; `page.faults` collects its errors, and what it asks the network for."""
-    page = chromium.new_context(**{"viewport": WIDE, **context}).new_page()
+    page = chromium.new_context(**{"viewport": TALL, **context}).new_page()
     page.faults = []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     page.on("request", lambda request: page.faults.append(request.url) if request.url.startswith("http") else None)
@@ -50,14 +61,19 @@ def opened(chromium: Any, path: Path, **context: Any) -> Any:
     return page
 
 
+def closed(page: Any) -> None:
+    """Closes a page that had no fault."""
+    assert page.faults == []
+    page.context.close()
+
+
 @pytest.fixture
 def page(chromium: Any, lab: LiveLab, tmp_path: Path) -> Iterator[Any]:
     lab.settings = dict(lab.content.start)  # another test may have moved them
     lab.save(tmp_path / "lab.html")
     page = opened(chromium, tmp_path / "lab.html")
     yield page
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +83,7 @@ def scoring_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_shown_sentence_and_line_are_those_of_python_for_every_preset(lab: LiveLab, page: Any) -> None:
+def test_the_shown_sentence_and_line_are_those_of_python_for_every_preset(page: Any, lab: LiveLab) -> None:
     buttons = page.locator(".presets button")
     assert buttons.count() == len(lab.content.presets) > 5
     for number, preset in enumerate(lab.content.presets):
@@ -127,8 +143,7 @@ def test_a_slider_moved_by(way: str, chromium: Any, scoring_page: Path) -> None:
     assert value(page, "delay") == pytest.approx(0.05, abs=0.011)
     assert picture(page) != before[0]
     assert page.locator(".sentence").inner_text() != before[1]
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_page: Path) -> None:
@@ -149,8 +164,7 @@ def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_pag
     assert page.evaluate("harmolabLab.state.sound.count") > 3
     page.get_by_role("button", name="stops only").click()
     assert page.evaluate("harmolabLab.state.numbers.hits") == hits
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chromium: Any, scoring_page: Path) -> None:
@@ -166,8 +180,7 @@ def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chr
         page.keyboard.press("Shift+ArrowRight")
     times = page.evaluate(f"harmolabLab.state.numbers.{'allMusic' if selected['kind'] == 'music' else 'allDance'}")
     assert times == sorted(times)
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_play_schedules_a_click_for_each_beat_and_a_second_press_stops_it(chromium: Any, scoring_page: Path) -> None:
@@ -187,8 +200,7 @@ def test_a_click_on_a_mark_chooses_its_dance(chromium: Any, tmp_path: Path) -> N
     spot = page.evaluate("harmolabLab.state.picture.beats.reduce((a, b) => (b.y > a.y ? b : a))")
     page.locator("canvas").click(position={"x": spot["x"], "y": spot["y"]})
     assert value(page, "clip") == spot["index"]
-    assert page.faults == []
-    page.context.close()
+    closed(page)
 
 
 def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, scoring_page: Path) -> None:
@@ -203,10 +215,10 @@ def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, s
 def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, tmp_path: Path) -> None:
     cell = "from harmolab import synthetic_clip\nfrom harmolab.lab import saliency_lab\n"
     cell += "saliency_lab(synthetic_clip('cha-cha', seconds=6.0, seed=1))"
-    nbformat.write(new_notebook(cells=[new_code_cell(cell)]), tmp_path / "lab.ipynb")
-    command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute", str(tmp_path / "lab.ipynb")]
+    command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute"]
+    command.append(str(written(tmp_path / "lab.ipynb", cell)))
     subprocess.run(command, check=True, capture_output=True)
-    context = chromium.new_context(viewport=WIDE, offline=True)
+    context = chromium.new_context(viewport=TALL, offline=True)
     page = context.new_page()
     page.goto((tmp_path / "lab.html").as_uri(), wait_until="commit")
     frame = page.locator("iframe").first.element_handle(timeout=20_000).content_frame()
@@ -221,13 +233,562 @@ def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, 
     context.close()
 
 
-@pytest.mark.parametrize("viewport", [WIDE, PHONE])
+@pytest.mark.parametrize("viewport", [TALL, PHONE])
 def test_pages_of_a_site_fit_the_screen_and_ask_for_nothing(chromium: Any, tmp_path: Path, viewport: Any) -> None:
-    paths = write_lab_pages(tmp_path)
+    paths = pages.write_lab_pages(tmp_path)
     assert [path.stem for path in paths] == [f"{name}_lab" for name in LABS]
     for path in paths:
         page = opened(chromium, path, viewport=viewport)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
         assert page.evaluate("document.querySelector('input[type=range]').clientWidth") > 250
-        assert page.faults == []
-        page.context.close()
+        closed(page)
+
+
+# In JupyterLab
+
+ROOT = Path(__file__).resolve().parents[1]
+TOKEN = "a-token-for-this-test"
+N_PRESSES = 40
+LAG_STEP = 0.02  # seconds, of the lab's lag slider
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def settings_folder(folder: Path) -> Path:
+    """JupyterLab settings under which every cell is in the page, and nothing is fetched."""
+    for extension, text in {
+        "notebook-extension/tracker": '{"windowingMode": "none"}',
+        "apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
+    }.items():
+        (folder / "@jupyterlab" / extension).parent.mkdir(parents=True)
+        (folder / "@jupyterlab" / f"{extension}.jupyterlab-settings").write_text(text)
+    return folder
+
+
+@contextmanager
+def running_jupyterlab(folder: Path, notebook: Path) -> Iterator[str]:
+    """Address of a JupyterLab on a copy of a notebook, called lab.ipynb."""
+    (folder / "work").mkdir()
+    shutil.copy(notebook, folder / "work" / "lab.ipynb")
+    address = f"http://127.0.0.1:{(port := free_port())}"
+    options = {
+        "ServerApp.ip": "127.0.0.1",
+        "ServerApp.port": port,
+        "ServerApp.root_dir": folder / "work",
+        "IdentityProvider.token": TOKEN,
+        "LabApp.user_settings_dir": settings_folder(folder / "settings"),
+        "LabApp.workspaces_dir": folder / "workspaces",
+    }
+    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root"]
+    command += [f"--{name}={value}" for name, value in options.items()]
+    environment = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
+    environment |= {"HARMOLAB_PROFILE": "quick", "HARMOLAB_FIGURES": str(folder / "figures")}
+    with (folder / "server.log").open("w") as log:
+        server = subprocess.Popen(command, stdout=log, stderr=log, cwd=folder, env=environment)
+        try:
+            wait_for(address, server, folder / "server.log")
+            yield address
+        finally:
+            server.terminate()
+            server.wait(timeout=20)
+
+
+@pytest.fixture(scope="module")
+def jupyterlab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a JupyterLab on a copy of notebook 04."""
+    notebook = ROOT / "notebooks" / "04_salience_and_scoring.ipynb"
+    with running_jupyterlab(tmp_path_factory.mktemp("lab"), notebook) as address:
+        yield address
+
+
+def wait_for(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
+    for _ in range(120):
+        if server.poll() is not None:
+            break
+        try:
+            urllib.request.urlopen(f"{address}/api", timeout=2).close()
+            return
+        except OSError:
+            time.sleep(0.5)
+    pytest.fail(f"JupyterLab did not start:\n{log.read_text()[-2000:]}")
+
+
+def started(address: str, chromium: Any, viewport: dict[str, int]) -> Any:
+    """A browser tab in which all cells of the notebook were just told to run."""
+    tab = chromium.new_page(viewport=viewport)
+    tab.goto(f"{address}/lab/tree/lab.ipynb?reset&token={TOKEN}")
+    tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
+    # Run without a kernel, and JupyterLab asks for one.
+    tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
+    tab.get_by_role("menuitem", name="Run", exact=True).click()
+    tab.locator('[data-command="runmenu:run-all"]').click()
+    return tab
+
+
+@contextmanager
+def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
+    """A browser tab in which the whole notebook has been run."""
+    tab = started(address, chromium, {"width": 1400, "height": 1000})
+    tab.wait_for_selector(".harmolab-lab canvas", timeout=180_000)
+    # The figure or the words of the last cell: everything has been run, and the kernel has nothing else to do.
+    tab.locator(".jp-CodeCell").last.locator("img, .jp-RenderedMarkdown").first.wait_for(timeout=180_000)
+    yield tab
+    tab.close()
+
+
+@pytest.fixture(scope="module")
+def notebook(chromium: Any, jupyterlab: str) -> Iterator[object]:
+    with notebook_run(jupyterlab, chromium) as tab:
+        yield tab
+
+
+# Times from the key press to the canvas, and to the frame after it.
+COUNT_CANVASES = """() => {
+    window.delays = [];
+    if (window.listening) return;
+    window.listening = true;
+    addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
+    addEventListener("input", () => requestAnimationFrame(() => requestAnimationFrame(() => {
+        window.delays.push(performance.now() - window.pressed);
+    })));
+}"""
+
+
+def live_lab(page: Any, title: str) -> Any:
+    """The lab with that heading."""
+    return page.locator(".harmolab-lab").filter(has=page.get_by_role("heading", name=title)).first
+
+
+def pixels(lab: Any) -> str:
+    """The lab's picture as text."""
+    return str(lab.locator("canvas").evaluate("canvas => canvas.toDataURL()"))
+
+
+def press_live_arrows(page: Any, lab: Any, name: str) -> np.ndarray:
+    """Milliseconds from each press of an arrow key on the slider of that name to the shown picture."""
+    page.evaluate(COUNT_CANVASES)
+    lab.locator(f'input[data-name="{name}"]').focus()
+    for press in range(N_PRESSES):
+        # There and back, so that the slider never arrives at its end.
+        page.keyboard.press("ArrowLeft" if press % 20 < 10 else "ArrowRight")
+        page.wait_for_function(f"window.delays.length > {press}", timeout=10_000)
+    return np.array(page.evaluate("window.delays"))
+
+
+def screenshot(page: Any, name: str, lab: Any) -> None:
+    """Kept where HARMOLAB_SCREENSHOTS says, for the eye."""
+    if folder := os.environ.get("HARMOLAB_SCREENSHOTS"):
+        lab.scroll_into_view_if_needed()
+        page.screenshot(path=Path(folder) / f"{name}.png")
+
+
+def report(what: str, delays: np.ndarray) -> None:
+    """Prints the times; holds them to 50 ms where HARMOLAB_TIMING asks for it."""
+    high = np.percentile(delays[5:], 90)
+    print(f"{what}: key press to picture, median {np.median(delays[5:]):.0f} ms, p90 {high:.0f} ms")
+    if os.environ.get("HARMOLAB_TIMING"):
+        assert high <= 50
+
+
+@pytest.mark.parametrize("name", ["delay", "lambda2", "lag"])
+def test_arrow_keys_on_a_slider_change_the_picture_of_the_paper_mode(notebook: Any, name: str) -> None:
+    lab = live_lab(notebook, "The scoring lab")
+    before = pixels(lab)
+    delays = press_live_arrows(notebook, lab, name)
+    notebook.keyboard.press("ArrowLeft")
+    notebook.wait_for_function(f"window.delays.length > {N_PRESSES}", timeout=10_000)
+    assert pixels(lab) != before
+    screenshot(notebook, f"lab_paper_{name}", lab)
+    report(f"paper, {name}", delays)
+
+
+def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected_speed(notebook: Any) -> None:
+    lab = live_lab(notebook, "The scoring lab")
+    before = pixels(lab)
+    lab.locator('select[data-name="mode"]').select_option("recommended")
+    assert pixels(lab) != before
+    assert lab.locator('input[data-name="delay"]').input_value() == "0.1"
+    assert lab.locator("code").inner_text().startswith("HarmonyParams")
+    report("recommended, lag", press_live_arrows(notebook, lab, "lag"))
+    screenshot(notebook, "lab_recommended", lab)
+
+
+def test_fast_key_presses_end_at_the_last_value(notebook: Any) -> None:
+    lab = live_lab(notebook, "The scoring lab")
+    lag = lab.locator('input[data-name="lag"]')
+    lag.focus()
+    before, shown = float(lag.input_value()), pixels(lab)
+    for _ in range(10):
+        notebook.keyboard.press("ArrowRight")
+    assert float(lag.input_value()) == pytest.approx(before + 10 * LAG_STEP)
+    assert pixels(lab) != shown
+
+
+def test_settings_of_the_page_reach_python(notebook: Any) -> None:
+    live_lab(notebook, "The scoring lab").get_by_role("button", name="50 ms").click()
+    notebook.wait_for_timeout(1000)
+    notebook.locator(".jp-CodeCell").last.click()
+    notebook.keyboard.press("Escape")
+    notebook.keyboard.press("b")
+    notebook.keyboard.press("Enter")
+    notebook.keyboard.type("lab.line")
+    notebook.keyboard.press("Shift+Enter")
+    notebook.get_by_text("'HarmonyParams(reaction_delay=0.05)'").wait_for(timeout=30_000)
+
+
+# The other labs, one a cell, the corpus lab on 200 clips
+
+CELLS = (
+    """from dataclasses import replace
+from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.lab import corpus_lab, detector_lab, meter_lab, saliency_lab
+planted = planted_clip(ClipSettings("cha-cha", seconds=8.0, jitter=0.03, seed=1))
+song = synthetic_clip("rumba", seconds=18.0, seed=2)
+kinds = ("cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz", "cha-cha")
+clips = [synthetic_clip(kind, seconds=6.0, jitter=0.1, seed=seed) for seed, kind in enumerate(kinds)] * 25
+clips = [replace(clip, name=f"{place}: {clip.dance}") for place, clip in enumerate(clips)]""",
+    "detector_lab(planted.clip, planted=planted.visual_beat_times, smoothing=0.15, position_smoothing=0.15)",
+    "meter_lab(song, annotated=song.beats, error=0.5)",
+    "saliency_lab(planted.clip, lambda1=2.0)",
+    "corpus_lab(clips, delay=0.15, clip=100)",
+    # A picture in the last cell tells that everything has been run.
+    "import matplotlib.pyplot as plt\nplt.plot([0, 1])",
+)
+
+
+def written(path: Path, *cells: str) -> Path:
+    """The file of a notebook with these cells of code."""
+    kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    nbformat.write(new_notebook(cells=[*map(new_code_cell, cells)], metadata={"kernelspec": kernel}), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[Any]:
+    """A browser tab with these four labs, one a cell."""
+    path = written(tmp_path_factory.mktemp("source") / "labs.ipynb", *CELLS)
+    with running_jupyterlab(tmp_path_factory.mktemp("lab"), path) as address, notebook_run(address, chromium) as tab:
+        yield tab
+
+
+@cases(
+    "title, name",
+    ("The detector lab", "smoothing"),
+    ("The meter lab", "error"),
+    ("The saliency lab", "lambda1"),
+    ("The saliency lab", "lambda2"),
+    ("The corpus lab", "delay"),
+    ("The corpus lab", "lag"),
+    ("The corpus lab", "late"),
+    ("The corpus lab", "clip"),
+)
+def test_arrow_keys_on_a_slider_of_a_live_lab_change_its_picture(labs: Any, title: str, name: str) -> None:
+    lab = live_lab(labs, title)
+    before = pixels(lab)
+    delays = press_live_arrows(labs, lab, name)
+    labs.keyboard.press("ArrowRight")
+    labs.keyboard.press("ArrowRight")
+    labs.wait_for_function(f"window.delays.length > {N_PRESSES + 1}", timeout=10_000)
+    assert pixels(lab) != before
+    screenshot(labs, f"lab_{title[4:]}_{name}", lab)
+    report(f"{title[4:]}, {name}", delays)
+
+
+# Names and numbers under a lab, and where their letters are: left, top, right, bottom.
+LETTERS = """board => [...board.querySelectorAll("dt, dd")].map(node => {
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const { left, top, right, bottom } = range.getBoundingClientRect();
+    return [node.textContent, left, top, right, bottom];
+})"""
+SHARED = 1.0  # pixels that two boxes may share: the browser rounds
+
+
+def overlaps(boxes: list[list[Any]]) -> list[tuple[str, str]]:
+    """Names of the boxes that lie on one another."""
+    return [
+        (one[0], other[0])
+        for one, other in combinations(boxes, 2)
+        if all(min(one[3 + axis], other[3 + axis]) - max(one[1 + axis], other[1 + axis]) > SHARED for axis in (0, 1))
+    ]
+
+
+def test_boxes_that_lie_on_one_another_are_named() -> None:
+    boxes = [["a", 0, 0, 10, 10], ["b", 9.5, 0, 20, 10], ["c", 5, 5, 15, 15], ["d", 0, 40, 10, 50]]
+    assert overlaps(boxes) == [("a", "c"), ("b", "c")]
+
+
+@pytest.mark.parametrize("width", [1280, 900])
+def test_numbers_under_the_labs_do_not_overprint(labs: Any, width: int) -> None:
+    labs.set_viewport_size({"width": width, "height": 1000})
+    for title in ("The detector lab", "The meter lab", "The saliency lab", "The corpus lab"):
+        lab = live_lab(labs, title)
+        screenshot(labs, f"lab_board_{title[4:]}_{width}", lab.locator(".board"))
+        boxes = lab.locator(".board").evaluate(LETTERS)
+        assert len(boxes) >= 4 and all(box[3] > box[1] and box[4] > box[2] for box in boxes)
+        assert overlaps(boxes) == [], title
+
+
+@pytest.mark.parametrize("width", [1400, 700])
+def test_the_chosen_dance_opens_in_a_player_that_plays(labs: Any, width: int) -> None:
+    labs.set_viewport_size({"width": width, "height": 1000})
+    lab = live_lab(labs, "The corpus lab")
+    clip = lab.locator('input[data-name="clip"]')
+    clip.focus()
+    labs.keyboard.press("ArrowRight")
+    name = clip.get_attribute("aria-valuetext")
+    labs.wait_for_timeout(500)
+    lab.get_by_role("button", name="Open the chosen dance").click()
+    opened = lab.locator(f'iframe[title="{name}: player"]')
+    opened.wait_for(timeout=20_000)
+    player = opened.element_handle().content_frame()
+    player.wait_for_selector("#play")
+    player.evaluate("harmolabPlayer.ready")
+    assert player.locator("h1").inner_text() == name
+    player.click("#play")
+    player.wait_for_function("harmolabPlayer.time() > 0.3", timeout=20_000)
+    screenshot(labs, f"lab_corpus_player_{width}", lab)
+    shown = lab.locator("iframe").get_attribute("srcdoc")
+    press_live_arrows(labs, lab, "lag")
+    assert lab.locator("iframe").get_attribute("srcdoc") == shown
+    player.evaluate("harmolabPlayer.pause()")
+
+
+# A rater in a browser
+
+N = 4
+WAIT = 20_000  # milliseconds
+FRAME = "iframe[title^=Dance]"
+STUDY = "iframe[title='Listening study']"
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return planted_dance(seconds=5.0)
+
+
+def trials_of(kind: str) -> TrialSet:
+    items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(N)]
+    return make_trials(items, kind=kind, n=N, seed=1, rater="Ada")
+
+
+@pytest.fixture(params=["pick", "choice"])
+def asked(request: pytest.FixtureRequest, clip: Clip, tmp_path: Path) -> Iterator[tuple[str, TrialSet, AnswerLog]]:
+    """Address of a study, its trials and its log."""
+    trials, log = trials_of(request.param), AnswerLog(tmp_path / "answers.jsonl")
+    shown = blind_page(clip.audio, [clip.motion] * (1 if request.param == "pick" else 2))
+    with StudyServer(trials, log, lambda trial: shown).running() as address:
+        yield address, trials, log
+
+
+def at_address(chromium: Any, address: str, viewport: dict[str, int] = WIDE) -> Any:
+    """The page; `page.faults` collects errors and requests to elsewhere."""
+    page = chromium.new_page(viewport=viewport)
+    page.faults = []
+    page.on("pageerror", lambda error: page.faults.append(str(error)))
+    page.on("console", lambda message: page.faults.append(message.text) if message.type == "error" else None)
+    page.on("request", lambda request: page.faults.append(request.url) if is_elsewhere(request.url, address) else None)
+    page.goto(address)
+    return page
+
+
+def is_elsewhere(url: str, address: str) -> bool:
+    return url.startswith("http") and not url.startswith(address)
+
+
+def player_in(page: Any) -> Any:
+    """The frame of the player, ready."""
+    page.locator(FRAME).scroll_into_view_if_needed(timeout=WAIT)  # it is loaded when it comes into view
+    page.frame_locator(FRAME).locator("#play").wait_for(timeout=WAIT)
+    frame = page.locator(FRAME).element_handle().content_frame()
+    frame.wait_for_function("window.harmolabPlayer", timeout=WAIT)
+    frame.evaluate("harmolabPlayer.ready")
+    return frame
+
+
+def stage_picture(frame: Any) -> str:
+    return frame.eval_on_selector(".stage", "canvas => canvas.toDataURL()")
+
+
+def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[str, TrialSet, AnswerLog]) -> None:
+    address, trials, log = asked
+    page = at_address(chromium, address)
+    for number in range(1, N + 1):
+        page.get_by_text(f"Trial {number} of {N}").wait_for(timeout=WAIT)
+        frame = player_in(page)
+        before = stage_picture(frame)
+        frame.click("#play")
+        frame.wait_for_function("harmolabPlayer.time() > 0.3", timeout=WAIT)
+        assert stage_picture(frame) != before
+        if number == 3:
+            page.reload()
+            page.get_by_text(f"Trial 3 of {N}").wait_for(timeout=WAIT)
+        page.get_by_role("button", name=trials.choices[number % 2], exact=True).click()
+        page.get_by_text(f"Trial {number + 1} of {N}" if number < N else "Thank you").wait_for(timeout=WAIT)
+        assert [answer.trial for answer in log.read().answers] == [one.id for one in trials.trials[:number]]
+    assert [answer.choice for answer in log.read().answers] == [trials.choices[number % 2] for number in (1, 2, 3, 4)]
+    assert page.faults == []
+    page.close()
+
+
+@pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])
+def test_question_player_and_answers_fit_on_one_screen(
+    chromium: Any, asked: tuple[str, TrialSet, AnswerLog], viewport: dict[str, int]
+) -> None:
+    page = at_address(chromium, asked[0], viewport)
+    frame = player_in(page)
+    page.wait_for_function("document.querySelector('iframe').contentDocument.documentElement.scrollHeight <= "
+                           "document.querySelector('iframe').clientHeight", timeout=WAIT)  # fmt: skip
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    assert page.evaluate("document.documentElement.scrollHeight") <= viewport["height"]
+    assert frame.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    heights = page.eval_on_selector_all("form button", "buttons => buttons.map(button => button.clientHeight)")
+    assert min(heights) >= 44  # for a thumb
+    page.close()
+
+
+def test_keys_play_and_seek_in_the_player(chromium: Any, asked: tuple[str, TrialSet, AnswerLog]) -> None:
+    page = at_address(chromium, asked[0])
+    frame = player_in(page)
+    frame.focus(".stage")
+    page.keyboard.press("ArrowRight")
+    frame.wait_for_function("Math.abs(harmolabPlayer.time() - 1) < 0.05", timeout=WAIT)
+    page.keyboard.press(" ")
+    frame.wait_for_function("harmolabPlayer.time() > 1.3", timeout=WAIT)
+    page.keyboard.press(" ")
+    frame.wait_for_function("document.querySelector('#play').textContent === 'Play'", timeout=WAIT)
+    assert page.faults == []
+    page.close()
+
+
+CELL = """from pathlib import Path
+import harmolab
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.trials import Item, make_trials
+from harmolab.lab.listening.local_page import StudyServer
+from harmolab.lab.player import blind_page
+clip = harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
+items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
+trials = make_trials(items, kind="pick", n=4, seed=1, rater="Ada")
+page = blind_page(clip.audio, [clip.motion])
+StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: page).start()"""
+
+
+def test_page_framed_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, tmp_path: Path) -> None:
+    (tmp_path / "lab").mkdir()
+    with running_jupyterlab(tmp_path / "lab", written(tmp_path / "study.ipynb", CELL)) as address:
+        tab = started(address, chromium, WIDE)
+        log = AnswerLog(tmp_path / "lab" / "work" / "answers.jsonl")
+        for number in range(1, N + 1):
+            tab.locator(STUDY).scroll_into_view_if_needed(timeout=120_000)  # it is loaded when it comes into view
+            study = tab.locator(STUDY).element_handle().content_frame()
+            study.get_by_text(f"Trial {number} of {N}").wait_for(timeout=WAIT)
+            frame = player_in(study)
+            frame.click("#play")
+            frame.wait_for_function("harmolabPlayer.time() > 0.3", timeout=WAIT)
+            assert frame.evaluate("document.documentElement.scrollHeight <= innerHeight")
+            study.get_by_role("button", name="inharmonious", exact=True).click()
+            study.get_by_text(f"Trial {number + 1} of {N}" if number < N else "Thank you").wait_for(timeout=WAIT)
+            assert len(log.read().answers) == number
+        tab.close()
+    assert {answer.choice for answer in log.read().answers} == {"inharmonious"}
+
+
+# A person at the tap page
+
+PERIOD = 0.6  # seconds: 100 beats a minute
+
+
+@pytest.fixture
+def kept() -> list[TappedBeats]:
+    return []
+
+
+@pytest.fixture
+def address(click_track: Callable[..., Audio], kept: list[TappedBeats], tmp_path: Path) -> Iterator[str]:
+    audio = click_track(60 / PERIOD, seconds=30.0)
+
+    def save(taps: np.ndarray, ones: np.ndarray) -> str:
+        kept.append(tapped_beats(audio, taps, ones, meter=3))
+        return "Kept."
+
+    with TapServer("song.wav", audio, save).running() as address:
+        yield address
+
+
+def at_beat(page: Any, beat: int) -> None:
+    """Wait until the song plays this beat."""
+    page.wait_for_function(f"harmolabTaps.sound.currentTime >= {beat * PERIOD}", polling=5, timeout=WAIT)
+
+
+def ready(page: Any) -> None:
+    page.get_by_text("Ready.").wait_for(timeout=WAIT)
+
+
+def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, kept: list[TappedBeats]) -> None:
+    page = at_address(chromium, address)
+    ready(page)
+    page.keyboard.press("p")
+    for beat in range(2, 16):
+        at_beat(page, beat)
+        page.keyboard.press("Enter" if beat % 6 == 2 else "1" if beat % 6 == 5 else " ")
+    assert page.evaluate("harmolabTaps.tempo()") == pytest.approx(100, rel=0.05)
+    assert page.locator("#count").inner_text() == "14 taps, 5 of them ONE"
+    page.keyboard.press("s")
+    page.get_by_text("Kept. You can close this page.").wait_for(timeout=WAIT)
+    track = kept[0].track
+    assert track.tempo == pytest.approx(100, rel=0.01)
+    assert len(track) >= 49
+    assert track.bar_places[np.abs(track.times - 2 * PERIOD).argmin()] == 0
+    assert page.faults == []
+    page.close()
+
+
+def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
+    chromium: Any, address: str, kept: list[TappedBeats]
+) -> None:
+    page = at_address(chromium, address, PHONE)
+    ready(page)
+    page.click("#tap")
+    page.get_by_text("Play the song first").wait_for(timeout=WAIT)
+    page.click("#play")
+    for beat in (1, 2, 3, 4, 4, 5, 7, 9, 10, 12):
+        at_beat(page, beat)
+        page.click("#one" if beat == 4 else "#tap")
+    page.evaluate("harmolabTaps.taps().push(99)")
+    page.click("#save")
+    page.get_by_text("Not saved: taps must lie in the song").wait_for(timeout=WAIT)
+    page.evaluate("harmolabTaps.taps().pop()")
+    page.click("#save")
+    page.get_by_text("Kept.").wait_for(timeout=WAIT)
+    assert kept[0].track.tempo == pytest.approx(100, rel=0.01)
+    assert [fault for fault in page.faults if "400" not in fault] == []
+    page.close()
+
+
+def test_starting_again_forgets_all_taps(chromium: Any, address: str) -> None:
+    page = at_address(chromium, address)
+    ready(page)
+    page.keyboard.press("p")
+    at_beat(page, 1)
+    page.keyboard.press(" ")
+    page.keyboard.press("r")
+    assert page.evaluate("[harmolabTaps.taps().length, harmolabTaps.sound.currentTime]") == [0, 0]
+    assert page.locator("#save").is_disabled()
+    page.close()
+
+
+@pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])
+def test_all_fits_on_one_screen_with_pads_for_thumbs(chromium: Any, address: str, viewport: dict[str, int]) -> None:
+    page = at_address(chromium, address, viewport)
+    ready(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    assert page.evaluate("document.documentElement.scrollHeight") <= viewport["height"]
+    heights = page.eval_on_selector_all("button", "buttons => buttons.map(button => button.clientHeight)")
+    assert min(heights) >= 44
+    assert max(heights) >= 200
+    page.close()

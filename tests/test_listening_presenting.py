@@ -1,20 +1,28 @@
-"""A rater answers on a local page, or in its frame in a notebook; each answer is on disk before the next trial."""
+"""Local pages: a rater answers, a person taps the beats of a song; each answer is on disk before the next trial."""
 
 import html
 import http.client
+import io
+import json
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
+from urllib.request import urlopen
 
+import numpy as np
 import pytest
-from jupyter_client.manager import start_new_kernel
+import soundfile
 
+from harmolab.beats.audio import with_clicks
 from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.local_page import StudyServer
+from harmolab.lab.listening.local_page import StudyServer, TapServer
 from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
+from harmolab.readers.beats import tap_grid, tapped_beats
+from harmolab.types import Audio
+from tests.builders import cases, refused, track
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 
@@ -31,25 +39,6 @@ def log(tmp_path: Path) -> AnswerLog:
 
 def shown(trial: Trial) -> str:
     return f"<b>{trial.id}</b>"
-
-
-def framed_page(server: StudyServer) -> str:
-    """The page in the frame that a notebook shows."""
-    return html.unescape(re.search(r' srcdoc="([^"]*)"', server._repr_html_())[1])
-
-
-def test_notebook_frames_the_trial_and_its_buttons_send_answers_to_the_server(trials: TrialSet, log: AnswerLog):
-    server = StudyServer(trials, log, shown).start()
-    for number, trial in enumerate(trials.trials, 1):
-        page = framed_page(server)
-        assert f"Trial {number} of 4" in page
-        assert html.escape(f"<b>{trial.id}</b>") in page
-        assert re.findall(r'name="choice" value="(\w+)"', page) == list(trials.choices)
-        action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
-        assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
-        assert len(log.read().answers) == number
-    assert "Thank you" in framed_page(server)
-    server.stop()
 
 
 @pytest.fixture
@@ -70,16 +59,21 @@ def ask(address: str, method: str, form: object = None, *, path: str | None = No
         connection.close()
 
 
-def test_page_asks_every_trial_and_saves_every_answer(address: str, trials: TrialSet, log: AnswerLog):
-    assert urlsplit(address).hostname == "127.0.0.1"
+def test_page_and_frame_in_a_notebook_ask_every_trial_and_each_answer_is_on_disk(trials: TrialSet, log: AnswerLog):
+    server = StudyServer(trials, log, shown).start()
+    assert urlsplit(server.address).hostname == "127.0.0.1"
     for number, trial in enumerate(trials.trials, 1):
-        status, page = ask(address, "GET")
+        status, page = ask(server.address, "GET")
         assert status == 200
-        assert f"Trial {number} of 4" in page
+        assert html.unescape(re.search(r' srcdoc="([^"]*)"', server._repr_html_())[1]) == page
+        assert f"Trial {number} of 4" in page and html.escape(f"<b>{trial.id}</b>") in page
         assert f'name="trial" value="{trial.id}"' in page
-        assert ask(address, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
+        assert re.findall(r'name="choice" value="(\w+)"', page) == list(trials.choices)
+        action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
+        assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
         assert len(log.read().answers) == number
-    assert "Thank you" in ask(address, "GET")[1]
+    assert "Thank you" in ask(server.address, "GET")[1]
+    server.stop()
 
 
 def test_page_sent_twice_changes_nothing(address: str, trials: TrialSet, log: AnswerLog):
@@ -103,17 +97,15 @@ def test_hostile_forms_are_refused(address: str, trials: TrialSet, log: AnswerLo
     assert log.read().answers == ()
 
 
-def test_damaged_answer_file_is_said_on_the_page(address: str, log: AnswerLog):
+def test_damaged_answer_file_is_said_on_the_page_and_the_answer_asked_again(
+    address: str, trials: TrialSet, log: AnswerLog
+):
+    form = {"trial": trials.trials[0].id, "choice": "harmonious"}
     log.path.write_text("<no answers>\n")
     status, page = ask(address, "GET")
     assert status == 500
     assert "<no answers>" not in page
     assert "line 1 is not an answer: b'<no answers>'" in html.unescape(page)
-
-
-def test_answer_that_cannot_be_written_is_said_and_asked_again(address: str, trials: TrialSet, log: AnswerLog):
-    form = {"trial": trials.trials[0].id, "choice": "harmonious"}
-    log.path.write_text("<no answers>\n")
     status, page = ask(address, "POST", form)
     assert status == 400
     assert "The answer was not saved" in page
@@ -153,38 +145,179 @@ def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
     assert capfd.readouterr().err == ""
 
 
-PRESENT = """
-from pathlib import Path
-from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.local_page import StudyServer
-from harmolab.lab.listening.trials import Item, make_trials
-clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
-trials = make_trials(clips, kind="pick", n=4, seed=1, rater="Ada")
-server = StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: trial.id).start()
-Path("address").write_text(server.address)
-server
-"""
+# The page on which a song is tapped
+
+Saved = list[tuple[list[float], list[float]]]
 
 
-@pytest.mark.slow  # processes
-def test_killed_kernel_loses_no_answer_and_the_notebook_goes_on_where_it_was(
-    tmp_path: Path, trials: TrialSet, log: AnswerLog
-):
-    manager, client = start_new_kernel(cwd=str(tmp_path))
-    try:
-        client.execute(PRESENT, reply=True, timeout=60)
-        address = (tmp_path / "address").read_text()
-        for trial, choice in zip(trials.trials, trials.choices, strict=False):
-            assert ask(address, "POST", {"trial": trial.id, "choice": choice})[0] == 303
-        client.stop_channels()
-        manager.shutdown_kernel(now=True)  # SIGKILL
-    finally:
-        client.stop_channels()
-        if manager.is_alive():
-            manager.shutdown_kernel(now=True)
-    assert [(answer.trial, answer.choice) for answer in log.read().answers] == [
-        (trials.trials[0].id, "harmonious"),
-        (trials.trials[1].id, "inharmonious"),
-    ]
-    with StudyServer(trials, log, shown).running() as address:
-        assert html.escape(f"<b>{trials.trials[2].id}</b>") in ask(address, "GET")[1]
+@pytest.fixture
+def saved() -> Saved:
+    return []
+
+
+@pytest.fixture
+def server(click_track: Callable[..., Audio], saved: Saved) -> Iterator[TapServer]:
+    def save(taps: np.ndarray, ones: np.ndarray) -> str:
+        if not taps.size:
+            raise ValueError("0 taps are too few")
+        saved.append((taps.tolist(), ones.tolist()))
+        return "kept <all>"
+
+    server = TapServer("<song> & co", click_track(120, seconds=2.0), save)
+    with server.running():
+        yield server
+
+
+def test_page_plays_the_song_and_names_it(server: TapServer, click_track: Callable[..., Audio]):
+    status, page = ask(server.address, "GET")
+    assert status == 200
+    assert "&lt;song&gt; &amp; co" in page
+    assert "http" not in page.replace(server.address, "")
+    with urlopen(f"{server.address}sound.wav", timeout=10) as reply:
+        samples, rate = soundfile.read(io.BytesIO(reply.read()))
+    assert rate == 22050
+    np.testing.assert_allclose(samples, click_track(120, seconds=2.0).samples, atol=1e-4)
+
+
+def test_taps_are_handed_on_and_the_answer_comes_back(server: TapServer, saved: Saved):
+    assert not server.finished.is_set()
+    assert ask(server.address, "POST", json.dumps({"taps": [0.5, 1.0], "ones": [1.0]})) == (200, "kept <all>")
+    assert saved == [([0.5, 1.0], [1.0])]
+    assert server.finished.wait(10)
+
+
+@cases(
+    "body, fault",
+    (json.dumps({"taps": [], "ones": []}), "0 taps are too few"),
+    (json.dumps({"taps": [0.5]}), "ones must"),
+    (json.dumps({"taps": [["x"]], "ones": []}), "taps must be numbers"),
+    ("[]", "taps come as a record"),
+    ("{", "Expecting property name"),
+    ("[" * 200_000, "lists within lists"),
+)
+def test_what_is_no_taps_is_refused_and_the_person_may_go_on(server: TapServer, saved: Saved, body: str, fault: str):
+    status, text = ask(server.address, "POST", body)
+    assert status == 400
+    assert fault in text
+    assert saved == []
+    assert not server.finished.is_set()
+
+
+def test_a_body_that_is_announced_too_long_is_refused_unread(server: TapServer, saved: Saved):
+    parts = urlsplit(server.address)
+    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)
+    connection.putrequest("POST", parts.path)
+    connection.putheader("Content-Length", str(TapServer.most_bytes + 1))
+    connection.endheaders()
+    reply = connection.getresponse()
+    assert (reply.status, reply.read()) == (400, b"at most 1048576 bytes are taken")
+    connection.close()
+    assert saved == []
+
+
+@pytest.mark.parametrize("path", ["/", "/sound.wav", "//", "/x/sound.wav"])
+def test_other_addresses_hold_nothing(server: TapServer, saved: Saved, path: str):
+    assert ask(server.address, "GET", path=path)[0] == 404
+    assert ask(server.address, "POST", json.dumps({"taps": [1], "ones": []}), path=path)[0] == 404
+    assert ask(server.address, "GET", path=f"{server.path}other")[0] == 404
+    assert ask(server.address, "POST", "{}", path=f"{server.path}sound.wav")[0] == 404
+    assert saved == []
+
+
+# Taps of a person
+
+Clicks = Callable[..., Audio]
+NOTHING = np.zeros(0)
+
+
+def sloppy(beats: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Taps with a jitter of 25 ms, one in eight missed, some double."""
+    taps = beats + rng.normal(0, 0.025, beats.size)
+    taps = taps[rng.random(beats.size) > 1 / 8]
+    return np.sort(np.concatenate([taps, taps[::7] + 0.07]))
+
+
+@pytest.mark.parametrize("tempo", [62.0, 118.3, 190.0])
+def test_sloppy_taps_give_their_tempo_and_phase(tempo: float, rng: np.random.Generator):
+    beats = 3.21 + 60 / tempo * np.arange(40)
+    grid = tap_grid(sloppy(beats, rng))
+    assert 60 / grid.period == pytest.approx(tempo, rel=0.005)
+    assert np.abs(grid.deviations(beats)).max() < 0.03
+
+
+def test_a_pause_of_half_a_minute_between_taps_does_no_harm(rng: np.random.Generator):
+    beats = 0.4 + 0.5 * np.concatenate([np.arange(20), np.arange(80, 100)])
+    assert tap_grid(beats + rng.normal(0, 0.02, beats.size)).period == pytest.approx(0.5, abs=2e-4)
+
+
+def test_a_key_that_counts_every_tap_twice_does_no_harm(rng: np.random.Generator):
+    taps = 0.4 + 0.5 * np.arange(30) + rng.normal(0, 0.02, 30)
+    for delay in (1e-9, 0.03, 0.1):
+        assert tap_grid(np.concatenate([taps, taps + delay])).period == pytest.approx(0.5, abs=2e-3)
+
+
+@cases(
+    "taps, fault",
+    (np.arange(7) * 0.5, "7 taps are too few; tap 8 beats or more"),
+    (np.ones(20), "1 taps are too few"),
+    (np.cumsum([0.3, 0.9, 0.5, 1.4, 0.35, 0.8, 1.1, 0.45, 0.6, 1.3, 0.7, 0.4]), "keep no steady tempo"),
+)
+def test_taps_that_keep_no_tempo_are_refused(taps: np.ndarray, fault: str):
+    refused(fault, tap_grid, taps)
+
+
+def test_taps_to_a_part_become_beats_of_the_whole_song_where_it_sounds(click_track: Clicks, rng: np.random.Generator):
+    # Clicks of 113 a minute for a minute, tapped for ten seconds, 40 ms late; silence at both ends has no beats.
+    clicks = click_track(113, seconds=60.0).samples
+    audio = Audio(np.concatenate([np.zeros(22050), clicks, np.zeros(3 * 22050)]), 22050)
+    beats = 1.0 + 60 / 113 * np.arange(113)
+    result = tapped_beats(audio, sloppy(beats[30:50], rng) + 0.04, beats[[33, 36]] + 0.04, meter=3)
+    assert len(result.track) == 113
+    assert np.abs(result.track.times - beats).max() < 0.02
+    assert result.track.bar_places.tolist() == (np.arange(113) % 3).tolist()
+    assert result.track.quality is None
+    assert result.remark == ""
+
+
+def test_taps_between_the_beats_of_the_sound_stay_there_and_it_is_said(click_track: Clicks):
+    result = tapped_beats(click_track(120, seconds=30.0), 5.2 + 0.5 * np.arange(20), NOTHING)
+    assert np.median(np.mod(result.track.times, 0.5)) == pytest.approx(0.2, abs=0.02)
+    assert "ms after the sound's own beats and were left there" in result.remark
+    assert result.track.bar_places is None
+
+
+def test_where_no_grid_is_heard_the_taps_alone_count_and_it_is_said(rng: np.random.Generator):
+    result = tapped_beats(Audio(0.1 * rng.normal(size=30 * 22050), 22050), 5.2 + 0.61 * np.arange(20), NOTHING)
+    np.testing.assert_allclose(result.track.times, np.arange(0.32, 30.0, 0.61), atol=0.01)
+    assert "far from your taps the beats may drift" in result.remark
+
+
+def test_ones_that_disagree_are_outvoted_and_it_is_said(click_track: Clicks):
+    beats = 0.5 * np.arange(8, 40)
+    result = tapped_beats(click_track(120, seconds=30.0), beats, beats[[2, 6, 10, 15]], meter=4)
+    assert result.track.bar_places[np.abs(result.track.times - beats[2]).argmin()] == 0
+    assert '3 of 4 "ones" agree on where a bar of 4 beats begins.' in result.remark
+
+
+@cases(
+    "taps, ones, meter, fault",
+    ([1.0, 99.0], [], 4, "taps must lie in the song, between 0 and 10.0 s"),
+    ([1.0, float("nan")], [], 4, "taps must lie in the song"),
+    ([1.0], [-1.0], 4, "ones must lie in the song"),
+    ([0.5] * 20_001, [], 4, "20001 taps are more than 20000"),
+    ([1.0], [], 0, "a bar has 1 to 32 beats, got 0"),
+    ([[1.0]], [], 4, "taps must have shape"),
+)
+def test_impossible_taps_are_refused(click_track: Clicks, taps: list, ones: list, meter: int, fault: str):
+    refused(fault, tapped_beats, click_track(120), np.array(taps), np.array(ones), meter=meter)
+
+
+def test_clicks_lie_on_the_beats_and_are_higher_on_one():
+    silent = Audio(np.zeros(22050), 22050)
+    samples = with_clicks(silent, track([0.25, 0.5, 0.99], duration=1.0, bar_places=[0, 1, 0])).samples
+    sounding = np.flatnonzero(np.abs(samples) > 1e-3)
+    assert np.abs(sounding[0] / 22050 - 0.25) < 1e-3
+    assert not ((sounding > 0.29 * 22050) & (sounding < 0.5 * 22050)).any()
+    crossings = [np.count_nonzero(np.diff(np.sign(samples[start : start + 600]))) for start in (5513, 11025)]
+    assert crossings[0] > 1.4 * crossings[1]
+    np.testing.assert_array_equal(silent.samples, 0)

@@ -1,7 +1,8 @@
-"""The player in a browser: the sound is its clock, and the picture follows."""
+"""The player in a browser: the sound is its clock, and its script draws the person that Python draws."""
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,20 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from harmolab.beats.visual import visual_beats
-from harmolab.lab.player import Dancer, Player
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import PAPER_21, TANG_23
+from harmolab.lab.person import hulls, person_discs, shadow_outline, stage_of
+from harmolab.lab.player import Dancer, Player, page_motion
 from harmolab.lab.report.pages import NotebookRun, write_pages
+from harmolab.musician.avatar import avatar
 from harmolab.params import HarmonyParams
+from harmolab.readers.keypoints import COCO_17
+from harmolab.readers.player_points import PLAYER_50
+from harmolab.readers.smpl import SMPL_24
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
-from tests.builders import planted_dance
+from tests.builders import planted_dance, track
+from tests.test_render import standing
 
 pytestmark = pytest.mark.browser
 
@@ -56,6 +65,12 @@ def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE) -> Any:
 def page(chromium: Any, saved: Path) -> Iterator[Any]:
     page = opened(chromium, saved)
     yield page
+    assert page.faults == []
+    page.close()
+
+
+def closed(page: Any) -> None:
+    """Closes a page that had no fault."""
     assert page.faults == []
     page.close()
 
@@ -279,8 +294,7 @@ def test_nothing_is_wider_than_the_screen(
     page.evaluate("harmolabPlayer.seek(4)")
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     assert page.locator(".stage").count() == len(names)
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 @pytest.mark.parametrize("sandbox", ["", ' sandbox="allow-scripts"'], ids=["free", "sandboxed"])
@@ -326,8 +340,7 @@ def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, sa
     assert page.is_visible("#silent")
     page.click("#play")
     wait_until(page, "harmolabPlayer.time() > 0.3")
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) -> None:
@@ -345,8 +358,7 @@ def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) 
         }""",
     )
     assert min(inked) > 200  # head and arms above, legs below
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromium: Any, clip: Clip, tmp_path: Path):
@@ -363,3 +375,225 @@ def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromi
         page.close()
     assert captions["judged"] == f"one: {judged.score.judgement.verdict}"
     assert captions["counted"].endswith("beats met")
+
+
+# The person, and buttons and keys
+
+COMMAND = "harmolab render 'a song.mp3' dance.bvh --out dance.mp4"
+MIXAMO = Skeleton(
+    (
+        "mixamorig:Hips", "Spine", "Neck", "Head", "LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand",
+        "RightShoulder", "RightArm", "RightForeArm", "RightHand", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase",
+        "RightUpLeg", "RightLeg", "RightFoot", "RightToeBase",
+    ),
+    (-1, 0, 1, 2, 1, 4, 5, 6, 1, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18),
+)  # fmt: skip
+BODIES = {
+    "21 joints": (PAPER_21, 3), "23 joints": (TANG_23, 3), "SMPL": (SMPL_24, 3), "BVH": (MIXAMO, 3),
+    "picture": (COCO_17, 2), "musician": (PLAYER_50, 2), "no names": (Skeleton(("a", "b", "c"), (-1, 0, 1)), 3),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def barred() -> Clip:
+    """A synthetic dance of 15 s whose beats are in bars of four, the third of them "one"; two of them missed."""
+    clip = planted_dance(seconds=15.0)
+    places = (np.arange(len(clip.beats)) - 2) % 4
+    return replace(clip, beats=track(clip.beats.times, duration=clip.beats.duration, bar_places=places))
+
+
+def barred_dancer(barred: Clip, motion: Motion | None = None, name: str = "one") -> Dancer:
+    motion = motion or barred.motion
+    return Dancer(name, motion, score_motion(barred.beats, motion, params=HarmonyParams.valleys()))
+
+
+@pytest.fixture(scope="module")
+def pair(barred: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    late = Motion(np.roll(barred.motion.positions, 17, axis=0), barred.motion.fps, barred.motion.skeleton)
+    path = tmp_path_factory.mktemp("person") / "player.html"
+    dancers = [barred_dancer(barred), barred_dancer(barred, late, "other")]
+    Player(barred.audio, dancers, music=barred.beats, title="A cha-cha, synthetic", command=COMMAND).save(path)
+    return path
+
+
+@pytest.fixture
+def pair_page(chromium: Any, pair: Path) -> Iterator[Any]:
+    page = opened(chromium, pair)
+    yield page
+    closed(page)
+
+
+def moving(skeleton: Skeleton, axes: int) -> Motion:
+    """The standing body, swaying and waving each joint a little, by a fixed seed."""
+    rng, frames = np.random.default_rng(1), np.arange(90) / 30
+    pose = standing(skeleton, axes)[:1]
+    phase = rng.uniform(0, 6, pose.shape)
+    size = 0.08 if axes == 3 else 8.0
+    wave = size * np.sin(2 * np.pi * 0.7 * frames[:, None, None] + phase)
+    return Motion(pose + wave + 2 * size * frames[:, None, None] * np.eye(axes)[0], 30.0, skeleton)
+
+
+@pytest.mark.parametrize("name", [*BODIES, "avatar"])
+def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, barred: Clip, tmp_path: Path) -> None:
+    if name == "avatar":
+        from study.experiments.player_in_space import player_in_space
+
+        motion = avatar(player_in_space("violin", seconds=2.0).points, "violin")
+    else:
+        motion = moving(*BODIES[name])
+    Player(barred.audio, [barred_dancer(barred, motion)], music=barred.beats, title="x").save(tmp_path / "x.html")
+    page = opened(chromium, tmp_path / "x.html")
+    stage = stage_of(page_motion(motion))
+    camera, positions = stage.camera(480, 640), stage.turned(stage.positions)
+    for frame in (0, 20, 41):
+        drawn = page.evaluate(
+            """at => {
+              const size = { width: 640, height: 480 }, dancer = dancers[0], points = pointsAt(dancer, at);
+              const camera = cameraOf(dancer, at, size, points), parts = figureOf(dancer, camera, points);
+              const shadow = shadowOf(dancer, camera, points).map(([x, y]) => [x, y]);
+              return { discs: parts.map(part => part.discs), hulls: parts.map(part => hull(part.discs)), shadow };
+            }""",
+            frame,
+        )
+        only, pose = slice(frame, frame + 1), positions[frame : frame + 1]
+        discs = person_discs(stage.plan, camera, pose, only)
+        assert len(drawn["discs"]) == len(stage.plan.parts)
+        for part, shown in enumerate(drawn["discs"]):
+            expected = np.concatenate([discs.centres[0, part], discs.radii[0, part, :, None]], axis=1)[: len(shown)]
+            np.testing.assert_allclose(shown, expected, atol=0.3)
+        np.testing.assert_allclose(drawn["hulls"], hulls(discs.centres, discs.radii)[0], atol=0.5)
+        np.testing.assert_allclose(drawn["shadow"], shadow_outline(stage.plan, camera, pose, only)[0], atol=0.5)
+    closed(page)
+
+
+def test_mirror_swaps_the_sides_of_the_picture(pair_page: Any) -> None:
+    plain, mirrored = pair_page.evaluate(
+        """[0, 1].map(() => {
+          const points = pointsAt(dancers[0], 3), camera = cameraOf(dancers[0], 3, { width: 600, height: 400 }, points);
+          document.getElementById("mirror").click();
+          return camera.project(points[5])[0];
+        })"""
+    )
+    assert abs(plain - 300) > 5
+    assert plain - 300 == pytest.approx(300 - mirrored)
+
+
+def test_follow_keeps_the_hips_in_the_middle(pair_page: Any) -> None:
+    pair_page.keyboard.press("h")
+    assert pair_page.get_attribute("#follow", "aria-pressed") == "true"
+    off = pair_page.evaluate(
+        """[0, 100, 300].map(at => { const dancer = dancers[0], points = pointsAt(dancer, at);
+          const camera = cameraOf(dancer, at, { width: 600, height: 400 }, points);
+          return camera.project(blend(dancer.hips, points))[0] - 300; })"""
+    )
+    np.testing.assert_allclose(off, 0.0, atol=1e-6)
+
+
+def test_overlay_draws_the_second_dancer_pale_behind_the_first(pair_page: Any) -> None:
+    first = pair_page.locator(".stage").first
+    alone = first.evaluate("canvas => canvas.toDataURL()")
+    pair_page.keyboard.press("o")
+    assert first.evaluate("canvas => canvas.toDataURL()") != alone
+    assert [pair_page.locator(".stage").nth(n).is_visible() for n in (0, 1)] == [True, False]
+    assert "other (pale)" in pair_page.locator("figcaption").nth(1).text_content()
+    pair_page.click("#overlay")
+    assert pair_page.locator(".stage").nth(1).is_visible()
+
+
+def test_next_miss_goes_through_the_misses_and_round(pair_page: Any) -> None:
+    misses = pair_page.evaluate("dancers.flatMap(dancer => dancer.misses).sort((a, b) => a - b)")
+    assert len(misses) >= 2
+    pair_page.evaluate("harmolabPlayer.seek(0)")
+    visited = []
+    for _ in range(len(set(misses)) + 1):
+        pair_page.keyboard.press("n")
+        visited.append(audio_time(pair_page))
+    ahead = sorted({miss for miss in misses if miss > 0.02})
+    np.testing.assert_allclose(visited[: len(ahead)], ahead, atol=0.01)
+    assert visited[len(ahead)] == pytest.approx(misses[0], abs=0.01)
+
+
+def test_a_click_into_the_overview_goes_there_and_the_window_follows(pair_page: Any) -> None:
+    box = pair_page.locator("#overview").bounding_box()
+    pair_page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 5)
+    assert audio_time(pair_page) == pytest.approx(12.0, abs=0.05)
+    start, width = pair_page.evaluate("[view.from, span()]")
+    assert start <= 12.0 <= start + width
+
+
+def test_count_is_that_of_the_bars_and_clicks_are_higher_on_one(pair_page: Any, barred: Clip) -> None:
+    counts = pair_page.evaluate("data.music.map(beat => [beat.count, beat.bar])")
+    assert counts[:7] == [[3, 0], [4, 0], [1, 1], [2, 1], [3, 1], [4, 1], [1, 2]]
+    plain = pair_page.locator(".stage").first.evaluate("canvas => canvas.toDataURL()")
+    pair_page.evaluate(
+        "void (addClicks = (samples, times, pitch) => (window.clicked ??= []).push([pitch, times.length]))"
+    )
+    pair_page.keyboard.press("c")
+    wait_until(pair_page, "window.clicked && window.clicked.length === 2")
+    ones = sum(count == 1 for count, _ in counts)
+    assert pair_page.evaluate("window.clicked") == [[2400, ones], [1200, len(counts) - ones]]
+    pair_page.evaluate(f"harmolabPlayer.seek({barred.beats.times[2] + 0.05})")
+    assert pair_page.locator(".stage").first.evaluate("canvas => canvas.toDataURL()") != plain
+
+
+def test_voice_of_this_machine_speaks_the_count(pair_page: Any) -> None:
+    pair_page.evaluate(
+        """() => {
+          window.words = [];
+          window.SpeechSynthesisUtterance = function (text) { this.text = text; };
+          const voices = [{ localService: false, lang: "en-GB" }, { localService: true, lang: "en-US" }];
+          speechSynthesis.getVoices = () => voices;
+          const noted = word => [word.text, word.voice.localService, harmolabPlayer.time()];
+          speechSynthesis.speak = word => window.words.push(noted(word));
+        }"""
+    )
+    pair_page.keyboard.press("c")
+    pair_page.evaluate("harmolabPlayer.play()")
+    wait_until(pair_page, "window.words.length >= 5")
+    beats = pair_page.evaluate("data.music.map(beat => [beat.time, String(beat.count)])")
+    for word, is_local, moment in pair_page.evaluate("window.words"):
+        assert is_local
+        assert word in [count for time, count in beats if -0.25 < time - moment < 0.15]  # a slow machine draws late
+
+
+def test_one_spike_does_not_flatten_the_curve(pair_page: Any) -> None:
+    high, low = pair_page.evaluate(
+        """(() => {
+          const speeds = Float32Array.from({ length: 1000 }, (_, i) => 1 + Math.sin(i)), top = scaleOf(speeds);
+          speeds[400] = 500;
+          return [scaleOf(speeds), top];
+        })()"""
+    )
+    assert high == pytest.approx(low, rel=0.05) and 1.9 < high < 2.2
+
+
+def test_command_of_the_video_is_shown_and_copied(pair_page: Any) -> None:
+    pair_page.click("text=Save as a video")
+    assert pair_page.text_content("#command") == COMMAND
+    pair_page.click("#copy")
+    assert pair_page.evaluate("getSelection().toString()") == COMMAND
+    assert pair_page.text_content("#copy") == "copied"
+
+
+def test_full_screen_fills_the_screen_with_the_picture(pair_page: Any) -> None:
+    before = pair_page.locator(".stage").first.bounding_box()
+    pair_page.click("#full")
+    wait_until(pair_page, "document.fullscreenElement && document.fullscreenElement.id === 'show'")
+    pair_page.wait_for_timeout(300)
+    after = pair_page.locator(".stage").first.bounding_box()
+    assert after["width"] * after["height"] > 1.2 * before["width"] * before["height"]
+    assert pair_page.evaluate("document.getElementById('play').getBoundingClientRect().bottom <= innerHeight")
+    pair_page.click("#full")
+    wait_until(pair_page, "!document.fullscreenElement")
+
+
+def test_a_finger_hits_every_control_of_a_phone(chromium: Any, pair: Path) -> None:
+    page = opened(chromium, pair, PHONE)
+    small = page.evaluate(
+        """[...document.querySelectorAll("button, label, summary, #seek")].filter(each => each.offsetParent)
+          .map(each => [each.textContent, each.getBoundingClientRect()])
+          .filter(([, box]) => box.width < 44 || box.height < 44).map(([text, box]) => [text, box.width, box.height])"""
+    )
+    assert small == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    page.close()

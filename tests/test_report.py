@@ -1,13 +1,16 @@
-"""The report: what it says about notebooks that run and notebooks that fail, and that it needs no network."""
+"""The report and the site: what they say about notebooks, and that they need no network."""
 
 import base64
+import importlib
 import json
-import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 import nbformat
 import pandas as pd
@@ -97,28 +100,18 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path,
     root = tmp_path_factory.mktemp("report")
     (root / "notebooks").mkdir()
     parameters = "from study import RunProfile\nprofile = RunProfile.from_env()"
-    write_notebook(
-        root / "notebooks" / "00_good.ipynb",
-        GOOD,
-        parameters,
-        FIGURE,
-        PLOTS,
-        PLOTS,
-        TABLE,
-        LAB,
-        paper=("Fig. 1", "Table 1"),
-    )
-    write_notebook(
-        root / "notebooks" / "01_bad.ipynb", "# Bad", "1", "raise KeyError('planted fault')", paper=("Fig. 2",)
-    )
+    good, bad = (root / "notebooks" / f"{name}.ipynb" for name in ("00_good", "01_bad"))
+    write_notebook(good, GOOD, parameters, FIGURE, PLOTS, PLOTS, TABLE, LAB, paper=("Fig. 1", "Table 1"))
+    write_notebook(bad, "# Bad", "1", "raise KeyError('planted fault')", paper=("Fig. 2",))
     folders = ["--notebooks", root / "notebooks", "--out", root / "out", "--figures", root / "figures"]
     code = report.main([str(part) for part in folders])
     yield code, root / "out", root / "figures"
 
 
 @pytest.mark.slow
-def test_report_with_a_failing_notebook_is_written_and_names_cell_and_error(built):
-    code, out, _ = built
+def test_report_with_a_failing_notebook_is_written_names_cell_and_error_and_publishes_nothing(built):
+    code, out, figures = built
+    assert not figures.exists()
     index = (out / "index.html").read_text()
     assert code == 1
     assert "1 of 2 notebooks failed" in index
@@ -161,49 +154,49 @@ def test_index_lists_figures_tables_and_where_the_data_came_from(built):
 
 @pytest.mark.slow
 def test_index_tells_the_state_of_every_item_of_the_paper(built):
-    _, out, _ = built
-    rows = re.findall(r"<td>((?:Fig\.|Table) \d+)</td><td>[^<]*</td>\s*<td><span class=\"(\w+)\"", index_text(out))
-    states = dict(rows)
+    index = (built[1] / "index.html").read_text()
+    states = dict(re.findall(r"<td>((?:Fig\.|Table) \d+)</td><td>[^<]*</td>\s*<td><span class=\"(\w+)\"", index))
     assert list(states) == [f"Fig. {n}" for n in range(1, 15)] + ["Table 1", "Table 2"]
     assert {item for item, state in states.items() if state == "built"} == {"Fig. 1", "Table 1"}
     assert {item for item, state in states.items() if state == "failed"} == {"Fig. 2"}
 
 
-def index_text(out: Path) -> str:
-    return (out / "index.html").read_text()
+def page_of(folder: Path, text: str, *cells: nbformat.NotebookNode) -> str:
+    """The page of a notebook with this text and these executed cells."""
+    (folder / "figures").mkdir(exist_ok=True)
+    write_pages(folder, [run_of(text, (), cells=cells)], "quick")
+    return (folder / "03_beats.html").read_text()
 
 
-@pytest.mark.slow
-def test_figures_are_not_published_when_a_notebook_failed(built):
-    _, _, figures = built
-    assert not figures.exists()
+def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    async def run(path: Path, variables: dict[str, str], timeout: float) -> NotebookRun:
+        assert variables["HARMOLAB_PROFILE"] == "full"
+        write_picture(Path(variables["HARMOLAB_FIGURES"]), "fig01", source="synthetic")
+        return run_of("# Good", (), stem=path.stem)
 
-
-@pytest.mark.slow
-def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(tmp_path: Path):
-    (tmp_path / "notebooks").mkdir()
-    parameters = "from study import RunProfile\nprofile = RunProfile.from_env()"
-    write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good", parameters, FIGURE)
-    (tmp_path / "out").mkdir()
+    monkeypatch.setattr(report, "_run", run)
+    for folder in ("notebooks", "out", "figures"):
+        (tmp_path / folder).mkdir()
+    write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good")
     (tmp_path / "out" / "index.html").write_text(report.MARK)
     (tmp_path / "out" / "old.html").write_text("from an earlier run")
-    (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "old.png").write_text("from an earlier run")
     (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {}}')
     arguments = {"profile": "full", "figures": tmp_path / "figures", "progress": False}
     assert report.build(tmp_path / "notebooks", tmp_path / "out", **arguments).failures == ()
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["00_good.html", "figures", "index.html"]
     assert sorted(file.name for file in (tmp_path / "figures").iterdir()) == ["fig01.png", "manifest.json"]
-    entry = json.loads((tmp_path / "figures" / "manifest.json").read_text())["fig01.png"]
-    assert (entry["profile"], entry["source"], entry["notebook"]) == ("full", "synthetic", "00_good.ipynb")
+    assert [*json.loads((tmp_path / "figures" / "manifest.json").read_text())] == ["fig01.png"]
     assert not list(tmp_path.glob(".out-*"))
 
 
 @pytest.mark.slow
 def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
     write_notebook(tmp_path / "00_slow.ipynb", "# Slow", "1", "import time", "time.sleep(600)")
-    run = report.run_notebook(tmp_path / "00_slow.ipynb", timeout=2)
-    assert run.error == "code cell 3: still running after 2 s"
+    run = report.run_notebook(tmp_path / "00_slow.ipynb", timeout=1)
+    assert run.error == "code cell 3: still running after 1 s"
     assert run.seconds < 60
 
 
@@ -211,12 +204,12 @@ def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
 def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(
     arguments: tuple[str, ...], seconds: float, monkeypatch: pytest.MonkeyPatch
 ):
-    given = {}
-    monkeypatch.setattr(
-        report, "build", lambda **options: given.update(options) or report.Report(Path("index.html"), ())
-    )
+    def build(*, timeout: float, **_: object) -> report.Report:
+        assert timeout == seconds
+        return report.Report(Path("index.html"), ())
+
+    monkeypatch.setattr(report, "build", build)
     assert report.main(arguments) == 0
-    assert given["timeout"] == seconds
 
 
 def test_folder_that_holds_something_else_is_not_replaced(tmp_path: Path):
@@ -245,13 +238,14 @@ def test_title_is_the_first_heading_without_its_number():
 def test_item_that_one_of_two_notebooks_builds_counts_as_built(tmp_path: Path):
     (tmp_path / "figures").mkdir()
     write_pages(tmp_path, [run_of("# a", ("Fig. 8",)), run_of("# b", ("Fig. 8",), error="code cell 1: no")], "quick")
-    assert re.search(r"<td>Fig. 8</td>.*?class=\"(\w+)\"", index_text(tmp_path), flags=re.DOTALL)[1] == "built"
+    index = (tmp_path / "index.html").read_text()
+    assert re.search(r"<td>Fig. 8</td>.*?class=\"(\w+)\"", index, flags=re.DOTALL)[1] == "built"
 
 
-def test_equation_that_cannot_be_drawn_is_shown_as_its_source(tmp_path: Path):
-    (tmp_path / "figures").mkdir()
-    write_pages(tmp_path, [run_of("$$ \\left( a < b $$", ())], "quick")
-    assert "<code> \\left( a &lt; b </code>" in (tmp_path / "03_beats.html").read_text()
+def test_equation_that_cannot_be_drawn_is_shown_as_its_source_and_aligned_ones_keep_their_columns(tmp_path: Path):
+    assert "<code> \\left( a &lt; b </code>" in page_of(tmp_path, "$$ \\left( a < b $$")
+    page = page_of(tmp_path, "$$ \\begin{aligned} a &= b \\\\ c &= d \\end{aligned} $$")
+    assert (page.count("<mtr>"), page.count("<mi>&")) == (2, 0)
 
 
 def test_picture_of_a_quick_run_stands_beside_the_committed_one_with_both_labels(tmp_path: Path):
@@ -270,9 +264,8 @@ def test_picture_of_a_quick_run_stands_beside_the_committed_one_with_both_labels
     ]
     assert shown[1][1].startswith("data:image/png;base64,")
     assert "saved a.png" not in page
-    assert (tmp_path / "out" / "figures" / "full" / "a.png").read_bytes() == (
-        tmp_path / "committed" / "a.png"
-    ).read_bytes()
+    copy = tmp_path / "out" / "figures" / "full" / "a.png"
+    assert copy.read_bytes() == (tmp_path / "committed" / "a.png").read_bytes()
 
 
 def test_report_of_the_full_profile_has_its_own_pictures_alone(tmp_path: Path):
@@ -287,9 +280,8 @@ def test_report_of_the_full_profile_has_its_own_pictures_alone(tmp_path: Path):
 def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp_path: Path):
     names = ("a.png", "b.png", "c.png")
     pngs = [write_picture(tmp_path / "figures", name[0], source="synthetic") for name in names]
-    run = run_of("# 03 Beats", (), cells=(cell_with(pngs[-1], saved=names),))
-    write_pages(tmp_path, [run], "quick")
-    assert re.findall(r'<img alt="The &lt;(\w)&gt;', (tmp_path / "03_beats.html").read_text()) == ["a", "b", "c"]
+    page = page_of(tmp_path, "# 03 Beats", cell_with(pngs[-1], saved=names))
+    assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
 
 
 def test_pages_follow_one_another_in_story_order(tmp_path: Path):
@@ -305,7 +297,7 @@ def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     assert 'rel="prev"' not in first
     assert '<a href="04_next.html">on</a>' in first
     assert "Next:" not in first
-    index = index_text(tmp_path)
+    index = (tmp_path / "index.html").read_text()
     assert re.findall(r"<h2>([^<]+)</h2>", index) == ["the score", "the generator"]
     assert "<strong>3 of 4 &lt;b&gt;.</strong>" in index
 
@@ -332,41 +324,36 @@ def test_corpora_are_named_as_people_know_them():
 
 
 def test_cell_of_a_table_that_holds_no_number_is_a_dash(tmp_path: Path):
-    (tmp_path / "figures").mkdir()
     table = pd.DataFrame({"low": [float("nan")], "high": [0.5]}).to_html()
     output = new_output("display_data", {"text/html": table})
-    write_pages(tmp_path, [run_of("# a", (), cells=(new_code_cell("table", outputs=[output]),))], "quick")
-    page = (tmp_path / "03_beats.html").read_text()
+    page = page_of(tmp_path, "# a", new_code_cell("table", outputs=[output]))
     assert "<td>–</td>" in page
     assert "<td>0.5</td>" in page
 
 
-def test_aligned_equations_keep_their_columns(tmp_path: Path):
-    (tmp_path / "figures").mkdir()
-    write_pages(tmp_path, [run_of("$$ \\begin{aligned} a &= b \\\\ c &= d \\end{aligned} $$", ())], "quick")
-    page = (tmp_path / "03_beats.html").read_text()
-    assert page.count("<mtr>") == 2
-    assert "<mi>&" not in page
-
-
-def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(tmp_path: Path, monkeypatch):
+@pytest.fixture
+def save(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., saving.Saved]:
+    """`save_figure` of a quick run into the test's own folder."""
     monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
-    facts = {"notebook": "00", "profile": RunProfile.quick()}
+    return partial(saving.save_figure, notebook="00_x.ipynb", profile=RunProfile.quick())
+
+
+def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(save: Callable[..., saving.Saved]):
     planted, recorded = Figure(), Figure()
-    saving.save_figure(planted, "a", source="Synthetic cha-cha", **facts)
-    saving.save_figure(planted, "b", source="Synthetic cha-cha", **facts)
-    saving.save_figure(recorded, "c", source="tang2018", **facts)
+    save(planted, "a", source="Synthetic cha-cha")
+    save(planted, "b", source="Synthetic cha-cha")
+    save(recorded, "c", source="tang2018")
     assert [text.get_text() for text in planted.texts] == ["synthetic data"]
     assert [text.get_text() for text in recorded.texts] == []
 
 
-def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
-    facts = {"notebook": "00", "profile": RunProfile.quick(), "source": "tang2018"}
-    bundle = saving.save_figure(Figure(), "a", **facts)._repr_mimebundle_()
+def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(
+    tmp_path: Path, save: Callable[..., saving.Saved]
+):
+    bundle = save(Figure(), "a", source="tang2018")._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == (tmp_path / "a.png").read_bytes()
     figure = pyplot.figure()
-    assert saving.save_figure(figure, "b", **facts)._repr_mimebundle_() == {"text/plain": "saved b.png"}
+    assert save(figure, "b", source="tang2018")._repr_mimebundle_() == {"text/plain": "saved b.png"}
     pyplot.close(figure)
 
 
@@ -379,43 +366,29 @@ def test_style_holds_inside_the_block_and_leaves_everything_else_alone():
     pyplot.rcParams["interactive"] = False
 
 
-def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
-    facts = {"notebook": "00", "profile": RunProfile.quick(), "source": "tang2018"}
+def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, save: Callable[..., saving.Saved]):
     for name in "ab":
         figure = Figure()
         figure.subplots().plot([0, 1])
-        saving.save_figure(figure, name, **facts)
+        save(figure, name, source="tang2018")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, save: Callable[..., saving.Saved]):
     for name, source in [("a", "one"), ("b", "two"), ("a", "three")]:
-        saving.save_figure(Figure(), name, notebook="00_x.ipynb", source=source, profile=RunProfile.quick(), seed=0)
+        save(Figure(), name, source=source, seed=0)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {name: entry["source"] for name, entry in manifest.items()} == {"a.png": "three", "b.png": "two"}
     assert manifest["a.png"]["seed"] == 0
     assert sorted(file.name for file in tmp_path.glob("[!.]*")) == ["a.png", "b.png", "manifest.json"]
 
 
-SAVE_TWENTY = """
-import sys
-from matplotlib.figure import Figure
-from study.profile import RunProfile
-from study.saving import save_figure
-for number in range(20):
-    name = f"{sys.argv[1]}{number}"
-    save_figure(Figure(figsize=(1, 1)), name, notebook="00", source="planted", profile=RunProfile.quick())
-"""
-
-
-@pytest.mark.slow  # processes
-def test_notebooks_that_save_at_the_same_time_lose_no_entry(tmp_path: Path):
-    environment = {**os.environ, "HARMOLAB_FIGURES": str(tmp_path)}
-    commands = [[sys.executable, "-c", SAVE_TWENTY, name] for name in "ab"]
-    processes = [subprocess.Popen(command, env=environment) for command in commands]
-    assert [process.wait() for process in processes] == [0, 0]
+@pytest.mark.usefixtures("save")
+def test_what_is_saved_at_the_same_time_loses_no_entry(tmp_path: Path):
+    facts = {"notebook": "00", "source": "planted", "profile": RunProfile.quick()}
+    table = pd.DataFrame({"score": [1.0]})
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda number: saving.save_table(table, f"table{number}", **facts), range(40)))
     assert len(json.loads((tmp_path / "manifest.json").read_text())) == 40
 
 
@@ -432,9 +405,8 @@ def test_picture_that_cannot_be_written_names_its_path_and_the_fault(tmp_path: P
 
 
 @pytest.mark.parametrize("name", ["", "../a", "a/b", ".hidden"])
-def test_figure_name_that_is_no_plain_file_name_is_refused(name: str):
-    with pytest.raises(ValueError, match="plain file name"):
-        saving.save_figure(Figure(), name, notebook="00", source="x", profile=RunProfile.quick())
+def test_figure_name_that_is_no_plain_file_name_is_refused(save: Callable[..., saving.Saved], name: str):
+    refused("plain file name", save, Figure(), name, source="x")
 
 
 def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeypatch):
@@ -451,9 +423,8 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
 def test_code_and_full_run_are_switched_without_a_network(tmp_path: Path, chromium):
     png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic", inches=9.0)
     write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
-    plumbing = new_code_cell(
-        "settings", outputs=[new_output("stream", text="plumbed")], metadata={"tags": ["plumbing"]}
-    )
+    plumbed = [new_output("stream", text="plumbed")]
+    plumbing = new_code_cell("settings", outputs=plumbed, metadata={"tags": ["plumbing"]})
     run = run_of("# 03 Beats", (), cells=(plumbing, cell_with(png, saved=("a.png",))))
     write_pages(tmp_path / "out", [run], "quick", committed=tmp_path / "committed")
     tab = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}).new_page()
@@ -486,3 +457,71 @@ def test_report_opens_offline_with_every_picture_in_place(built, chromium):
         assert all(width > 100 for width in widths), page.name
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
     assert any(url.endswith("fig01.png") for url in asked)
+
+
+# The site of `make docs`
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+pytest.importorskip("sphinx")
+
+
+@pytest.fixture
+def extension(monkeypatch: pytest.MonkeyPatch):
+    """Import one of the modules behind the site, by its name."""
+    monkeypatch.syspath_prepend(str(DOCS / "extensions"))
+
+    def imported(name: str) -> ModuleType:
+        return importlib.import_module(name)
+
+    return imported
+
+
+def test_every_page_is_in_the_list_of_pages():
+    listed = re.findall(r"^([a-z_]+)$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert sorted(listed) == sorted(path.stem for path in DOCS.glob("*.md") if path.stem != "index")
+
+
+def test_every_public_name_is_on_one_page_of_the_reference(extension):
+    reference = extension("api_pages")
+    for facade in reference.FACADES:
+        areas = reference.public_names(facade)
+        names = [name for area in areas.values() for name in area]
+        assert sorted(names) == sorted(set(importlib.import_module(facade).__all__) - {"__version__"})
+        assert set(areas) <= set(reference.AREAS), "an area without a title"
+
+
+def test_every_notebook_has_a_card_with_its_finding_and_a_picture(extension):
+    cards = extension("gallery_pages").gallery()["cards.inc"]
+    for path in (ROOT / "notebooks").glob("[0-9]*.ipynb"):
+        text = cards.partition(f":link: generated/gallery/{path.stem}\n")[2].partition("\n:::\n")[0]
+        assert (DOCS / re.search(r":img-top: (\S+)", text)[1]).exists()
+        assert len(text.splitlines()[-1]) > 40, f"{path.name} says nothing"
+
+
+def test_links_beside_the_docs_lead_to_a_page_or_are_text(extension, monkeypatch: pytest.MonkeyPatch):
+    links = extension("repository_links")
+    monkeypatch.setattr(links, "repository", lambda: "")
+    assert links.site_link("rows", "../benchmarks/rows") == "`benchmarks/rows`"
+    assert links.site_link("the notice", "../a/NOTICE") == "the notice (`a/NOTICE`)"
+    assert links.site_link("card", "../x/MODEL_CARD.md") == "[card](model_cards.md)"
+    monkeypatch.setattr(links, "repository", lambda: "https://example.org/h")
+    assert links.site_link("rows", "../benchmarks/rows") == "[rows](https://example.org/h/blob/main/benchmarks/rows)"
+
+
+def test_bars_and_underscores_of_a_docstring_are_no_references(extension):
+    lines = ["the |x| of `a|b` and name_, not mir_eval", ">>> a | b"]
+    extension("api_pages").escape_prose(None, "function", "f", None, None, lines)
+    assert lines == ["the \\|x\\| of `a|b` and name\\_, not mir_eval", ">>> a | b"]
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path):
+    site = tmp_path / "site"
+    command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", str(DOCS), str(site)]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 60
+    for page in pages:
+        sources = re.findall(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"([^\"]+)\"", page.read_text("utf-8"))
+        assert [source for source in sources if re.match(r"(?:https?:)?//", source)] == [], page.name

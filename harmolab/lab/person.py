@@ -25,17 +25,15 @@ from harmolab.types import FloatArray, IntArray, Motion
 
 # Left and right differ in lightness and between blue and yellow, which eyes without red or green tell apart; neither is
 # a colour of beats, hits or misses.
-PAINTS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
-    {
-        "left": (63, 58, 140),
-        "right": (222, 110, 38),
-        "body": (104, 110, 120),
-        "head": (104, 110, 120),
-        "assumed": (190, 193, 198),
-        "stick": (34, 38, 46),
-        "prop": (110, 68, 36),
-    }
-)
+PAINTS: Mapping[str, tuple[int, int, int]] = {
+    "left": (63, 58, 140),
+    "right": (222, 110, 38),
+    "body": (104, 110, 120),
+    "head": (104, 110, 120),
+    "assumed": (190, 193, 198),
+    "stick": (34, 38, 46),
+    "prop": (110, 68, 36),
+}
 OUTLINES = ("body", "head", "assumed")  # paints of parts that stay open where another figure lies under them
 TRUNK = ("lshoulder", "rshoulder", "rhip", "lhip")
 TRUNK_LENGTH, SHOULDERS_APART = 0.288, 0.258
@@ -90,7 +88,8 @@ class BodyPlan:
 def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
     """The plan of a motion with positions (T, J, 3) metres, y up, or (T, J, 2) image coordinates."""
     count = len(skeleton.joints)
-    named, names = _body_joints(skeleton), skeletons.sides_and_parts(skeleton)
+    # Joints of the body's points by name, fingers and props left out.
+    named, names = point_joints(skeleton) if skeleton.bones else {}, skeletons.sides_and_parts(skeleton)
     trunk = [named[point] for point in TRUNK] if set(TRUNK) <= named.keys() else []
     stature = _stature(positions, trunk)
     points = [np.eye(count)]
@@ -110,11 +109,6 @@ def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
     hips = np.eye(count)[trunk[2:]].mean(axis=0) if trunk else np.full(count, 1 / count)
     is_prop = np.array([name in PROPS for name in skeleton.joints])
     return BodyPlan(np.concatenate(points), tuple(parts), stature, hips, np.where(is_prop, 0.0, 1.0))
-
-
-def _body_joints(skeleton: skeletons.Skeleton) -> dict[str, int]:
-    """Joints of the body's points by name, fingers and props left out."""
-    return {} if not skeleton.bones else point_joints(skeleton)
 
 
 def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
@@ -204,20 +198,15 @@ def _skull_joints(names: Names) -> list[int]:
 
 def _skull(skeleton: skeletons.Skeleton, names: Names) -> FloatArray:
     """(0 or 1, J): the middle of the joints of the head."""
-    skull = _skull_joints(names) if skeleton.bones else []
-    return (
-        np.eye(len(skeleton.joints))[skull].mean(axis=0, keepdims=True)
-        if skull
-        else np.zeros((0, len(skeleton.joints)))
-    )
+    joints, skull = np.eye(len(names)), _skull_joints(names) if skeleton.bones else []
+    return joints[skull].mean(axis=0, keepdims=True) if skull else joints[:0]
 
 
 def _upper_body(
     positions: FloatArray, names: Names, trunk: Sequence[int], stature: float
 ) -> tuple[FloatArray, list[Part]]:
     """Shoulders' middle, chin, crown and the trunk's corners as (7, J) points, and the parts made of them."""
-    count = len(names)
-    joints = np.eye(count)
+    joints = np.eye(len(names))
     shoulders, hips = joints[trunk[:2]].mean(axis=0), joints[trunk[2:]].mean(axis=0)
     head = _head(names)
     if head is None:
@@ -225,10 +214,11 @@ def _upper_body(
     else:
         length = float(np.median(np.linalg.norm(np.einsum("j,tjd->td", head - shoulders, positions), axis=-1)))
         way = (head - shoulders) / HEAD_UP * np.clip(HEAD_UP * stature / max(length, 1e-9), *HEAD_STRETCH)
-    corners = [joints[joint] + INWARDS * (joints[other] - joints[joint]) for joint, other in _across(trunk)]
-    corners[:2] = [corner + DOWN * (hips - shoulders) for corner in corners[:2]]
+    left, right, right_hip, left_hip = trunk
+    corners = joints[trunk] + INWARDS * (joints[[right, left, left_hip, right_hip]] - joints[trunk])
+    corners[:2] += DOWN * (hips - shoulders)
     points = np.stack([shoulders, shoulders + CHIN[0] * way, shoulders + CROWN[0] * way, *corners])
-    neck, chin, crown, *inside = range(count, count + len(points))
+    neck, chin, crown, *inside = range(len(names), len(names) + len(points))
     paint = "head" if head is not None else "assumed"
     return points, [
         Part(tuple(inside), (CHEST,) * 2 + (PELVIS,) * 2, "body"),
@@ -237,18 +227,11 @@ def _upper_body(
     ]
 
 
-def _across(trunk: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Each corner joint of the trunk with the one on the other side."""
-    left, right, right_hip, left_hip = trunk
-    yield from ((left, right), (right, left), (right_hip, left_hip), (left_hip, right_hip))
-
-
 def _head(names: Names) -> FloatArray | None:
     """(J,) weights of the middle of the head: of the ears, else of joints called head, else of the face."""
     skull = _skull_joints(names)
-    parts = {joint: names[joint][1] for joint in skull}
-    ears = [joint for joint in skull if parts[joint] == "ear"]
-    heads = [joint for joint in skull if "head" in parts[joint]]
+    ears = [joint for joint in skull if names[joint][1] == "ear"]
+    heads = [joint for joint in skull if "head" in names[joint][1]]
     middle = ears if len(ears) == 2 else heads or skull
     return np.eye(len(names))[middle].mean(axis=0) if middle else None
 

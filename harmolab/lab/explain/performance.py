@@ -459,10 +459,7 @@ class OwnDance:
             "verdict": self.verdict,
             "remarks": list(self.remarks),
             "words": list(self.words.sentences),
-            "findings": [
-                {"kind": one.kind, "sentence": one.sentence, "value": one.value, "interval": one.interval}
-                for one in self.words.findings
-            ],
+            "findings": [vars(one) for one in self.words.findings],
             "offset": {"text": str(self.placement), **vars(self.placement)},
             "harmony_above_chance": self.score.harmony_above_chance,
             "interval": self.score.interval,
@@ -556,10 +553,8 @@ def film_readings(song: PathLike, film: PathLike, **settings: Any) -> pd.DataFra
     -------
     DataFrame, a row for `BODY` and `FLOW`: "verdict" (or the reason why there is none), "how sure", "offset".
     """
-    rows = (
-        {BODY: _reading(song, film, by_flow=False, **settings)} if pose_environment() else {BODY: {"verdict": ABSENT}}
-    )
-    rows[FLOW] = _reading(song, film, by_flow=True, **settings)
+    by_body = _reading(song, film, by_flow=False, **settings) if pose_environment() else {"verdict": ABSENT}
+    rows = {BODY: by_body, FLOW: _reading(song, film, by_flow=True, **settings)}
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS)).rename_axis("read").fillna("")
 
 

@@ -26,18 +26,16 @@ from harmolab.types import BeatTrack, FloatArray, Motion
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})
-MARK_LOOKS: Mapping[str, dict[str, Any]] = MappingProxyType(
-    {
-        name: {
-            "linestyle": "none", "marker": MARKERS[name], "markersize": size, "markerfacecolor": "none",
-            "markeredgecolor": COLOURS[name], "markeredgewidth": width,
-        }
-        for name, size, width in (("hit", 9, 2.0), ("miss", 8, 2.2))
+MARK_LOOKS: Mapping[str, dict[str, Any]] = {
+    name: {
+        "linestyle": "none", "marker": MARKERS[name], "markersize": size, "markerfacecolor": "none",
+        "markeredgecolor": COLOURS[name], "markeredgewidth": width,
     }
-)  # fmt: skip
-SPARE_LOOK: Mapping[str, Any] = MappingProxyType(
-    {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": COLOURS["chance"], "zorder": 4}
-)  # of visual beats that no music beat claims
+    for name, size, width in (("hit", 9, 2.0), ("miss", 8, 2.2))
+}  # fmt: skip
+SPARE_LOOK: Mapping[str, Any] = {  # of visual beats that no music beat claims
+    "linestyle": "none", "marker": "o", "markersize": 3.5, "color": COLOURS["chance"], "zorder": 4,
+}  # fmt: skip
 ROW_SECONDS = 15.0  # of a row of the picture of a score
 ROOM = 1.3  # a unit stem ends at 1; the marks need some space beyond
 

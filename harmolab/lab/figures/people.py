@@ -107,7 +107,8 @@ def draw_poses(
     stage = figure_stage(motion, turn, tallest)
     shades = [GHOSTS[-min(len(trail) - place, len(GHOSTS))] for place in range(len(trail))]
     for moment, level in zip(moments, levels, strict=True):
-        frames = np.array([_frame_at(motion, moment - age) for age in (*trail, 0.0)])
+        seconds = moment - np.array([*trail, 0.0])
+        frames = np.clip(np.rint(seconds * motion.fps), 0, motion.n_frames - 1).astype(np.int64)
         middle = middles_of(stage.positions[frames[-1:]])
         *ghosts, (person, _) = stage_shapes(posed(stage, frames, middle.repeat(len(frames), axis=0)), height)
         box = DrawingArea(height, height, clip=False)
@@ -142,7 +143,3 @@ def pose_row(motion: Motion, *, count: int = 9) -> Figure:
         ax.set(xticks=times, xticklabels=[f"{time:.2f} s" for time in times])
         ax.tick_params(axis="x", labelbottom=True)
     return figure
-
-
-def _frame_at(motion: Motion, moment: float) -> int:
-    return int(np.clip(round(moment * motion.fps), 0, motion.n_frames - 1))

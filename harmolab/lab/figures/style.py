@@ -31,29 +31,27 @@ COLOURS = MappingProxyType(
 # Colour is never the only cue.
 MARKERS = MappingProxyType({"audio": "|", "visual": "^", "hit": "o", "miss": "x"})
 
-STYLE: Mapping[Any, Any] = MappingProxyType(
-    {
-        "figure.figsize": (8.0, 4.5),
-        "figure.dpi": 100,
-        "figure.constrained_layout.use": True,
-        "savefig.dpi": 150,
-        "savefig.bbox": "tight",
-        "font.size": 10,
-        "axes.titlesize": 11,
-        "axes.titlelocation": "left",
-        "axes.titley": 1.0,  # a fixed place: searching for a free one takes a fifth of the drawing time
-        "axes.labelcolor": COLOURS["ink"],
-        "axes.edgecolor": COLOURS["ink"],
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.prop_cycle": cycler(
-            color=[COLOURS["audio"], COLOURS["visual"], "#009E73", "#CC79A7", "#56B4E9", COLOURS["ink"]]
-        ),
-        "grid.color": COLOURS["faint"],
-        "legend.frameon": False,
-        "lines.linewidth": 1.5,
-    }
-)
+STYLE: Mapping[Any, Any] = {
+    "figure.figsize": (8.0, 4.5),
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 150,
+    "savefig.bbox": "tight",
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # a fixed place: searching for a free one takes a fifth of the drawing time
+    "axes.labelcolor": COLOURS["ink"],
+    "axes.edgecolor": COLOURS["ink"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(
+        color=[COLOURS["audio"], COLOURS["visual"], "#009E73", "#CC79A7", "#56B4E9", COLOURS["ink"]]
+    ),
+    "grid.color": COLOURS["faint"],
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+}
 
 
 @contextmanager

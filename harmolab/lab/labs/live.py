@@ -30,9 +30,11 @@ from harmolab.verdict.judge import music_and_motion
 
 # Settings of a lab: the fields of `HarmonyParams` that its controls stand for, and the line to copy.
 
-MODES = MappingProxyType(
-    {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
-)
+MODES: Mapping[str, HarmonyParams] = {
+    "paper": HarmonyParams.paper(),
+    "recommended": HarmonyParams.recommended(),
+    "valleys": HarmonyParams.valleys(),
+}
 
 # Fields of HarmonyParams by the names of their controls, if these differ.
 FIELDS = MappingProxyType({"lambda1": "audio_threshold", "lambda2": "visual_threshold", "delay": "reaction_delay"})
@@ -117,29 +119,25 @@ def has_front_end() -> bool:
 
 # The settings that each formula of the labs' script reads. The script refuses to read any other, and Python a lab with
 # a control that none of its formulas reads.
-READS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "detector": ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe"),
-        "salient music": ("lambda1", "normalisation", "saliency"),
-        "salient dance": ("lambda2", "saliency", "visual_saliency", "first_beat"),
-        "hits": ("delay", "lag", "beta", "matching"),
-        "place": ("lag", "beta"),
-        "verdict": ("lag",),
-        "meter": ("beats", "every", "first", "error"),
-        "corpus": ("late", "score", "clip"),
-    }
-)
+READS: Mapping[str, tuple[str, ...]] = {
+    "detector": ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe"),
+    "salient music": ("lambda1", "normalisation", "saliency"),
+    "salient dance": ("lambda2", "saliency", "visual_saliency", "first_beat"),
+    "hits": ("delay", "lag", "beta", "matching"),
+    "place": ("lag", "beta"),
+    "verdict": ("lag",),
+    "meter": ("beats", "every", "first", "error"),
+    "corpus": ("late", "score", "clip"),
+}
 HITS = ("salient music", "salient dance", "hits")
 # Kind of lab -> measure of its mode -> the formulas at work.
-FORMULAS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "scoring": {"hits": ("detector", *HITS), "shape": ("verdict",)},
-        "saliency": {"hits": HITS[:2]},
-        "detector": {"hits": ("detector",)},
-        "meter": {"hits": ("salient music", "meter")},
-        "corpus": {"hits": (*HITS, "corpus"), "shape": ("place", "corpus")},
-    }
-)
+FORMULAS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "scoring": {"hits": ("detector", *HITS), "shape": ("verdict",)},
+    "saliency": {"hits": HITS[:2]},
+    "detector": {"hits": ("detector",)},
+    "meter": {"hits": ("salient music", "meter")},
+    "corpus": {"hits": (*HITS, "corpus"), "shape": ("place", "corpus")},
+}
 
 
 @dataclass(frozen=True)
@@ -181,15 +179,13 @@ class Menu:
 
 
 # Controls of each lab, in the order of its page; some have more, which depend on its data.
-LABS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "scoring": ("delay", "lag", "lambda1", "lambda2", "beta", "mode", "detector", "matching"),
-        "saliency": ("lambda1", "lambda2", "normalisation", "saliency", "visual_saliency", "first_beat"),
-        "detector": ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe"),
-        "meter": ("lambda1", "every", "first", "error"),
-        "corpus": ("late", "delay", "lambda1", "lambda2", "beta", "lag"),
-    }
-)
+LABS: Mapping[str, tuple[str, ...]] = {
+    "scoring": ("delay", "lag", "lambda1", "lambda2", "beta", "mode", "detector", "matching"),
+    "saliency": ("lambda1", "lambda2", "normalisation", "saliency", "visual_saliency", "first_beat"),
+    "detector": ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe"),
+    "meter": ("lambda1", "every", "first", "error"),
+    "corpus": ("late", "delay", "lambda1", "lambda2", "beta", "lag"),
+}
 
 MODE = {
     "paper": "the paper's: turns of speed within 0.25 s",
@@ -199,56 +195,50 @@ MODE = {
 RATES = {None: "as recorded", 60.0: "60", 30.0: "30", 25.0: "25", 15.0: "15", 10.0: "10"}
 POSITION_SMOOTHINGS = {0.0: "not at all", **{step / 20: f"{step / 20:.2f} s" for step in range(1, 7)}}
 LAG = Slider("expect the dance later by", "lag", -0.4, 0.4, 0.02, "s")
-CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
-    {
-        "mode": Menu("way to score", "mode", MODE),
-        "detector": Menu(
-            "movements are",
-            "detector",
-            {
-                "turns": "turns of the speed (fast and slow)",
-                "valleys": "slowest moments",
-                "peaks": "fastest moments",
-                "direction": "changes of direction",
-            },
-        ),
-        "matching": Menu(
-            "one movement may serve", "matching", {"many": "several music beats", "nearest": "one music beat, in turn"}
-        ),
-        "delay": Slider("together means within", "T_delay", 0.0, 0.5, 0.01, "s"),
-        "lambda1": Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD"),
-        "lambda2": Slider("ignore small movements", "λ2", 0.0, 6.0, 0.1, "SD"),
-        "beta": Slider("weigh missed beats", "β", 0.25, 4.0, 0.25, "×"),
-        "lag": LAG,
-        "normalisation": Menu(
-            "strength of a beat",
-            "normalisation",
-            {"max": "of the largest", "mean": "of the mean", "raw": "as measured"},
-        ),
-        "saliency": Menu(
-            "threshold",
-            "Eq. 11, 13",
-            {"threshold": "λ standard deviations", "literal": "as printed: one SD, whatever λ"},
-        ),
-        "visual_saliency": Menu(
-            "a movement is large by its", "Eq. 13", {"difference": "step from the one before", "strength": "speed"}
-        ),
-        "fps": Menu("frames a second", "fps", RATES),
-        "plateau": Menu(
-            "a flat top counts",
-            "Eq. 9",
-            {"last": "at its end", "middle": "at its middle", "literal": "not at all, as printed"},
-        ),
-        "smoothing": Slider("smooth the curve over", "σ", 0.0, 0.3, 0.01, "s"),
-        "position_smoothing": Menu("smooth the positions first, over", "σ", POSITION_SMOOTHINGS),
-        "subframe": Menu("beats lie", "subframe", {False: "on frames", True: "between frames"}),
-        "first_beat": Menu("the first movement", "Eq. 12", {"copy": "has the second's step", "drop": "is left out"}),
-        "late": Slider("wrong music comes later by", "late", 0.0, 1.0, 0.05, "beats"),
-        "every": Slider("take one beat of every", "n", 1.0, 4.0, 1.0),
-        "first": Slider("leave out at the start", "beats", 0.0, 7.0, 1.0),
-        "error": Slider("measure each strength wrongly by", "error", 0.0, 1.0, 0.05, "SD"),
-    }
-)
+CONTROLS: Mapping[str, Slider | Menu] = {
+    "mode": Menu("way to score", "mode", MODE),
+    "detector": Menu(
+        "movements are",
+        "detector",
+        {
+            "turns": "turns of the speed (fast and slow)",
+            "valleys": "slowest moments",
+            "peaks": "fastest moments",
+            "direction": "changes of direction",
+        },
+    ),
+    "matching": Menu(
+        "one movement may serve", "matching", {"many": "several music beats", "nearest": "one music beat, in turn"}
+    ),
+    "delay": Slider("together means within", "T_delay", 0.0, 0.5, 0.01, "s"),
+    "lambda1": Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD"),
+    "lambda2": Slider("ignore small movements", "λ2", 0.0, 6.0, 0.1, "SD"),
+    "beta": Slider("weigh missed beats", "β", 0.25, 4.0, 0.25, "×"),
+    "lag": LAG,
+    "normalisation": Menu(
+        "strength of a beat", "normalisation", {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
+    ),
+    "saliency": Menu(
+        "threshold", "Eq. 11, 13", {"threshold": "λ standard deviations", "literal": "as printed: one SD, whatever λ"}
+    ),
+    "visual_saliency": Menu(
+        "a movement is large by its", "Eq. 13", {"difference": "step from the one before", "strength": "speed"}
+    ),
+    "fps": Menu("frames a second", "fps", RATES),
+    "plateau": Menu(
+        "a flat top counts",
+        "Eq. 9",
+        {"last": "at its end", "middle": "at its middle", "literal": "not at all, as printed"},
+    ),
+    "smoothing": Slider("smooth the curve over", "σ", 0.0, 0.3, 0.01, "s"),
+    "position_smoothing": Menu("smooth the positions first, over", "σ", POSITION_SMOOTHINGS),
+    "subframe": Menu("beats lie", "subframe", {False: "on frames", True: "between frames"}),
+    "first_beat": Menu("the first movement", "Eq. 12", {"copy": "has the second's step", "drop": "is left out"}),
+    "late": Slider("wrong music comes later by", "late", 0.0, 1.0, 0.05, "beats"),
+    "every": Slider("take one beat of every", "n", 1.0, 4.0, 1.0),
+    "first": Slider("leave out at the start", "beats", 0.0, 7.0, 1.0),
+    "error": Slider("measure each strength wrongly by", "error", 0.0, 1.0, 0.05, "SD"),
+}
 
 
 def lab_controls(kind: str) -> dict[str, Slider | Menu]:
@@ -535,7 +525,7 @@ def curve_evidence(motion: Motion, controls: Mapping[str, Slider | Menu]) -> dic
     """
     options = {name: _options(name, controls) for name in ("fps", "subframe", "position_smoothing")}
     rates = {
-        _rate_name(fps, subframe): lab_params(fps=fps, subframe=subframe)
+        f"{fps:g}" if fps is not None else "interpolated" if subframe else "own": lab_params(fps=fps, subframe=subframe)
         for fps, subframe in product(options["fps"], options["subframe"])
     }
     return {
@@ -551,12 +541,6 @@ def _options(name: str, controls: Mapping[str, Slider | Menu]) -> list[Any]:
     if isinstance(control, Menu):
         return list(control.options)
     return list(dict.fromkeys(mode_settings(mode)[name] for mode in MODES if MODES[mode].measure == "hits"))
-
-
-def _rate_name(fps: float | None, subframe: bool) -> str:
-    if fps is None:
-        return "interpolated" if subframe else "own"
-    return f"{fps:g}"
 
 
 def _curves(motion: Motion, params: HarmonyParams, levels: Sequence[float]) -> dict[str, Any]:

@@ -7,11 +7,9 @@ from pathlib import Path
 from harmolab.beats.audio import music_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.lab.labs.corpus import corpus_lab
-from harmolab.lab.labs.detector import detector_lab
 from harmolab.lab.labs.live import LiveLab
 from harmolab.lab.labs.meter import meter_lab
-from harmolab.lab.labs.saliency import saliency_lab
-from harmolab.lab.labs.scoring import scoring_lab
+from harmolab.lab.labs.one_clip import detector_lab, saliency_lab, scoring_lab
 from harmolab.params import DANCES
 from harmolab.types import Clip
 

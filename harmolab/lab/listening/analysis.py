@@ -11,7 +11,6 @@ An answer is four whole numbers: naturalness, richness, music, sliding. The mark
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -19,14 +18,15 @@ import numpy as np
 from scipy.stats import rankdata
 
 from harmolab.lab.listening.answers import Answers
-from harmolab.lab.listening.trials import CHOICES, MARKED, Key, marks_of
+from harmolab.lab.listening.trials import CHOICES, MARKED, Key, is_answer, marks_of
 from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
-from harmolab.types import BoolArray, FloatArray, IntArray
+from harmolab.types import BoolArray, FloatArray
 
 # Marks from 0 to 10 for four sides of a dance, as in Music2Dance's study (Table 3), and what they add up to.
 
 WEIGHTS: Mapping[str, float] = MappingProxyType(dict(zip(MARKED, (0.25, 0.25, 0.4, 0.1), strict=True)))
 MARK = "mark"
+Row = dict[str, Any]
 
 
 def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
@@ -38,20 +38,27 @@ def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
         If the answers are none, of another study, to trials that the key does not have, or mix people with simulated
         raters.
     """
-    if not answers.answers or len({answer.simulated for answer in answers.answers}) > 1:
-        raise ValueError("marks need answers, of people or of simulated raters, not of both")
+    return _answer_table(answers, key, marks_of, len(MARKED)), answers.raters
+
+
+def _answer_table(answers: Answers, key: Key, value_of: Callable[[str], Any], *shape: int) -> FloatArray:
+    """(R, T, *shape) values of the choices of raters in the key's trials, NaN where there are none; checked."""
+    if not answers.answers:
+        raise ValueError("there are no answers to analyse")
+    if len({answer.simulated for answer in answers.answers}) > 1:
+        raise ValueError("people and simulated raters in one analysis; analyse them apart")
     raters, trials = answers.raters, tuple(key.trials)
-    grid = np.full((len(raters), len(trials), len(MARKED)), math.nan)
+    table = np.full((len(raters), len(trials), *shape), math.nan)
     for answer in answers.answers:
-        if answer.study != key.study or answer.trial not in trials:
-            raise ValueError(
-                f"{answer.rater}: the key knows no trial {answer.trial!r:.60} of study {answer.study!r:.20}"
-            )
-        grid[raters.index(answer.rater), trials.index(answer.trial)] = marks_of(answer.choice)
-    return grid, raters
+        if answer.study != key.study:
+            raise ValueError(f"answers of study {answer.study} do not go with the key of study {key.study}")
+        if answer.trial not in trials or not is_answer(key.kind, answer.choice):
+            raise ValueError(f"{answer.rater}: the key knows no answer {answer.choice!r} to trial {answer.trial!r:.60}")
+        table[raters.index(answer.rater), trials.index(answer.trial)] = value_of(answer.choice)
+    return table
 
 
-def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[dict[str, Any]]:
+def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
     """A row for each system and side of a dance, the weighted mark last: mean, SD over dances, 95 % interval.
 
     The interval is a bootstrap over dances of their means over raters. The paper prints means and SDs alone.
@@ -65,7 +72,7 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[dict[str, An
         columns = np.array([each == version for each in versions])
         for side, marks in sides.items():
             dances = _over_raters(marks[:, columns])
-            low, high = bootstrap_interval_of(partial(_mean_at, dances), dances.size, seed=seed)
+            low, high = _interval_of_mean(dances, seed)
             rows.append(
                 {
                     "version": version, "side": side, "n": int(dances.size), "raters": len(raters),
@@ -77,8 +84,8 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[dict[str, An
     return rows
 
 
-def _mean_at(values: FloatArray, places: IntArray) -> float:
-    return float(values[places].mean())
+def _interval_of_mean(values: FloatArray, seed: int) -> tuple[float, float]:
+    return bootstrap_interval_of(lambda places: float(values[places].mean()), values.size, seed=seed)
 
 
 def _over_raters(marks: FloatArray) -> FloatArray:
@@ -88,10 +95,12 @@ def _over_raters(marks: FloatArray) -> FloatArray:
     return means
 
 
-def interval_alpha(marks: FloatArray) -> float:
+def krippendorff_alpha(marks: FloatArray) -> float:
     """Krippendorff's alpha of marks (R, T) for interval data; NaN where all marks are the same, or none are shared.
 
-    >>> round(interval_alpha(np.array([[1.0, 2, 3, 3], [1.0, 2, 3, 4]])), 3)
+    Of two kinds of answer, 0 and 1, it is the alpha for nominal data. Trials with one answer do not count.
+
+    >>> round(krippendorff_alpha(np.array([[1.0, 2, 3, 3], [1.0, 2, 3, 4]])), 3)
     0.906
     """
     counts = (~np.isnan(marks)).sum(axis=0)
@@ -105,17 +114,15 @@ def interval_alpha(marks: FloatArray) -> float:
     return float(1 - observed / values.var(ddof=1))
 
 
-def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> dict[str, Any]:
+def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> Row:
     """Krippendorff's alpha of the weighted marks, with a bootstrap interval over dances; ValueError for one rater."""
     grid, _ = mark_grid(answers, key)
     marks = (grid * np.array([*WEIGHTS.values()])).sum(axis=2)
-    row = agreement("Krippendorff's alpha, marks", interval_alpha, marks, seed=seed)
+    row = agreement("Krippendorff's alpha, marks", krippendorff_alpha, marks, seed=seed)
     return {**row, "simulated": answers.simulated}
 
 
-def agreement(
-    name: str, measure: Callable[[FloatArray], float], values: FloatArray, *, seed: int = 0
-) -> dict[str, Any]:
+def agreement(name: str, measure: Callable[[FloatArray], float], values: FloatArray, *, seed: int = 0) -> Row:
     """A measure of the agreement of raters, of (R, T) values, on the trials that two share at least.
 
     The interval is a bootstrap over trials. ValueError for one rater.
@@ -126,9 +133,6 @@ def agreement(
     low, high = bootstrap_interval_of(lambda places: measure(shared[:, places]), shared.shape[1], seed=seed)
     row = {"measure": name, "raters": len(values), "n": shared.shape[1]}
     return {**row, "rate": measure(shared), "low": low, "high": high}
-
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,20 +172,8 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
         If there are no answers, they are of another study, name a trial or a choice that the key does not have, or
         mix people with simulated raters.
     """
-    if not answers.answers:
-        raise ValueError("there are no answers to analyse")
-    if len({answer.simulated for answer in answers.answers}) > 1:
-        raise ValueError("people and simulated raters in one analysis; analyse them apart")
-    raters, trials = answers.raters, tuple(key.trials)
-    columns = {name: column for column, name in enumerate(trials)}
-    second = np.full((len(raters), len(trials)), math.nan)
-    for answer in answers.answers:
-        if answer.study != key.study:
-            raise ValueError(f"answers of study {answer.study} do not go with the key of study {key.study}")
-        if answer.trial not in columns or answer.choice not in CHOICES[key.kind]:
-            raise ValueError(f"{answer.rater}: the key knows no answer {answer.choice!r} to trial {answer.trial!r:.60}")
-        second[raters.index(answer.rater), columns[answer.trial]] = CHOICES[key.kind].index(answer.choice)
-    return Grid(second, raters, trials, answers.simulated, key)
+    second = _answer_table(answers, key, CHOICES[key.kind].index)
+    return Grid(second, answers.raters, tuple(key.trials), answers.simulated, key)
 
 
 def study_tables(
@@ -305,24 +297,6 @@ def cohen_kappa(first: FloatArray, second: FloatArray) -> float:
     return float((np.mean(one == other) - by_chance) / (1 - by_chance)) if by_chance < 1 else math.nan
 
 
-def krippendorff_alpha(values: FloatArray) -> float:
-    """Krippendorff's alpha for two kinds of answer; NaN if all answers are the same.
-
-    Parameters
-    ----------
-    values : (R, T) array of 0, 1 and NaN; trials with one answer do not count
-    """
-    counts = (~np.isnan(values)).sum(0)
-    shared = values[:, counts >= 2]
-    ones, n = np.nansum(shared, axis=0), counts[counts >= 2]
-    total, all_ones = n.sum(), ones.sum()
-    expected = all_ones * (total - all_ones)
-    if expected == 0:
-        return math.nan
-    observed = (ones * (n - ones) / (n - 1)).sum()
-    return float(1 - (total - 1) * observed / expected)
-
-
 def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
     """Agreement of the raters beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
 
@@ -406,11 +380,9 @@ def _point_biserial(score: FloatArray, liked: FloatArray) -> float:
 
 def _pearson(one: FloatArray, other: FloatArray) -> float:
     """Correlation; NaN if either does not vary."""
-    if one.size < 2:
+    if one.size < 2 or one.std() * other.std() * one.size <= 1e-12:
         return math.nan
-    a, b = one - one.mean(), other - other.mean()
-    scale = math.sqrt(float((a**2).sum() * (b**2).sum()))
-    return float((a * b).sum() / scale) if scale > 1e-12 else math.nan
+    return float(np.corrcoef(one, other)[0, 1])
 
 
 def _labelled(rows: Sequence[Row], grid: Grid) -> list[Row]:

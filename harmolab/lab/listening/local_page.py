@@ -161,22 +161,6 @@ TITLE = "Listening study"
 FRAME_HEIGHT = 860  # pixels: question, player and answers
 
 
-def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Trial], str], *, action: str) -> str:
-    """The page of the first waiting trial, or of thanks.
-
-    Parameters
-    ----------
-    trials : TrialSet
-    waiting : tuple of Trial, those without an answer
-    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
-    action : str, address that the answer is sent to
-    """
-    if not waiting:
-        return _page(text=f"Thank you. All {len(trials)} answers are saved; you can close this page.")
-    number = len(trials) - len(waiting) + 1
-    return _page(trials=trials, trial=waiting[0], number=number, frame=framed(show(waiting[0])), action=action)
-
-
 def _page(**values: Any) -> str:
     return rendered("study.html.j2", title=TITLE, asked=ASKED, anchors=ANCHORS, most=MOST, **values)
 
@@ -241,8 +225,11 @@ class StudyServer(LocalPage):
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials without an answer, and the page that asks the first of them."""
         self._since = time.monotonic()
-        waiting = self._log.resume(self._trials)
-        return waiting, trial_page(self._trials, waiting, self._show, action=self.address)
+        trials, waiting = self._trials, self._log.resume(self._trials)
+        if not waiting:
+            return (), _page(text=f"Thank you. All {len(trials)} answers are saved; you can close this page.")
+        asked = {"trial": waiting[0], "number": len(trials) - len(waiting) + 1, "frame": framed(self._show(waiting[0]))}
+        return waiting, _page(trials=trials, action=self.address, **asked)
 
     def _repr_html_(self) -> str:
         return framed(self.turn()[1], title=TITLE, height=FRAME_HEIGHT)

@@ -18,40 +18,35 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+from numpy.random import Generator as Rng
 
 Kind = Literal["pick", "choice", "rate"]
 
 CHOICES = MappingProxyType({"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")})
-QUESTIONS = MappingProxyType(
-    {
-        "pick": "Does the dance fit its music?",
-        "choice": "Which dance fits the music better?",
-        "rate": "How good is this dance? Four marks, 0 to 10.",
-    }
-)
+QUESTIONS: Mapping[str, str] = {
+    "pick": "Does the dance fit its music?",
+    "choice": "Which dance fits the music better?",
+    "rate": "How good is this dance? Four marks, 0 to 10.",
+}
 # Sides of a dance that are marked, and what is asked of each.
 MARKED = ("naturalness", "richness", "music", "sliding")
-ASKED = MappingProxyType(
-    {
-        "naturalness": "Does it move like a person?",
-        "richness": "Is it rich in movements?",
-        "music": "Does it follow rhythm and melody?",
-        "sliding": "Do the feet stand? (10: they never slide)",
-    }
-)
+ASKED: Mapping[str, str] = {
+    "naturalness": "Does it move like a person?",
+    "richness": "Is it rich in movements?",
+    "music": "Does it follow rhythm and melody?",
+    "sliding": "Do the feet stand? (10: they never slide)",
+}
 MOST = 10  # the best mark
 # The paper's scoring levels (Table 3).
-ANCHORS = MappingProxyType(
-    {
-        0: "does not move with the music at all",
-        2: "not like a person",
-        4: "like a person, but does not match the music at all",
-        6: "slightly natural, slightly matching, not rich, feet slide a lot",
-        8: "natural, matching, not rich, no large sliding (beginners)",
-        9: "natural, matching, not rich, no large sliding (ordinary dancers)",
-        10: "natural, highly matching, no sliding, very rich (professionals)",
-    }
-)
+ANCHORS: Mapping[int, str] = {
+    0: "does not move with the music at all",
+    2: "not like a person",
+    4: "like a person, but does not match the music at all",
+    6: "slightly natural, slightly matching, not rich, feet slide a lot",
+    8: "natural, matching, not rich, no large sliding (beginners)",
+    9: "natural, matching, not rich, no large sliding (ordinary dancers)",
+    10: "natural, highly matching, no sliding, very rich (professionals)",
+}
 ID = re.compile(r"[0-9a-f]{12}")
 MOST_TRIALS = 10_000
 
@@ -226,9 +221,7 @@ def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str
     return Key(study, kind, dict(zip(_random_ids(n, seed), entries, strict=True)))
 
 
-def _plan_pick(
-    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
-) -> list[KeyEntry]:
+def _plan_pick(items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: Rng) -> list[KeyEntry]:
     """A clip for every trial, half of them true."""
     if truth not in versions:
         raise ValueError(f"items need a version {truth!r}, which is the right music; they have {list(versions)}")
@@ -242,9 +235,7 @@ def _plan_pick(
     ]
 
 
-def _plan_choice(
-    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
-) -> list[KeyEntry]:
+def _plan_choice(items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: Rng) -> list[KeyEntry]:
     """Items for every pair of versions, half of them with the first on the left."""
     pairs = list(combinations(versions, 2))
     _check_count(n, 2 * len(pairs), len(items) * len(pairs), "pairs")
@@ -259,9 +250,7 @@ def _plan_choice(
     return plan
 
 
-def _plan_rate(
-    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
-) -> list[KeyEntry]:
+def _plan_rate(items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: Rng) -> list[KeyEntry]:
     """Dances of every version; no answer is right."""
     _check_count(n, len(versions), len(items) * len(versions), "dances")
     return [
@@ -315,7 +304,7 @@ def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:
     return versions
 
 
-def _rng(seed: int, *stream: int) -> np.random.Generator:
+def _rng(seed: int, *stream: int) -> Rng:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed must be a whole number, not negative, got {seed!r}")
     return np.random.default_rng([int(seed), *stream])

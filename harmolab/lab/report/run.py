@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -122,7 +122,6 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     node = nbformat.read(path, as_version=4)
     started: list[int] = []
     environment = {**os.environ, **variables}
-    saved = SavedByCell(path.name, environment.get("HARMOLAB_FIGURES"))
     client = NotebookClient(
         node,
         timeout=timeout,
@@ -131,7 +130,7 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
         resources={"metadata": {"path": str(path.parent)}},
         extra_arguments=["--log-level=ERROR"],  # every kernel would warn of its local TCP connection
         on_cell_start=lambda cell, cell_index: started.append(cell_index),
-        on_cell_executed=lambda cell, cell_index, execute_reply: saved.note(cell),
+        on_cell_executed=_saved_by_cell(path.name, environment.get("HARMOLAB_FIGURES")),
     )
     # Set outright: a plain "Agg" from outside would leave every figure out of the page.
     inline = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
@@ -149,21 +148,19 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     return NotebookRun(path, node, time.perf_counter() - before, fault and f"code cell {number}: {fault}")
 
 
-class SavedByCell:
+def _saved_by_cell(notebook: str, folder: str | None) -> Callable[..., None]:
     """Notes in each executed cell which figures and tables it wrote; the manifest beside them names their notebook."""
 
-    def __init__(self, notebook: str, folder: str | None) -> None:
-        self.notebook, self.folder = notebook, folder
-        self.names = set(self._entries())
+    def entries() -> list[str]:
+        manifest = manifest_of(Path(folder)) if folder else {}
+        return [name for name, entry in manifest.items() if entry["notebook"] == notebook]
 
-    def note(self, cell: nbformat.NotebookNode) -> None:
-        """Name what is new since the cell before."""
-        cell.metadata[SAVED] = [name for name in self._entries() if name not in self.names]
-        self.names.update(cell.metadata[SAVED])
+    def note(cell: nbformat.NotebookNode, **_: object) -> None:
+        cell.metadata[SAVED] = [name for name in entries() if name not in names]
+        names.update(cell.metadata[SAVED])
 
-    def _entries(self) -> list[str]:
-        entries = manifest_of(Path(self.folder)) if self.folder else {}
-        return [name for name, entry in entries.items() if entry["notebook"] == self.notebook]
+    names = set(entries())
+    return note
 
 
 def _publish(pictures: Path, figures: Path) -> None:

@@ -7,12 +7,12 @@ from typing import Any
 import jinja2
 
 TEMPLATES = Path(__file__).parent
+ENVIRONMENT = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
 
 
 def rendered(template: str, **values: Any) -> str:
     """The page of a template of this folder; text among the values is escaped."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template(template).render(**values)
+    return ENVIRONMENT.get_template(template).render(**values)
 
 
 def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:

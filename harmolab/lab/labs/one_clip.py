@@ -1,0 +1,348 @@
+"""The labs of one clip: the choices of the score, the beats that one would notice (Eq. 10-13), the moments of beats.
+
+The scoring lab has beats that can be dragged, and the sound. The saliency lab shows the beats that a listener or viewer
+would notice; the detector lab the moments that are visual beats, and the curve from which they are read.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harmolab.beats.visual import visual_beats
+from harmolab.lab.labs import live
+from harmolab.lab.player import LAB_SENTENCES, LUCK, percent
+from harmolab.params import BarPattern
+from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalise_strengths, score_harmony, visual_mask
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.significance import rotations
+from harmolab.types import BeatTrack, Clip, FloatArray
+from harmolab.verdict.evidence import MOMENTS
+from harmolab.verdict.judge import Judgement, music_and_motion, score_motion
+
+N_ROTATIONS = 200  # as fine as the eye can tell
+
+
+def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> live.LiveLab:
+    """Sliders for λ1, λ2, T_delay, β and lag, menus for mode, detector and matching, below a picture of the score.
+
+    Choosing a mode sets the other controls to its own values; each can be moved away from there.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; a few seconds are best
+    pattern : BarPattern, optional
+        Movement that the recommended mode expects; when left out, a waltz where the movement recurs every three beats,
+        else a rest on each.
+    **values
+        Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = scoring_lab(synthetic_clip("cha-cha"), delay=0.1)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
+    """
+    return live.LiveLab(scoring_content(live.Stage.of(clip, pattern)), values)
+
+
+def scoring_content(stage: live.Stage) -> live.LabContent:
+    """The scoring lab of a stage."""
+    controls = live.lab_controls("scoring")
+    late = min(0.4, round(15 / stage.music.tempo / 0.01) * 0.02) if len(stage.music) > 1 else 0.24
+    about, presets = live.lab_texts("scoring", late=round(late, 2), loud=live.middle_lambda(stage.music))
+    return live.LabContent(
+        kind="scoring",
+        about=about,
+        evidence={
+            "source": stage.source,
+            "duration": stage.music.duration,
+            "music": live.track_evidence(stage.music),
+            **live.curve_evidence(stage.motion, controls),
+            "shifts": rotations(stage.music.duration, N_ROTATIONS),
+            "verdicts": [verdict_numbers(stage, lag) for lag in lags()],
+            "shape": _shape(stage),
+        },
+        controls=controls,
+        presets=presets,
+        numbers=partial(scoring_numbers, stage),
+        pattern=stage.pattern,
+    )
+
+
+# Evidence
+
+
+def lags() -> list[float]:
+    """Values of the lag's slider, seconds."""
+    count = round((live.LAG.high - live.LAG.low) / live.LAG.step)
+    return [round(live.LAG.low + step * live.LAG.step, 6) for step in range(count + 1)]
+
+
+def _shape(stage: live.Stage) -> dict[str, Any]:
+    """The shape speed of the recommended mode, and the pattern that is laid on it where its place is known."""
+    signal = shape_signal(shape_speed(stage.motion))
+    pattern, places = stage.pattern, stage.music.bar_places
+    times = signal.times
+    step = float(times[1] - times[0]) if times.size > 1 else 1.0
+    return {
+        "curve": {"start": times[0], "step": step, "values": signal.values.round(4), "unit": "speed of the shape (SD)"},
+        "pattern": None if pattern is None else {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)},
+        "place": None if places is None or not places.size else places[0],
+    }
+
+
+# Numbers
+
+
+def scoring_numbers(
+    stage: live.Stage, *, mode: str, moves: Mapping[str, Mapping[str, float]] = MappingProxyType({}), **values: Any
+) -> dict[str, Any]:
+    """The numbers of the lab: those of `score_motion`, and the sentence under the picture.
+
+    Parameters
+    ----------
+    stage : Stage
+    mode : "paper", "recommended" or "valleys"
+    moves : "music" and "dance" -> number of a beat -> the time in seconds to which it was dragged
+    **values
+        The other controls, by name; those of the mode when left out.
+    """
+    params = live.lab_params(mode, pattern=stage.pattern, **values)
+    if params.measure == "shape":
+        return verdict_numbers(stage, params.lag)
+    music = _moved(stage.music, moves.get("music", {}))
+    visual = _moved(visual_beats(stage.motion, params=params), moves.get("dance", {}))
+    return hit_numbers(score_harmony(music, visual, params=params, n_rotations=N_ROTATIONS))
+
+
+def _moved(track: BeatTrack, moves: Mapping[str, float]) -> BeatTrack:
+    """The track with the beats of these numbers at other times."""
+    times = track.times.copy()
+    for number, time in moves.items():
+        times[int(number)] = time
+    return replace(track, times=times)
+
+
+def hit_numbers(score: HarmonyScore) -> dict[str, Any]:
+    """Numbers of a score by hits, and their sentence."""
+    return {
+        "harmony": score.harmony,
+        "audio_harmony": score.audio_harmony,
+        "visual_harmony": score.visual_harmony,
+        "hits": int(score.hits.sum()),
+        "beats": score.n_audio,
+        "movements": score.n_visual,
+        "share": score.mean_share,
+        "chance": score.chance,
+        "above": score.harmony_above_chance,
+        "p": score.p_value,
+        "rate": score.hit_rate,
+        "pairs": score.pairs,
+        "null": score.null,
+        "sentence": hit_sentence(score),
+    }
+
+
+def hit_sentence(score: HarmonyScore) -> str:
+    """The sentence of a score by hits."""
+    if score.n_audio == 0 or score.n_visual == 0:
+        return LAB_SENTENCES["unheard" if score.n_audio == 0 else "unseen"]
+    counts = {"hits": score.hits.sum(), "beats": score.n_audio, "chance": percent(score.chance)}
+    luck = "" if np.isnan(score.p_value) else LAB_SENTENCES["more" if score.p_value <= LUCK else "luck"]
+    return LAB_SENTENCES["hits"].format(**counts) + luck.format(p=f"{score.p_value:.3f}")
+
+
+def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
+    """Numbers of the recommended mode at a lag, and the verdict as their sentence."""
+    params = live.lab_params("recommended", pattern=stage.pattern, lag=lag)
+    score = score_motion(stage.music, stage.motion, params=params)
+    judgement = score.judgement
+    if judgement is None:
+        raise ValueError(f"the measure {params.measure!r} gives no verdict")
+    place = judgement.place
+    return {
+        "level": judgement.level,
+        "above": judgement.harmony_above_chance,
+        "p_time": judgement.p_time,
+        "p_place": judgement.p_place,
+        "late": 1000 * judgement.lag_s if judgement.level >= 3 else np.nan,
+        "times": score.music.times,
+        "shares": [] if place is None else score.shares,
+        "chance": None if place is None else place.chance,
+        "curve": [] if place is None else place.curve,
+        "step": 60 / judgement.tempo / MOMENTS,
+        "pattern": _reading(judgement),
+        "sentence": judgement.verdict,
+    }
+
+
+def _reading(judgement: Judgement) -> dict[str, Any]:
+    """The reading that fits best, as a pattern; rests on the beat where there is none."""
+    pattern = judgement.place.pattern if judgement.place else BarPattern.stop_on_the_beat()
+    return {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)}
+
+
+# The saliency lab
+
+LAMBDAS = np.linspace(0.0, 15.0, 151)
+UNITS = {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
+
+
+def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
+    """Sliders for λ1 and λ2 and menus for the readings of Eq. 10-13, below the beats that are kept and dropped.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; a few seconds are best
+    **values
+        Where controls start instead of at the paper mode: ``lambda2=2.0``.
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = saliency_lab(synthetic_clip("cha-cha"), lambda1=3.0)  # doctest: +SKIP
+    """
+    stage = live.Stage.of(clip)
+    visual = visual_beats(stage.motion, params=live.MODES["paper"])
+    about, presets = live.lab_texts("saliency", loud=live.middle_lambda(stage.music))
+    content = live.LabContent(
+        kind="saliency",
+        about=about,
+        evidence={
+            "source": stage.source,
+            "duration": stage.motion.duration,
+            "music": live.track_evidence(stage.music),
+            "dance": live.track_evidence(visual),
+            "lambdas": LAMBDAS,
+            "units": UNITS,
+        },
+        controls=live.lab_controls("saliency"),
+        presets=presets,
+        numbers=partial(saliency_numbers, stage, visual),
+    )
+    return live.LiveLab(content, values)
+
+
+def saliency_numbers(stage: live.Stage, visual: BeatTrack, **values: Any) -> dict[str, Any]:
+    """The numbers of the lab: masks of both tracks, the shares kept at every λ, and the sentence.
+
+    Parameters
+    ----------
+    stage : Stage
+    visual : BeatTrack, the visual beats of the stage's motion
+    **values
+        The controls, by name; the paper's when left out.
+    """
+    params = live.lab_params(**values)
+    strengths = normalise_strengths(stage.music.strengths, params.normalisation)
+    music = partial(audio_mask, strengths, reading=params.saliency)
+    dance = partial(
+        visual_mask,
+        visual.strengths,
+        reading=params.saliency,
+        quantity=params.visual_saliency,
+        first_beat=params.first_beat,
+    )
+    masks = music(threshold=params.audio_threshold), dance(threshold=params.visual_threshold)
+    counts = {"music": masks[0].sum(), "beats": len(stage.music), "dance": masks[1].sum(), "movements": len(visual)}
+    return {
+        **{name: int(count) for name, count in counts.items()},
+        "music_mask": masks[0],
+        "dance_mask": masks[1],
+        "music_shares": [music(threshold=value).mean() for value in LAMBDAS] if len(stage.music) else [],
+        "dance_shares": [dance(threshold=value or None).mean() for value in LAMBDAS] if len(visual) else [],
+        "sentence": LAB_SENTENCES["kept"].format(**counts),
+    }
+
+
+# The detector lab
+
+NEAR = 0.05  # seconds: a planted beat with a detected one this close is a detected beat
+
+
+def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> live.LiveLab:
+    """Menus for detector, frame rate and plateau and controls for both smoothings, below the curve and its beats.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; a few seconds are best
+    planted : (P,) array, seconds on the audio's time line, optional
+        Where movements truly end, if that is known: circles mark the detected ones, crosses the others.
+    **values
+        Where controls start instead of at the paper mode: ``detector="valleys"``.
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = detector_lab(synthetic_clip("cha-cha"))  # doctest: +SKIP
+    >>> lab.set(smoothing=0.05)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
+    """
+    stage, controls = live.Stage.of(clip), live.lab_controls("detector")
+    times = None if planted is None else _on_stage(clip, planted)
+    evidence = {
+        "source": stage.source,
+        "duration": stage.motion.duration,
+        "music": stage.music.times,
+        "planted": times,
+        "near": NEAR,
+        **live.curve_evidence(stage.motion, controls),
+    }
+    about, presets = live.lab_texts("detector")
+    numbers = partial(detector_numbers, stage, times)
+    return live.LiveLab(live.LabContent("detector", about, evidence, controls, presets, numbers), values)
+
+
+def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
+    """Planted times on the time line of the stage."""
+    times = np.sort(np.asarray(planted, np.float64))
+    track = BeatTrack(times, np.ones(times.size), fps=100.0, duration=clip.audio.duration)
+    return music_and_motion(replace(clip, beats=track))[0].times
+
+
+def detector_numbers(stage: live.Stage, planted: FloatArray | None, **values: Any) -> dict[str, Any]:
+    """The numbers of the lab: visual beats, which planted ones are near one of them, and the sentence.
+
+    Parameters
+    ----------
+    stage : Stage
+    planted : (P,) array, seconds on the stage's time line, or None
+    **values
+        The controls, by name; the paper's when left out.
+    """
+    visual = visual_beats(stage.motion, params=live.lab_params(**values))
+    near = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
+    counts = {
+        "beats": len(visual),
+        "music": len(stage.music),
+        "planted": 0 if planted is None else planted.size,
+        "found": 0 if near is None else int(near.sum()),
+        "near": round(1000 * NEAR),
+    }
+    distances = nearest_intervals(visual.times, stage.music.times)
+    return {
+        **counts,
+        "times": visual.times,
+        "heights": visual.strengths,
+        "mask": near,
+        "rate": len(visual) / stage.motion.duration,
+        "distance": float(np.median(distances)) if len(visual) and len(stage.music) else np.nan,
+        "sentence": LAB_SENTENCES["detected" if planted is None else "planted"].format(**counts),
+    }
