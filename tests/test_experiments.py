@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import soundfile
+from study.experiments.examples import excerpt, waltz_example
 
 from harmolab.data.recordings import Recording, load_recording, recording_beats
 from harmolab.params import BarPattern, HarmonyParams
@@ -16,7 +17,6 @@ from harmolab.readers.motion import save_motion
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import score_clip
 from study.experiments import examples, study
-from study.experiments.examples import excerpt, waltz_example
 from study.experiments.study import (
     agreement,
     agreement_words,

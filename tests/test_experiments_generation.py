@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import torch
 from filelock import FileLock
+from study.experiments.own_songs import as_dance, beats_of, generated_dance, own_songs, song_means
 
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
@@ -33,7 +34,6 @@ from study.experiments.generation import (
     weight_sweep,
 )
 from study.experiments.judging import RECORDED, ablation, judge, recorded_motions
-from study.experiments.own_songs import as_dance, beats_of, generated_dance, own_songs, song_means
 from study.profile import RunProfile
 from tests.notebook_cells import notebook_cells
 

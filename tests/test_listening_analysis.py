@@ -21,7 +21,7 @@ from harmolab.lab.listening.analysis import (
 )
 from harmolab.lab.listening.answers import Answer, Answers, SimulatedRater
 from harmolab.lab.listening.trials import Item, make_key, make_trials
-from study.figures.listening import rates_figure, study_title
+from study.figures.results import rates_figure, study_title
 from tests.builders import refused
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]

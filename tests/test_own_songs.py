@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from study.experiments.own_songs import OWN, RECORDED, SHOWN, distances_from, own_names, song_means, song_table
 
 from harmolab import synthetic_clip
 from harmolab.data.recordings import Recording
@@ -13,7 +14,6 @@ from harmolab.lab.evaluate.measured import Dance, statue
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.types import Motion
 from study.experiments.locked import statue_on_turntable
-from study.experiments.own_songs import OWN, RECORDED, SHOWN, distances_from, own_names, song_means, song_table
 
 
 @pytest.fixture(scope="module")
