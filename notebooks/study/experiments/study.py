@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -32,6 +33,7 @@ SONG_SECONDS = 36.0
 SOURCE = "synthetic song, CMU motion capture"
 
 
+@cache
 def example_recording(dance: str, *, seed: int = 1) -> Recording:
     """36 s of a synthetic song and a dance to it: recorded salsa, cut at its rests and laid on the song's beats.
 

@@ -4,7 +4,7 @@ A run of the notebooks takes hours in the full profile; a change of a figure's l
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,10 @@ RATERS = {"label": "right answers", "title": "Who picks out late dances?"}
 DRAWN = ("temperature", "smoothing", "draw_memory")
 
 
-def figures_of_tables(folder: Path) -> dict[str, Figure]:
-    """Name -> the figure that stands under it in the manifest, from the tables in `folder`.
+def figures_of_tables(folder: Path) -> Iterator[tuple[str, Figure]]:
+    """Every figure and its name in the manifest, from the tables in `folder`.
 
-    The figure of other weights of the harmony loss is among them where its table is.
+    The figure of other weights of the harmony loss is the first of them where its table is.
 
     Raises
     ------
@@ -37,8 +37,10 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
     """
     tables = RunTables(folder)
     means = tables["table11_ablation"]
+    if "table11d_trade_off" in set(tables):
+        yield "fig11b_trade_off", variants.trade_off_figure(means, tables["table11d_trade_off"])
     study_rows: list[Any] = tables["table08e_listening_study"].to_dict("records")
-    figures = {
+    yield from {
         "cheating_generators": variants.listening_figure(tables["table_generators_late"]),
         "cheating_tricks": variants.tricks_figure(tables["table_cheating_tricks"]),
         "fig08_picking_inharmonious_clips": results.picks_figure(tables["table08h_picked_clips"], corpus=CORPUS),
@@ -52,12 +54,9 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
         "fig12_systems": variants.comparison_figure(tables["table12_systems"]),
         "fig13_machine_comparison": variants.forced_choice_figure(tables["table13_machine_comparison"]),
         "fig11_harmony_loss": variants.ablation_figure(means, tables["table11b_gains"]),
-        **_music2dance_figures(tables),
-        **_player_figures(tables),
-    }
-    if "table11d_trade_off" in set(tables):
-        figures["fig11b_trade_off"] = variants.trade_off_figure(means, tables["table11d_trade_off"])
-    return figures
+    }.items()
+    yield from _music2dance_figures(tables).items()
+    yield from _player_figures(tables).items()
 
 
 def _music2dance_figures(tables: RunTables) -> dict[str, Figure]:
@@ -94,7 +93,7 @@ def redraw(profile: RunProfile) -> list[Saved]:
     folder = figures_folder(profile)
     entries = json.loads((folder / MANIFEST).read_text("utf-8"))
     saved = []
-    for name, figure in figures_of_tables(folder).items():
+    for name, figure in figures_of_tables(folder):
         about = {key: entries[f"{name}.png"][key] for key in ("notebook", "source", "seed", "title")}
         saved.append(save_figure(figure, name, profile=profile, **about))
     return saved
