@@ -14,7 +14,7 @@ from harmolab.beats.audio import audio_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
 from harmolab.types import Motion
-from study.experiments import contestants, unheard_songs
+from study.experiments import contestants, generation, unheard_songs
 from study.experiments.contestants import RIGHT_SONG, Contestant, Row, kept_name
 from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import recorded_dancers, unheard_song
@@ -23,7 +23,7 @@ from study.profile import RunProfile
 from tests.builders import cases
 from tests.notebook_cells import notebook_cells
 
-PROFILE = replace(RunProfile.quick(), n_seeds=2)
+PROFILE = replace(RunProfile.quick(), n_seeds=2, n_clips=20, pose_epochs=1)
 PLANTED, FROZEN = "planted dancer", "frozen pose"
 
 
@@ -58,6 +58,7 @@ def cache_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(unheard_songs, "QUICK_SECONDS", 14.0)
+        patch.setattr(generation, "SECONDS", 10.0)  # of the corpus that the network of points learns from
         yield
 
 
