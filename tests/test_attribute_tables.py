@@ -14,15 +14,8 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, Song, SongSplit, window_starts
 from harmolab.types import Audio, Clip
 from study.experiments import attributes
-from study.experiments.attributes import LabelledSongs, example_song, recorded_songs, trained_classifier
-from study.figures.attributes import (
-    accuracy_figure,
-    classifier_figure,
-    draw_accuracies,
-    draw_beat_channels,
-    draw_differences,
-    song_figure,
-)
+from study.experiments.attributes import LabelledSongs
+from study.figures import attributes as drawing
 from study.profile import RunProfile
 from study.shapes import classifier_stages
 from tests.builders import cases
@@ -63,11 +56,8 @@ def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
 
 
 def test_seeds_of_one_song_count_as_one_song():
-    rows = [
-        outcome("m", f"s{number}", "waltz", "waltz" if seed == 1 else "tango", seed=seed)
-        for number in range(6)
-        for seed in (1, 2)
-    ]
+    songs = [f"s{number}" for number in range(6)]
+    rows = [outcome("m", song, "waltz", name, seed=n) for song in songs for n, name in ((1, "waltz"), (2, "tango"))]
     (row,) = CELLS.accuracy_table(pd.DataFrame(rows)).to_dict("records")
     assert (row["n"], row["seeds"]) == (6, 2)
     # Each song is right in half of the trainings: there is nothing that another draw of songs could change.
@@ -165,37 +155,34 @@ def test_songs_under_other_labels_are_trained_anew(monkeypatch: pytest.MonkeyPat
     songs, split = rhythms(), SongSplit(("song 0",), ("song 1",))
     other = LabelledSongs(tuple(song._replace(label=1 - song.label) for song in songs.songs), songs.classes)
     for each in (songs, songs, other):
-        trained_classifier(each, split, QUICK, 1)
+        attributes.trained_classifier(each, split, QUICK, 1)
     assert keys[0] == keys[1] != keys[2]
 
 
 def test_a_folder_without_songs_of_a_dance_gives_no_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
-    assert recorded_songs() is None
+    assert attributes.recorded_songs() is None
 
 
 def test_example_is_a_synthetic_song_with_its_bars_where_none_is_recorded(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delenv("HARMOLAB_DATA", raising=False)
-    clip = example_song(RunProfile.full(), "waltz")
+    clip = attributes.example_song(RunProfile.full(), "waltz")
     assert (clip.name, clip.dance) == ("waltz 1", "waltz")
     assert clip.beats is not None and clip.beats.bar_places is not None
     bars = clip.beats.times[clip.beats.bar_places == 0]
     assert np.diff(bars) == pytest.approx(3 * np.median(np.diff(clip.beats.times)), rel=0.05)
 
 
-@pytest.mark.parametrize(("cells", "starts"), [(20, [0]), (40, [0]), (95, [0, 20, 40, 55]), (80, [0, 20, 40])])
+@cases("cells, starts", (20, [0]), (40, [0]), (95, [0, 20, 40, 55]), (80, [0, 20, 40]))
 def test_windows_start_a_hop_apart_and_the_last_ends_with_the_song(cells: int, starts: list[int]):
     assert window_starts(cells, AttributeParams(window=4.0, hop=2.0)).tolist() == starts
 
 
 def test_shapes_are_those_of_the_paper():
     stages = classifier_stages(AttributeClassifier(AttributeParams(), ["a", "b"]))
-    assert [stage.shape for stage in stages] == [
-        (300, 15), (1, 300, 15), (16, 300, 15), (24, 300, 15), (32, 150, 15), (150, 480), (150, 30), (30,), (2,),
-    ]  # fmt: skip
-    assert [stage.detail for stage in stages if "kernel" in stage.detail] == [
-        "kernel 2, stride 1", "kernel 2, stride 1", "kernel 2, stride 2",
-    ]  # fmt: skip
+    convolutions = [(1, 300, 15), (16, 300, 15), (24, 300, 15), (32, 150, 15)]
+    assert [stage.shape for stage in stages] == [(300, 15), *convolutions, (150, 480), (150, 30), (30,), (2,)]
+    assert [stage.detail[-1] for stage in stages if stage.detail.startswith("kernel 2, stride ")] == ["1", "1", "2"]
 
 
 @pytest.mark.parametrize("front", ["convolution", "frames"])
@@ -221,12 +208,12 @@ GAP = {"set": "planted", "against": FRAMES, "measure": "balanced", "difference":
 
 
 def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
-    draw_accuracies(ax, [{**ROW, "model": RHYTHM, "balanced": 90.0}, ROW])
+    drawing.draw_accuracies(ax, pd.DataFrame([{**ROW, "model": RHYTHM, "balanced": 90.0}, ROW]))
     assert [text.get_text().replace("\n", " ") for text in ax.get_yticklabels()] == [CONVOLUTION, RHYTHM]
     dots = {float(line.get_xdata()[0]): line.get_marker() for line in ax.lines if line.get_marker() in ("o", "D")}
     assert dots == {90.0: "D", 60.0: "o"}
-    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "interval"] == [(40.0, 80.0)] * 2
-    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "seeds"] == [(55.0, 70.0)] * 2
+    for gid, ends in (("interval", (40.0, 80.0)), ("seeds", (55.0, 70.0))):
+        assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == gid] == [ends] * 2
     assert [tuple(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"] == [(25.0, 25.0)]
 
 
@@ -234,13 +221,13 @@ def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
 def test_a_difference_is_coloured_only_where_its_interval_leaves_out_zero(
     ax: Axes, low: float, high: float, colour: str, mark: str
 ):
-    draw_differences(ax, [{**GAP, "low": low, "high": high}])
+    drawing.draw_differences(ax, pd.DataFrame([{**GAP, "low": low, "high": high}]))
     assert [(to_hex(line.get_color()), line.get_marker()) for line in ax.lines[2:]] == [(COLOURS[colour].lower(), mark)]
 
 
 def test_table_has_a_row_of_panels_for_each_set_and_its_remark():
-    rows, gaps = [ROW, {**ROW, "set": "other"}], [GAP, {**GAP, "set": "other"}]
-    figure = accuracy_figure(rows, gaps, remark="not trained")
+    rows, gaps = (pd.DataFrame([one, {**one, "set": "other"}]) for one in (ROW, GAP))
+    figure = drawing.accuracy_figure(rows, gaps, remark="not trained")
     assert [ax.get_title("left") for ax in figure.axes[::2]] == ["planted: 4 songs", "other: 4 songs"]
     assert figure.get_supxlabel() == "not trained"
     title = "The temporal convolution is the best model on 2 of 2 sets of songs (planted and other)"
@@ -256,19 +243,13 @@ def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has():
 
 @cases("first, title, bold", (0.3, "2 of 3 windows taken for tango", "70"), (0.9, "3 of 3 windows taken", "90"))
 def test_title_of_a_model_counts_the_windows_of_its_class_which_are_bold(first: float, title: str, bold: str):
-    rows = [
-        {
-            "song": "Tune",
-            "model": "m",
-            "start": 5.0 * window,
-            "end": 5.0 * window + 30.0,
-            "label": label,
-            "probability": p,
-        }
+    shares = [
+        (5.0 * window, label, p)
         for window, share in enumerate((0.8, 0.6, first))
         for label, p in (("waltz", 1 - share), ("tango", share))
     ]
-    ax = CELLS.probabilities_figure(pd.DataFrame(rows)).axes[0]
+    rows = pd.DataFrame(shares, columns=["start", "label", "probability"]).assign(song="Tune", model="m")
+    ax = CELLS.probabilities_figure(rows.assign(end=rows["start"] + 30.0)).axes[0]
     assert ax.get_title("left").startswith(f"m: {title}")
     assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "60", bold}
     assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20", "25"]
@@ -278,10 +259,8 @@ def test_its_words_name_the_numbers_of_the_tables():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")
     others = waltzes_and_tango(RHYTHM, "yyyy") + waltzes_and_tango("majority", "yyyn")
     outcomes = pd.DataFrame([*better, *worse, *others])
-    tables = {
-        "m2d_table01": CELLS.accuracy_table(outcomes),
-        "m2d_table01b_differences": CELLS.difference_table(outcomes),
-    }
+    tables = {"m2d_table01": CELLS.accuracy_table(outcomes)}
+    tables["m2d_table01b_differences"] = CELLS.difference_table(outcomes)
     assert "gives 50% of 4 songs (planted) their dance, its baseline 0%," in CELLS.finding(tables)
     words = CELLS.reading(tables)
     assert "the paper's network gives 75% their class, the baseline 0%, always the same class 75%." in words
@@ -292,12 +271,10 @@ def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():
     music = np.zeros((250, 15), np.float32)
     music[40, 1:3], music[60, 1], music[40, 0] = 1.0, 0.5, 0.7
     clip = Clip("Tune", Audio(np.sin(np.arange(25 * 8000) / 9.0), 8000.0), source="beatlocked", dance="waltz")
-    figure = song_figure(
-        clip, music, np.zeros((1000, 80), np.float32), rates=(10.0, 40.0), bars=np.array([4.1, 9.0]), start=2.0
-    )
-    assert figure.get_suptitle() == (
-        "Waltz Tune, recordings on the beat: the downbeat is guessed at 1 of 2 true bar lines"
-    )
+    rates, bars = (10.0, 40.0), np.array([4.1, 9.0])
+    figure = drawing.song_figure(clip, music, np.zeros((1000, 80), np.float32), rates=rates, bars=bars, start=2.0)
+    words = "Waltz Tune, recordings on the beat: the downbeat is guessed at 1 of 2 true bar lines"
+    assert figure.get_suptitle() == words
     assert [ax.get_xlim() for ax in figure.axes] == [(2.0, 22.0)] * 5
     assert figure.axes[1].images[0].get_extent() == pytest.approx([-0.0125, 24.9875, -0.5, 79.5])
     assert figure.axes[2].images[0].get_array().shape == (12, 250)
@@ -306,9 +283,9 @@ def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():
 
 
 def test_bars_are_marked_only_where_they_are_known(ax: Axes):
-    draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0)
+    drawing.draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0)
     assert not ax.lines
-    draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0, np.array([0.5, 1.5]))
+    drawing.draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0, np.array([0.5, 1.5]))
     assert ax.lines[0].get_xdata().tolist() == [0.5, 1.5]
 
 
@@ -317,7 +294,7 @@ def test_each_stage_is_a_box_with_its_shape():
         front: classifier_stages(AttributeClassifier(AttributeParams(front=front), ["a", "b"]))  # type: ignore[arg-type]
         for front in ("convolution", "frames")
     }
-    (ax,) = classifier_figure(networks).axes
+    (ax,) = drawing.classifier_figure(networks).axes
     words = [text.get_text() for text in ax.texts]
     assert len([patch for patch in ax.patches if patch.get_gid() == "box"]) == 9 + 7
     assert {"(300, 15)", "(1, 300, 15)", "(32, 150, 15)", "(150, 480)", "(300, 480)", "(30)", "(2)"} <= {*words}

@@ -1,38 +1,30 @@
-"""Tricks that please a score: what they do to a motion, the tables they go into, and their picture."""
+"""Tricks that please a score and bodies on a metronome: what they are, what the scores say of each, and the tables."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.lab.figures.style import COLOURS
+from harmolab.data.synthetic import DANCER
+from harmolab.shape_speed import shape_speed
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Audio, BeatTrack, Clip, Motion
-from study.experiments import judging as module
-from study.experiments.generation import SYNTHETIC
-from study.experiments.judging import (
-    LATE,
-    TRUE,
-    generators_half_a_beat_late,
-    half_a_beat_late,
-    studied_clips,
-    trick_means,
-)
-from study.figures.variants import LOOKS, SIDES, draw_dumbbells, listening_figure, tricks_figure
+from harmolab.verdict.judge import judge
+from study.experiments import judging
+from study.experiments.judging import LATE, TRUE, half_a_beat_late, trick_means
+from study.experiments.locked import evidence, locked_table, metronome, statue_on_turntable
 from study.profile import RunProfile
-from study.saving import smallest_text
-from tests.builders import bobbing, refused
+from tests.builders import bobbing, cases, planted_dance, refused, still, track
 from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 TWO = Skeleton(("hip", "knee"), (-1, 0))
 AXES = {"SIDE": np.eye(3)[0], "UP": np.eye(3)[1]}
-CELLS = notebook_cells("12_cheating_the_score", **AXES)
+CELLS = notebook_cells("12_cheating_the_score", DANCER=DANCER, **AXES)
+BEATS = metronome(CELLS.SECONDS, CELLS.PERIOD)
 BASES = {
     "as danced + jitter 2 cm": "as danced",
     "too slow + tremor 2 Hz": "dance, 3 times too slow",
@@ -94,7 +86,7 @@ def test_single_beat_has_no_half():
 
 
 @pytest.fixture
-def table(swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
+def tricks(swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
     """Tricks on one clip: an arm that rests on every beat."""
     beats = BeatTrack(0.25 + 0.5 * np.arange(12), np.ones(12), 100.0, 6.0)
     clip = ("arm", swinging_arm(1.0, 60.0), beats)
@@ -102,22 +94,20 @@ def table(swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
     return notebook_cells("12_cheating_the_score", **AXES, **material).cheating(PROFILE)
 
 
-def test_table_has_every_trick_with_both_musics_for_each_corpus(table: pd.DataFrame):
-    tricks = table.groupby(["corpus", "music"], sort=False)["trick"].apply(set).to_dict()
-    assert tricks == {(corpus, music): TRICKS for corpus in ("one", "two") for music in (TRUE, LATE)}
+def test_table_has_every_trick_with_both_musics_for_each_corpus(tricks: pd.DataFrame):
+    found = tricks.groupby(["corpus", "music"], sort=False)["trick"].apply(set).to_dict()
+    assert found == {(corpus, music): TRICKS for corpus in ("one", "two") for music in (TRUE, LATE)}
 
 
-def test_dancer_on_the_beat_loses_everything_when_the_music_is_late(table: pd.DataFrame):
-    danced = table[(table["trick"] == "as danced") & (table["corpus"] == "one")].set_index("music")
+def test_dancer_on_the_beat_loses_everything_when_the_music_is_late(tricks: pd.DataFrame):
+    danced = tricks[(tricks["trick"] == "as danced") & (tricks["corpus"] == "one")].set_index("music")
     assert danced.loc[TRUE, "above_chance"] == pytest.approx(1.0)
     assert danced.loc[LATE, "hit_rate"] == 0.0
     assert danced.loc[LATE, "above_chance"] < -0.3
 
 
-def test_what_does_not_depend_on_the_music_is_the_same_with_both(table: pd.DataFrame):
-    wide = table[table["corpus"] == "one"].pivot_table(
-        index="trick", columns="music", values=["jerk", "paper_count_ratio"]
-    )
+def test_what_does_not_depend_on_the_music_is_the_same_with_both(tricks: pd.DataFrame):
+    wide = tricks[tricks["corpus"] == "one"].pivot_table(["jerk", "paper_count_ratio"], "trick", "music")
     for measure in ("jerk", "paper_count_ratio"):
         np.testing.assert_allclose(wide[measure, TRUE], wide[measure, LATE])
 
@@ -153,13 +143,13 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
         "dances": Clip("b", Audio(np.zeros(10), 10.0), Motion(np.zeros((2, 2, 3)), 10.0, TWO), beats=beats),
         "still": Clip("a", Audio(np.zeros(10), 10.0), beats=beats),
     }
-    monkeypatch.setattr(module, "excerpt", lambda sequence, seconds: clips[sequence])
-    monkeypatch.setattr(module, "synthetic_corpus", lambda profile: "folder")
-    monkeypatch.setattr(module, "readable_recordings", lambda folder: iter(["still", "dances"]))
-    monkeypatch.setattr(module, "study_recordings", lambda profile, corpus: iter(["still"]))
-    monkeypatch.setattr(module, "data_root", lambda: "recordings")
-    assert [name for name, *_ in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
-    assert list(studied_clips(PROFILE, "recordings")) == []
+    monkeypatch.setattr(judging, "excerpt", lambda sequence, seconds: clips[sequence])
+    monkeypatch.setattr(judging, "synthetic_corpus", lambda profile: "folder")
+    monkeypatch.setattr(judging, "readable_recordings", lambda folder: iter(["still", "dances"]))
+    monkeypatch.setattr(judging, "study_recordings", lambda profile, corpus: iter(["still"]))
+    monkeypatch.setattr(judging, "data_root", lambda: "recordings")
+    assert [name for name, *_ in judging.studied_clips(PROFILE, judging.SYNTHETIC)] == ["b"]
+    assert list(judging.studied_clips(PROFILE, "recordings")) == []
 
 
 def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):
@@ -170,84 +160,127 @@ def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_ri
     )  # fmt: skip
     units = UnitSet((unit,), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams())
     dances = {"recorded": [bobbing(0.25)], "recommended": [bobbing(0.25)], "paper": [bobbing(0.5)]}
-    monkeypatch.setattr(module, "generator_corpora", lambda profile: ("made up",))
-    monkeypatch.setattr(module, "danced_units", lambda profile, corpus: (units, dances))
-    rates = generators_half_a_beat_late(PROFILE).set_index(["trick", "music"])["hit_rate"]
+    monkeypatch.setattr(judging, "generator_corpora", lambda profile: ("made up",))
+    monkeypatch.setattr(judging, "danced_units", lambda profile, corpus: (units, dances))
+    rates = judging.generators_half_a_beat_late(PROFILE).set_index(["trick", "music"])["hit_rate"]
     assert (rates["recommended", TRUE], rates["recommended", LATE]) == (1.0, 0.0)
     assert (rates["paper", TRUE], rates["paper", LATE]) == (0.0, 1.0)
     assert (rates["recorded", TRUE], rates["recorded", LATE]) == (1.0, 0.0)
 
 
-# The picture
+# Bodies on a metronome
 
 
-@pytest.fixture
-def ax() -> Iterator[Axes]:
-    """Axes that a notebook might draw on."""
-    yield Figure(figsize=(8, 4)).subplots()
+@pytest.fixture(scope="module")
+def table() -> pd.DataFrame:
+    return locked_table(CELLS.bodies(1), BEATS, CELLS.FPS).set_index("motion")
 
 
-def record(trick: str, music: str, mean: float, measure: str = "paper_hit_rate") -> dict[str, object]:
-    about = {"corpus": "made up", "trick": trick, "music": music, "measure": measure, "n": 7}
-    return {**about, "mean": mean, "low": mean - 0.1, "high": mean + 0.1}
+def test_poses_are_reached_on_the_beats_and_left_and_reached_at_rest():
+    beats = np.array([0.0, 0.01, 0.5, 0.99, 1.0])
+    np.testing.assert_allclose(CELLS.arrivals(beats), [0.0, 0.0, 0.5, 1.0, 1.0], atol=2e-5)
+    np.testing.assert_allclose(CELLS.arrivals(beats, width=0.5), [0.0, 0.0, 0.0, 1.0, 1.0], atol=1e-3)
 
 
-def marks(ax: Axes) -> dict[tuple[float, float], str]:
-    """Every single mark: (x, y) -> marker."""
-    single = [line for line in ax.lines if len(line.get_xdata()) == 1]
-    return {(float(line.get_xdata()[0]), float(line.get_ydata()[0])): line.get_marker() for line in single}
+def test_stroke_is_half_done_on_the_beat_and_over_soon_after_it():
+    np.testing.assert_allclose(CELLS.strokes(np.array([1.0, 1.3, 1.5, 1.7, 2.0]), width=0.6), [1, 1.5, 1.5, 1.5, 2])
 
 
-def test_arrow_leads_from_the_true_music_to_a_hollow_dot_at_the_late_one(ax: Axes):
-    rows = [record("a", TRUE, 0.9), record("a", LATE, 0.2), record("b", TRUE, 0.3), record("b", LATE, 0.6)]
-    draw_dumbbells(ax, rows, measure="paper_hit_rate")
-    late = [line for line in ax.lines if line.get_gid() == "late"]
-    assert [(float(line.get_xdata()[0]), line.get_markerfacecolor()) for line in late] == [
-        (0.2, "white"),
-        (0.6, "white"),
-    ]
-    assert [(text.xyann[0], text.xy[0]) for text in ax.texts] == [(0.9, 0.2), (0.3, 0.6)]
-    assert [text.get_text() for text in ax.get_yticklabels()] == ["b", "a"]
+def test_impact_is_fastest_when_the_beat_stops_it():
+    progress = CELLS.impacts(np.array([0.0, 0.7, 0.85, 0.999, 1.0, 1.2]))
+    np.testing.assert_allclose(progress, [0.0, 0.0, 0.25, 0.993, 1.0, 1.0], atol=1e-3)
 
 
-def test_level_of_chance_is_a_grey_bar_in_the_row_of_its_trick(ax: Axes):
-    rows = [record("a", TRUE, 0.9), record("a", LATE, 0.2), record("a", TRUE, 0.8, "paper_chance")]
-    draw_dumbbells(ax, rows, measure="paper_hit_rate")
-    (bar,) = [line for line in ax.lines if line.get_color() == COLOURS["chance"]]
-    assert list(bar.get_xdata()) == [0.8, 0.8]
+def test_cheat_that_pleased_the_old_score_gets_no_number(table: pd.DataFrame):
+    statues, tremors = ["statue on a turntable", "statue, turning and travelling"], ["tremor of 1 mm", "tremor of 1 nm"]
+    cheats = table.loc[[*statues, "rigid bob", *tremors, "one toe, 1 mm"]]
+    assert (cheats["old score"] > 0.9).all() and (cheats["level"] == 0).all()
+    assert cheats[["H", "p", "lag (ms)"]].isna().all(axis=None)
 
 
-def test_generators_keep_their_own_colour_mark_and_name(ax: Axes):
-    draw_dumbbells(ax, [record("paper", TRUE, 0.9), record("paper", LATE, 0.2)], measure="paper_hit_rate")
-    (mark,) = [line for line in ax.lines if len(line.get_xdata()) == 1 and line.get_marker() == LOOKS["paper"].marker]
-    assert mark.get_color() == LOOKS["paper"].colour
-    assert [text.get_text() for text in ax.get_yticklabels()] == [LOOKS["paper"].label]
+@cases(
+    "level, names",
+    (0, ["tremor of 5 mm on a drift", "sensor noise, 1 cm"]),
+    (1, ["sensor noise, 3 cm", "smooth noise", "tempo + 1 %", "tempo + 1.6 %", "tempo + 7 %", "other tempo (+ 27 %)"]),
+    (3, ["rests, a quarter of a beat late"]),
+    (4, ["rests on the beats", "rests, 60 ms late", "runner, a step a beat", "one hand, 10 cm"]),
+)
+def test_level_says_whether_a_body_moves_keeps_time_and_is_on_the_beat(
+    table: pd.DataFrame, level: int, names: list[str]
+):
+    assert table.loc[names, "level"].tolist() == [level] * len(names)
 
 
-def both_scores(means: dict[tuple[str, str], tuple[float, float]], corpus: str) -> list[dict[str, object]]:
-    """Records of (hit rate, harmony above chance) for each (trick, music)."""
-    return [
-        {**record(*key, mean, measure), "corpus": corpus}
-        for key, pair in means.items()
-        for measure, mean in zip(SIDES, pair, strict=True)
-    ]
+def test_noise_that_passes_the_floor_has_no_tempo(table: pd.DataFrame):
+    assert table.loc[["sensor noise, 3 cm", "smooth noise"], "own tempo"].isna().all()
 
 
-def test_titles_count_the_tricks_above_the_dance_and_synthetic_panels_are_marked():
-    means = {("as danced", TRUE): (0.6, 0.5), ("shake", TRUE): (0.9, 0.0), ("sway", TRUE): (0.7, 0.6)}
-    means |= {(trick, LATE): (0.5, 0.0) for trick, _ in means}
-    figure = tricks_figure([*both_scores(means, "beatlocked"), *both_scores(means, "synthetic")])
-    findings = [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes]
-    assert findings == ["2 of 2 tricks score above the dance", "1 of 2 tricks score above the dance"] * 2
-    assert figure.axes[0].get_xlabel().endswith("(7 clips)")
-    assert [ax.get_title(loc="right").strip() for ax in figure.axes] == ["", "", "", "synthetic data"]
-    assert smallest_text(figure) >= 9
+@cases(
+    "name, fastest",
+    *[("hits the beats", 470), ("rests, half a beat late", 0), ("impact, then freeze", 450), ("double time", 125)],
+    *[("arrives in .1 s, then stands", 450), ("arrives in .25 s, then stands", 375)],
+)
+def test_dancer_elsewhere_in_the_beat_is_in_time_and_gets_no_number(table: pd.DataFrame, name: str, fastest: float):
+    assert table.loc[name, "level"] == 3
+    assert np.isnan(table.loc[name, "H"])
+    assert float(table.loc[name, "revealed by"].split()[1].rstrip(",")) == pytest.approx(fastest, abs=25)
 
 
-def test_titles_name_whose_score_clearly_falls_with_late_music():
-    means = {("paper", TRUE): (0.6, 0.1), ("recommended", TRUE): (0.8, 0.8)}
-    means |= {("paper", LATE): (0.5, 0.0), ("recommended", LATE): (0.7, -0.4)}
-    figure = listening_figure(both_scores(means, "made up"))
-    findings = [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes]
-    name = LOOKS["recommended"].label
-    assert findings == ["with late music it falls for nobody", f"with late music it falls for {name}"]
+def test_four_steps_in_three_beats_are_in_time_and_not_on_the_beat(table: pd.DataFrame):
+    runner = table.loc["runner, 4 steps in 3 beats"]
+    assert runner["level"] < 4
+    assert runner["rate"] == pytest.approx(4 / 3)
+
+
+def test_lag_rate_and_tempo_are_measured(table: pd.DataFrame):
+    lags = table.loc[["rests, 60 ms late", "rests, a quarter of a beat late"], "lag (ms)"]
+    np.testing.assert_allclose(lags, [60, 125], atol=12)
+    assert table.loc[["half time", "double time", "rests on the beats"], "rate"].tolist() == [0.5, 2.0, 1.0]
+    others = table.loc[["tempo + 1 %", "tempo + 1.6 %", "tempo + 7 %", "other tempo (+ 27 %)"], "own tempo"]
+    np.testing.assert_allclose(others / 1.2 - 100, [1.0, 1.6, 7.0, 27.0], atol=0.2)
+
+
+def test_hand_that_drums_shows_how_few_joints_move(table: pd.DataFrame):
+    hand = table.loc["one hand, 10 cm"]
+    assert hand["joints"] == pytest.approx(1 / 21, abs=0.02)
+    assert "joints 0.05" in hand["revealed by"]
+
+
+def test_evidence_names_the_number_below_its_floor():
+    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), BEATS)) == "pulse 0.000: next to nothing"
+    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), track([1.0]))) == "1 beats"
+
+
+def test_statue_of_a_dancer_turns_and_keeps_its_shape():
+    clip = planted_dance()
+    shape = shape_speed(statue_on_turntable(clip.motion, clip.beats))
+    assert shape.speed.max() < 1e-9
+    assert np.sqrt(shape.room).max() > 0.5
+
+
+def test_picture_has_a_row_for_each_body_and_marks_who_goes_with_the_music(table: pd.DataFrame):
+    old, level, words = CELLS.locked_figure(table.reset_index()).axes
+    assert len(old.patches) == len(words.texts) == len(table) == 31
+    marks = [line for line in level.lines if len(line.get_xdata()) == 1]
+    assert [int(line.get_xdata()[0]) for line in marks] == table["level"].tolist()
+    assert {line.get_marker() for line in marks if line.get_xdata()[0] == 4} == {"o"}
+    heights = [bar.get_y() + bar.get_height() / 2 for bar in old.patches]
+    assert (heights[0], heights[12], heights[13]) == pytest.approx((-1, -13, -15))  # the second group has a heading
+
+
+def test_finding_counts_who_pleases_each_score(table: pd.DataFrame):
+    assert CELLS.finding({"table_cheating_on_the_beat": table.reset_index()}) == (
+        "Joint speed in the room is pleased by 10 of 13 cheats and by 4 of 12 dancers in time; "
+        "the speed of the body's shape by 2 and by 12."
+    )
+
+
+def test_reading_names_the_cheats_that_pass_and_what_tricks_and_late_music_change(table: pd.DataFrame):
+    gains = pd.DataFrame({"paper_hit_rate": [0.1, 0.2, -0.1], "above_chance": [0.1, -0.2, -0.1]})
+    late = pd.DataFrame({"music": ["true", "half a beat late"], "mean": [0.8, -0.4]})
+    late = late.assign(trick="recommended", measure="above_chance", corpus="made up")
+    tables = {"table_cheating_gains": gains, "table_generators_late": late}
+    words = CELLS.reading(tables | {"table_cheating_on_the_beat": table.reset_index()})
+    assert "Cheats that keep time: one hand, 10 cm; random walk that stops on the beats." in words
+    assert "Of 3 tricks 2 raise the paper's hit rate, and 1 harmony above chance." in words
+    assert "our generator (made up) from 0.80 to -0.40." in words

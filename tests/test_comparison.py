@@ -1,4 +1,4 @@
-"""Systems compared: songs, contests, what is measured and kept, entry tests, and the layout for any data."""
+"""Systems compared: songs, contests, dances that need no training, what is measured and kept, any data's layout."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,44 +10,37 @@ import pandas as pd
 import pytest
 import soundfile
 
+from harmolab.beats.visual import visual_beats
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
-from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.params import DANCES, HarmonyParams
+from harmolab.systems.training.features import FeatureParams, audio_features
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import score_motion
 from study.experiments import contestants, contests, generation
-from study.experiments.contestants import (
-    BANK,
-    CHOREOGRAPHER,
-    RIGHT_SONG,
-    ROWS,
-    Contestant,
-    Entry,
-    Row,
-    entries,
-    of_system,
-    own_tempo,
-)
-from study.experiments.contests import (
-    BALLROOM,
-    Contest,
-    Excerpt,
-    ballroom_files,
-    recorded_songs,
-    seven_dances,
-    training_spans,
-    windows,
-)
+from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS, Contestant, Entry, Row, entries
+from study.experiments.contests import Contest, Excerpt, Material, music_anchors, rest_anchors
 from study.experiments.generation import SYNTHETIC, training_split
 from study.profile import RunProfile
-from tests.builders import planted_dance
+from tests.builders import planted_dance, refused
 from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile(
     "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16, songs=1,
     draws=2,
 )  # fmt: skip
-CELLS = notebook_cells("10_systems_compared", profile=PROFILE)
+# Of the notebook, but for shorter dances and one that is timed.
+CELLS = notebook_cells("10_systems_compared", profile=PROFILE, TIMED=1, GUARD_SECONDS=10.0)
 CHEAP = tuple(name for name, row in ROWS.items() if row.kind in ("recorded", "pieces"))
+FEATURES = FeatureParams.paper()
+VALLEYS = HarmonyParams.valleys()
+
+
+def excerpt(dance: str, seed: int, start: float = 6.0) -> Excerpt:
+    """Six seconds of a song with a planted dancer."""
+    return Excerpt(f"{dance} {seed}", planted_dance(dance, seconds=18.0, seed=seed), start)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -76,17 +69,7 @@ class OnTheBeat:
     def __init__(self) -> None:
         self.dances = 0
 
-    def generate(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float,
-        seconds: float | None,
-        seed: int,
-        dance: str,
-    ) -> Motion:
-        assert beats is not None and seconds is not None
+    def generate(self, audio, beats: BeatTrack, *, start: float, seconds: float, seed: int, dance: str) -> Motion:
         self.dances += 1
         whole = synthetic_motion(beats.times, dance=dance or "rumba", seconds=start + seconds, fps=30.0, seed=seed)
         return whole.span(start, seconds)
@@ -114,14 +97,14 @@ def rows(monkeypatch: pytest.MonkeyPatch) -> dict[str, Row]:
 
 
 def made(contest: Contest, training: int, *, system: OnTheBeat, entry: dict | None = None) -> Contestant:
-    return of_system(system, f"toy {training}", entry=entry or {}, parameters=1.5, minutes=2.0)
+    return contestants.of_system(system, f"toy {training}", entry=entry or {}, parameters=1.5, minutes=2.0)
 
 
 # Songs
 
 
 def test_songs_of_seven_dances_are_synthetic_with_planted_dancers_and_tracked_beats():
-    music, excerpts = seven_dances(PROFILE)
+    music, excerpts = contests.seven_dances(PROFILE)
     assert music == "synthetic songs"
     assert [one.clip.dance for one in excerpts] == list(DANCES)
     assert {one.start for one in excerpts} == {12.0}
@@ -140,19 +123,19 @@ def test_no_song_of_the_comparison_is_in_the_corpus_that_systems_are_trained_on(
 def test_files_of_the_ballroom_set_take_the_place_of_synthetic_songs_where_every_dance_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    for folder in BALLROOM:
+    for folder in contests.BALLROOM:
         (tmp_path / folder).mkdir()
         soundfile.write(tmp_path / folder / "one.wav", planted_dance("rumba", seconds=18.0).audio.samples, 22050)
     (tmp_path / "VienneseWaltz").mkdir()
     soundfile.write(tmp_path / "VienneseWaltz" / "one.wav", np.zeros(100), 22050)
-    assert set(ballroom_files(tmp_path)) == set(DANCES)
+    assert set(contests.ballroom_files(tmp_path)) == set(DANCES)
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
-    music, excerpts = seven_dances(PROFILE)
+    music, excerpts = contests.seven_dances(PROFILE)
     assert music == "Ballroom songs"
     assert [one.song for one in excerpts][:2] == ["ChaChaCha/one", "Jive/one"]
     assert all(one.clip.motion is None for one in excerpts)
     (tmp_path / "Samba" / "one.wav").unlink()
-    assert seven_dances(PROFILE)[0] == "synthetic songs"
+    assert contests.seven_dances(PROFILE)[0] == "synthetic songs"
 
 
 def test_windows_of_a_recording_follow_each_other_and_leave_filler_out(tmp_path: Path):
@@ -160,17 +143,17 @@ def test_windows_of_a_recording_follow_each_other_and_leave_filler_out(tmp_path:
     recording = load_recording(next(tmp_path.glob("clip_*")))
     motion = recording.clip.motion
     assert motion is not None
-    assert [one.start for one in windows(recording)] == pytest.approx([0.0, 6.0, 12.0, 18.0])
+    assert [one.start for one in contests.windows(recording)] == pytest.approx([0.0, 6.0, 12.0, 18.0])
     valid = np.ones(motion.n_frames, bool)
     valid[round(6.5 * motion.fps) : round(8.0 * motion.fps)] = False
     spliced = replace(recording, clip=replace(recording.clip, motion=replace(motion, valid=valid)))
-    assert [one.start for one in windows(spliced)] == pytest.approx([0.0, 12.0, 18.0, 24.0])
+    assert [one.start for one in contests.windows(spliced)] == pytest.approx([0.0, 12.0, 18.0, 24.0])
     late = replace(recording, clip=replace(recording.clip, motion=motion.span(0.0, 13.0), offset=4.02))
-    assert [one.start for one in windows(late)] == pytest.approx([4.02, 10.02])
+    assert [one.start for one in contests.windows(late)] == pytest.approx([4.02, 10.02])
 
 
 def test_a_longer_excerpt_reaches_back_where_the_song_ends():
-    song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 12.0)
+    song = excerpt("rumba", 1, start=12.0)
     assert (song.longer(10.0).start, song.longer(10.0).seconds) == (8.0, 10.0)
     assert (song.longer(40.0).start, song.longer(40.0).seconds) == (0.0, 18.0)
     assert song.longer(10.0).dancer.duration == pytest.approx(10.0)
@@ -181,7 +164,7 @@ def test_a_longer_excerpt_reaches_back_where_the_song_ends():
 
 def test_teachers_are_what_training_units_cover_and_nothing_of_a_test_meter():
     contest = contests.contests(PROFILE, 0)[0]
-    spans = training_spans(contest.split)
+    spans = contests.training_spans(contest.split)
     for unit in contest.split.test.units:
         pieces = spans.get(unit.sequence.rpartition("/")[2], [])
         assert all(end <= unit.meter_start + 0.1 or start >= unit.end - 0.1 for start, end in pieces)
@@ -197,7 +180,7 @@ def test_without_recordings_there_is_one_contest_and_its_dancers_are_those_plant
     (contest,) = contests.contests(PROFILE, 0)
     assert contest.about == {"music": "synthetic songs", "corpus": "synthetic"}
     assert contest.has_own_dancers
-    assert contest.patterns == {}
+    assert contest.patterns == {} and contests.recorded_songs(PROFILE) == []
     assert len(contest.guarded) == 7
 
 
@@ -205,7 +188,7 @@ def test_without_recordings_there_is_one_contest_and_its_dancers_are_those_plant
 
 
 def test_a_dance_on_the_beat_has_harmony_that_goes_when_the_music_is_half_a_beat_late():
-    song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 6.0)
+    song = excerpt("rumba", 1)
     numbers = CELLS.clip_measures(song.dancer, song)
     assert numbers["above_chance"] > 0.8 > 0.0 > numbers["half a beat late"]
     assert numbers["hit_rate chance"] == pytest.approx(numbers["hit_rate"], abs=0.3)
@@ -213,25 +196,18 @@ def test_a_dance_on_the_beat_has_harmony_that_goes_when_the_music_is_half_a_beat
 
 
 def test_a_still_body_has_no_harmony_and_no_chance():
-    song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 6.0)
-    dancer = song.dancer
-    still = Motion(np.repeat(dancer.positions[:1], dancer.n_frames, axis=0), dancer.fps, dancer.skeleton)
-    numbers = CELLS.clip_measures(still, song)
-    assert [
-        numbers[name] for name in ("h", "h chance", "hit_rate", "hit_rate chance", "speed", "jerk")
-    ] == pytest.approx([0.0] * 6)
+    song = excerpt("rumba", 1)
+    numbers = CELLS.clip_measures(replace(song.dancer, positions=0 * song.dancer.positions), song)
+    names = ["h", "h chance", "hit_rate", "hit_rate chance", "speed", "jerk"]
+    assert [numbers[name] for name in names] == pytest.approx([0.0] * 6)
 
 
 def test_right_song_beats_another_song_and_pieces_are_in_time(tables: tuple[pd.DataFrame, pd.DataFrame]):
-    above = tables[1].set_index("system")["above_chance"]
-    assert above[RIGHT_SONG] > 0.8
-    assert above["recorded, another song"] < 0.4
-    assert above["random pieces, rests on beats"] > 0.5
-    assert tables[1].set_index("system")["half a beat late"]["random pieces, rests on beats"] < 0.1
-
-
-def test_chance_in_paper_mode_is_nearly_the_score(tables: tuple[pd.DataFrame, pd.DataFrame]):
     table = tables[1].set_index("system")
+    above, late = table["above_chance"], table["half a beat late"]
+    assert above[RIGHT_SONG] > 0.8 and above["recorded, another song"] < 0.4
+    assert above["random pieces, rests on beats"] > 0.5 and late["random pieces, rests on beats"] < 0.1
+    # Chance in paper mode is nearly the score.
     assert (table["h"] - table["h chance"]).abs().max() < 0.15
     assert (table["hit_rate"] - table["hit_rate chance"]).abs().max() < 0.2
 
@@ -317,16 +293,26 @@ def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_th
     assert len(Row(numbers, "recorded", "no").contestants(contest)) == 1
 
 
-@pytest.mark.slow
-def test_a_system_of_another_body_has_no_distance(rows: dict[str, Row]):
-    row = compared(entries(replace(PROFILE, songs=1, draws=1), [BANK], trainings=0))[1].iloc[0]
+@pytest.fixture
+def two_songs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contest of two songs alone, one draw each."""
+    whole = contests.contests
+
+    def cut(profile: RunProfile, trainings: int) -> list[Contest]:
+        return [replace(one, excerpts=one.excerpts[:2]) for one in whole(replace(profile, draws=1), trainings)]
+
+    monkeypatch.setattr(contestants, "contests", cut)
+
+
+def test_a_system_of_another_body_has_no_distance(two_songs: None):
+    row = compared(entries(PROFILE, [BANK], trainings=0))[1].iloc[0]
     assert np.isnan([row["FID (kinetic)"], row["diversity"], row["multimodality"]]).all()
     assert np.isfinite([row["h"], row["jerk / recorded"]]).all()
 
 
 def test_lee_without_warper_is_told_its_own_tempo():
-    song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 6.0)
-    beats = own_tempo(song)
+    song = excerpt("rumba", 1)
+    beats = contestants.own_tempo(song)
     assert beats.tempo == pytest.approx(112.5)
     assert (beats.times[0], beats.duration) == (0.0, song.clip.audio.duration)
 
@@ -350,10 +336,8 @@ def test_a_folder_never_seen_gives_tables_of_the_same_layout(
     dances, systems = compared(entries(PROFILE, names, trainings=0))
     assert list(dances.columns) == list(tables[0].columns)
     assert list(systems.columns) == list(tables[1].columns)
-    assert systems[["music", "corpus"]].drop_duplicates().to_numpy().tolist() == [
-        ["synthetic songs", "synthetic"],
-        ["recorded songs", "synthetic"],
-    ]
+    assert systems["music"].unique().tolist() == ["synthetic songs", "recorded songs"]
+    assert set(systems["corpus"]) == {"synthetic"}
     own = dances[dances["music"] == "recorded songs"]
     assert own["song"].nunique() == 4 and own["clip"].nunique() == 8
     assert list(CELLS.table_by_dance(dances, "h").columns) == list(CELLS.table_by_dance(tables[0], "h").columns)
@@ -361,16 +345,150 @@ def test_a_folder_never_seen_gives_tables_of_the_same_layout(
     assert list(differences.columns)[:4] == ["music", "corpus", "system", "measure"]
 
 
-def test_without_recordings_there_are_no_recorded_songs():
-    assert recorded_songs(PROFILE) == []
-
-
 @pytest.mark.slow
-def test_every_row_of_the_quick_profile_is_made_and_its_rivals_are_not_trained_well_enough():
-    table = compared(entries(replace(PROFILE, draws=1)))[1].set_index("system")
+def test_every_row_of_the_quick_profile_is_made_and_its_rivals_are_not_trained_well_enough(two_songs: None):
+    table = compared(entries(PROFILE))[1].set_index("system")
     assert list(table.index) == list(ROWS)
     weak = table["remark"].str.startswith("not trained well enough")
     assert set(table.index[weak]) == {contestants.LEE, contestants.LEE_UNWARPED, contestants.REN}
     assert np.isfinite(table["h"][~weak]).all()
     trained_rows = [name for name, row in ROWS.items() if row.is_trained]
     assert (table.loc[trained_rows, ["parameters (M)", "training minutes"]] > 0).all(axis=None)
+
+
+# Dances that need no training
+
+
+def unit_of(dance: str, seed: int, *, late: float = 0.0) -> DanceUnit:
+    """Eight beats of a synthetic clip, and their dancer; its music's beats are told `late` periods late."""
+    clip = planted_dance(dance, seconds=18.0, seed=seed)
+    slow = Motion(clip.motion.positions[::4], clip.motion.fps / 4, clip.motion.skeleton)
+    beats = clip.beats.times[clip.beats.times > 2.0]
+    first, end = (int(np.floor(time * slow.fps)) for time in (beats[0], beats[8]))
+    start = first / slow.fps
+    code = encode_motion(slow.positions, slow.fps, slow.skeleton)[first:end]
+    times = start + np.arange(len(code)) / slow.fps
+    told = beats[:8] - start + late * np.diff(beats[:9])
+    index = (np.arange(len(code)) < len(code) // 2).astype(np.float32)
+    sound = audio_features(clip.audio, clip.beats, times, FEATURES)
+    name = f"{dance} {seed} {late}"
+    return DanceUnit(name, name, dance, frozenset(), frozenset(), start, sound, code, index, told, np.ones(8), slow.fps)
+
+
+def material(*units: DanceUnit, dancers: tuple[Excerpt, ...] = ()) -> Material:
+    motion = planted_dance("rumba", seconds=18.0, seed=1).motion
+    return Material(UnitSet(units, motion.skeleton, bone_lengths(motion.positions, motion.skeleton), FEATURES), dancers)
+
+
+def above_chance(motion: Motion, song: Excerpt) -> float:
+    beats = song.beats.span(song.start, song.seconds)
+    return score_motion(beats, motion, params=VALLEYS, n_rotations=0).harmony_above_chance
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(1)
+
+
+def test_the_right_song_is_the_dancer_planted_there(rng: np.random.Generator):
+    song = excerpt("rumba", 1)
+    motion = contests.recorded(material(unit_of("rumba", 2)), song, rng)
+    np.testing.assert_array_equal(motion.positions, song.clip.motion.span(6.0, 6.0).positions)
+    assert above_chance(motion, song) > 0.8
+
+
+def test_another_song_is_of_the_same_dance_and_never_the_song_itself(rng: np.random.Generator):
+    songs = (excerpt("rumba", 1), excerpt("rumba", 2), excerpt("waltz", 1))
+    motion = contests.another_song(material(unit_of("rumba", 2), dancers=songs), songs[0], rng)
+    np.testing.assert_array_equal(motion.positions, songs[1].dancer.positions)
+    away = contests.another_song(material(unit_of("rumba", 2), dancers=songs), songs[2], rng)
+    assert any(np.array_equal(away.positions, song.dancer.positions) for song in songs[:2])
+    refused(
+        "there is no other song", contests.another_song, material(unit_of("rumba", 2), dancers=songs[:1]), songs[0], rng
+    )
+
+
+def test_retiming_brings_another_songs_dancer_to_the_beats(rng: np.random.Generator):
+    song, other = excerpt("rumba", 1), excerpt("rumba", 2)
+    stuff = material(unit_of("rumba", 2), dancers=(other,))
+    before, after = (
+        above_chance(dance(stuff, song, rng), song) for dance in (contests.another_song, contests.retimed_dance)
+    )
+    assert after > before + 0.3
+
+
+def test_pieces_of_planted_dancers_are_in_time_whatever_their_own_tempo(rng: np.random.Generator):
+    song = excerpt("jive", 1)
+    for dance in (contests.random_pieces, contests.resting_pieces, contests.nearest_neighbour):
+        motion = dance(material(unit_of("rumba", 1), unit_of("rumba", 2)), song, rng)
+        assert motion.duration == pytest.approx(song.seconds, abs=1 / FEATURES.fps)
+        assert above_chance(motion, song) > 0.5
+
+
+def test_only_rests_on_beats_are_in_time_where_the_pieces_are_danced_beside_their_music(rng: np.random.Generator):
+    song = excerpt("rumba", 3)
+    stuff = material(unit_of("rumba", 1, late=0.5), unit_of("rumba", 2, late=0.5))
+    assert above_chance(contests.random_pieces(stuff, song, rng), song) < 0.2
+    assert above_chance(contests.resting_pieces(stuff, song, rng), song) > 0.5
+
+
+def test_rests_are_counted_in_beats_and_of_two_close_ones_the_first_is_taken(monkeypatch: pytest.MonkeyPatch):
+    unit = unit_of("rumba", 1)
+    period = unit.n_frames / unit.fps / 8
+    rests = period * np.array([0.5, 1.4, 1.7, 3.5, 4.4])
+    monkeypatch.setattr(contests, "visual_beats", lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0))
+    anchors = rest_anchors(unit, material(unit).units)
+    np.testing.assert_array_equal(anchors.beats, [0, 1, 3, 4])
+    np.testing.assert_allclose(anchors.seconds, rests[[0, 1, 3, 4]])
+
+
+def test_a_unit_that_hardly_rests_keeps_the_beats_of_its_music():
+    unit = unit_of("rumba", 1)
+    still = replace(unit, motion=np.repeat(unit.motion[:1], unit.n_frames, axis=0))
+    stuff = material(still)
+    np.testing.assert_array_equal(rest_anchors(still, stuff.units).seconds, music_anchors(still, stuff.units).seconds)
+
+
+def test_a_piece_at_its_own_tempo_is_itself_and_at_double_tempo_travels_as_far():
+    unit = unit_of("waltz", 1)
+    anchors = music_anchors(unit, material(unit).units)
+    frames = np.arange(unit.n_frames)
+    own = np.interp(frames / unit.fps, anchors.seconds, anchors.beats)
+    inside = (own > 0.2) & (own < 7.8)
+    same = contests.danced_at(unit, anchors, own[inside], frames[inside] / unit.fps)
+    # The beats of a unit are not quite even, and the map between them is smooth.
+    np.testing.assert_allclose(same[:, :-3], unit.motion[inside, :-3], atol=0.02)
+    fast = contests.danced_at(unit, anchors, own[inside], frames[inside] / unit.fps / 2)
+    np.testing.assert_allclose(fast[:, -3:], 2 * same[:, -3:])
+
+
+def test_the_same_draw_is_the_same_dance_and_another_is_not():
+    song, stuff = excerpt("rumba", 3), material(*(unit_of("rumba", seed) for seed in (1, 2, 4, 5)))
+    stuff = replace(stuff, dancers=[excerpt("rumba", seed) for seed in (1, 2, 4, 5)])
+    for name in contests.DRAWN:
+        one, same, *others = (
+            contests.BASELINES[name](stuff, song, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4, 5)
+        )
+        np.testing.assert_array_equal(one.positions, same.positions)
+        assert not all(np.array_equal(one.positions, other.positions) for other in others)
+
+
+def test_the_nearest_neighbour_of_a_units_own_music_is_that_unit(monkeypatch: pytest.MonkeyPatch):
+    units = [unit_of(dance, 1) for dance in ("rumba", "waltz", "jive")]
+    taken: list[str] = []
+
+    def anchors(unit: DanceUnit, units: UnitSet):
+        taken.append(unit.dance)
+        return music_anchors(unit, units)
+
+    monkeypatch.setattr(contests, "music_anchors", anchors)
+    contests.nearest_neighbour(material(*units), excerpt("waltz", 1, start=3.0), np.random.default_rng(0))
+    assert taken[0] == "waltz"  # the seconds that the unit was danced to; later ones are other music
+
+
+def test_pieces_join_between_beats_and_rest_nowhere_else():
+    song, unit = excerpt("rumba", 3), unit_of("rumba", 1)
+    motion = contests.resting_pieces(material(unit), song, np.random.default_rng(0))
+    beats = song.beats.span(song.start, song.seconds).times
+    phases = (np.interp(visual_beats(motion, params=VALLEYS).times, beats, np.arange(beats.size)) + 0.5) % 1 - 0.5
+    assert np.median(np.abs(phases)) < 0.2

@@ -1,4 +1,4 @@
-"""What notebooks run on: corpora found on disk or made, the clip under study, the tables of notebooks 01, 03 and 06."""
+"""What notebooks run on: corpora found on disk or made, the clip under study; tables and words of 00 to 06."""
 
 import json
 from collections.abc import Callable
@@ -10,24 +10,14 @@ import pandas as pd
 import pytest
 import soundfile
 
+from harmolab import music_and_motion, score_harmony, synthetic_clip, visual_beats
 from harmolab.data.recordings import Recording, load_recording, recording_beats
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.readers.motion import save_motion
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import score_clip
-from study.experiments import examples, study
-from study.experiments.examples import excerpt, waltz_example
-from study.experiments.study import (
-    agreement,
-    agreement_words,
-    clip_of_study,
-    corpus_folders,
-    data_root,
-    pattern_of_study,
-    readable_recordings,
-    study_recordings,
-    synthetic_corpus,
-)
+from study.experiments import study
+from study.experiments.study import agreement, clip_of_study, corpus_folders, data_root, excerpt, study_recordings
 from study.profile import RunProfile
 from tests.builders import cases, refused, track
 from tests.notebook_cells import notebook_cells
@@ -81,25 +71,19 @@ def recordings(tmp_path: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPa
 # Corpora
 
 
-def test_without_a_setting_there_are_no_recordings():
+def test_a_setting_that_names_no_folder_is_refused_and_without_one_there_are_no_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     assert data_root() is None
-
-
-def test_the_setting_names_the_folder_of_recordings(recordings: Path):
-    assert data_root() == recordings
-
-
-def test_a_setting_that_names_no_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path / "nowhere"))
     with pytest.raises(FileNotFoundError, match=r"HARMOLAB_DATA names .*nowhere, which is no folder"):
         data_root()
 
 
-def test_a_folder_of_sequences_is_one_corpus(recordings: Path):
+def test_a_folder_of_sequences_is_one_corpus_and_a_folder_of_corpora_is_several(
+    recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch
+):
     assert corpus_folders(TINY) == {"recordings": recordings}
-
-
-def test_a_folder_of_corpora_is_several(recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch):
     other = recordings.parent / "other"
     write_recording(other / "D", swinging_arm(1.0, 30.0))
     (recordings.parent / "empty").mkdir()
@@ -119,18 +103,18 @@ def test_without_recordings_a_synthetic_corpus_is_made_once():
     root = corpus_folders(TINY)["synthetic"]
     stamps = {file: file.stat().st_mtime_ns for file in root.rglob("*.npz")}
     assert len(stamps) == 2
-    assert synthetic_corpus(TINY) == root
+    assert study.synthetic_corpus(TINY) == root
     assert {file: file.stat().st_mtime_ns for file in root.rglob("*.npz")} == stamps
     assert [item.clip.source for item in study_recordings(TINY)] == ["synthetic", "synthetic"]
 
 
 def test_other_settings_make_another_synthetic_corpus():
-    assert synthetic_corpus(TINY, seconds=3.0) != synthetic_corpus(TINY, seconds=3.0, noise=0.01)
+    assert study.synthetic_corpus(TINY, seconds=3.0) != study.synthetic_corpus(TINY, seconds=3.0, noise=0.01)
 
 
 def test_every_readable_sequence_is_read_and_the_rest_passed_over(recordings: Path):
     (recordings / "B" / "motion.npz").write_bytes(b"damaged")
-    assert [item.folder.name for item in readable_recordings(recordings)] == ["A", "C"]
+    assert [item.folder.name for item in study.readable_recordings(recordings)] == ["A", "C"]
 
 
 @pytest.mark.parametrize(("count", "names"), [(None, "ABC"), (1, "A"), (2, "AB"), (5, "ABC")])
@@ -139,8 +123,7 @@ def test_a_profile_takes_so_many_sequences(recordings: Path, count: int | None, 
 
 
 def test_an_unknown_corpus_is_refused(recordings: Path):
-    with pytest.raises(ValueError, match="there is no corpus 'tango'; there are recordings"):
-        next(study_recordings(TINY, "tango"))
+    refused("there is no corpus 'tango'; there are recordings", next, study_recordings(TINY, "tango"))
 
 
 # The clip under study
@@ -186,7 +169,7 @@ def test_without_recordings_the_clip_of_study_is_free_movement_on_a_synthetic_so
 
 
 def test_the_example_is_the_clip_of_study_without_recordings_and_can_come_half_a_beat_late():
-    clip, studied, late = waltz_example(), clip_of_study(TINY), waltz_example(late=1 / 3)
+    clip, studied, late = study.waltz_example(), clip_of_study(TINY), study.waltz_example(late=1 / 3)
     assert (clip.offset, late.offset, clip.audio.duration, clip.motion.duration) == (0.0, 0.0, 12.0, 12.0)
     for one, other in ((clip.motion.positions, studied.motion.positions), (clip.beats.times, studied.beats.times)):
         np.testing.assert_array_equal(one, other)
@@ -196,13 +179,10 @@ def test_the_example_is_the_clip_of_study_without_recordings_and_can_come_half_a
 
 
 def test_the_example_is_on_the_beat_and_not_when_it_comes_half_a_beat_late():
-    clip = waltz_example()
-    half = float(np.median(np.diff(clip.beats.times))) / 2
-    levels = [
-        score_clip(each, HarmonyParams.recommended()).judgement.level for each in (clip, waltz_example(late=half))
-    ]
-    assert levels[0] == 4
-    assert levels[1] < 4
+    clip = study.waltz_example()
+    late = study.waltz_example(late=float(np.median(np.diff(clip.beats.times))) / 2)
+    levels = [score_clip(each, HarmonyParams.recommended()).judgement.level for each in (clip, late)]
+    assert levels[0] == 4 > levels[1]
 
 
 def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Path, monkeypatch: pytest.MonkeyPatch):
@@ -219,12 +199,12 @@ def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Pa
     monkeypatch.setattr(study, "cut_clips", lambda *_arguments: parts)
     rest = BarPattern.stop_on_the_beat()
     monkeypatch.setattr(study, "learn_patterns", lambda those, _others: [judged.extend(those) or rest])
-    pattern_of_study(TINY, dance="rumba", seconds=4.0)
+    study.pattern_of_study(TINY, dance="rumba", seconds=4.0)
     assert [part.figures for part in judged] == [{"inside"}]
 
 
 def test_without_anything_to_learn_from_there_is_no_pattern(recordings: Path):
-    assert pattern_of_study(TINY, dance="rumba", seconds=4.0) is None
+    assert study.pattern_of_study(TINY, dance="rumba", seconds=4.0) is None
 
 
 # Tables
@@ -235,10 +215,9 @@ def test_agreement_counts_pairs_and_what_rotations_would_pair():
     # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
     counts = {"music beats": 3, "visual beats": 2, "omitted": 2, "redundant": 1, "hits": 1}
     assert result == {**counts, "chance hits": 0.75}
-    assert agreement_words(result) == "1 of 3 music beats met, chance alone meets 0.8; 1 of 2 visual beats left over"
-    assert agreement_words({**counts, "chance hits": 1.2}).startswith(
-        "1 of 3 music beats met, no more than chance (1.2)"
-    )
+    words = study.agreement_words(result)
+    assert words == "1 of 3 music beats met, chance alone meets 0.8; 1 of 2 visual beats left over"
+    assert "1 of 3 music beats met, no more than chance (1.2)" in study.agreement_words(result | {"chance hits": 1.2})
 
 
 def test_agreement_without_music_is_defined():
@@ -247,7 +226,7 @@ def test_agreement_without_music_is_defined():
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(examples, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
+    monkeypatch.setattr(study, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
     table = CELLS.beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
     assert table[["detector", "tolerance (s)"]].values.tolist() == [
         ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],
@@ -262,15 +241,9 @@ def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, mon
 
 
 def test_words_about_joint_speed_name_the_numbers_of_their_table():
-    row = {
-        "detector": "turns",
-        "tolerance (s)": 0.12,
-        "music beats": 4,
-        "visual beats": 9,
-        "omitted": 1,
-        "redundant": 6,
-    }
-    tables = {"table05_omission_redundancy": pd.DataFrame([row | {"hit rate": 0.75, "chance": 0.5}])}
+    row = {"detector": "turns", "tolerance (s)": 0.12, "music beats": 4, "visual beats": 9, "omitted": 1}
+    row |= {"redundant": 6, "hit rate": 0.75, "chance": 0.5}
+    tables = {"table05_omission_redundancy": pd.DataFrame([row])}
     assert CELLS.finding(tables) == (
         "Turns of the joint speed meet 75% of the music's beats within 0.12 s; at random moments they meet 50%."
     )
@@ -330,3 +303,34 @@ def test_the_first_finding_says_which_number_falls(late: float, levels: tuple[in
     rows += [("recommended", dance, np.nan, level) for dance, level in zip(dances, levels, strict=True)]
     table = pd.DataFrame(rows, columns=["settings", "dance", "harmony", "level"])
     assert notebook_cells("00_start_here").finding({"table00_first_score": table}).endswith(words)
+
+
+# Equations and words of notebook 04
+
+PAPER = HarmonyParams.paper()
+SCORING = notebook_cells("04_salience_and_scoring", paper=PAPER)
+
+
+@cases("dance, fps", ("waltz", 30.0), ("jive", 25.0), ("rumba", 60.0), ("samba", 120.0))
+def test_equations_in_the_cells_give_the_package_s_score(dance: str, fps: float):
+    beats, motion = music_and_motion(synthetic_clip(dance, seconds=20.0, fps=fps, seed=4))
+    score = score_harmony(beats, visual_beats(motion, params=PAPER), params=PAPER, n_rotations=0)
+    times, strengths = SCORING.noticed_music(beats.times, beats.strengths)
+    moments = SCORING.noticed_movement(*SCORING.turns(SCORING.at_rate(motion.positions, motion.fps), PAPER.fps))
+    harmony, hits = SCORING.harmony(times, strengths, moments, PAPER.reaction_delay, PAPER.beta)
+    assert len(moments) == score.n_visual > 10
+    assert harmony == pytest.approx(score.harmony, rel=1e-12)
+    assert np.array_equal(hits, score.hits)
+
+
+def test_words_about_tolerance_name_the_numbers_of_their_table():
+    rows = [("turns", 0.1, 0.5, 0.4), ("turns", 0.25, 0.9, 0.88)]
+    rows += [("valleys", 0.1, 0.6, 0.3), ("valleys", 0.25, 0.7, 0.6)]
+    table = pd.DataFrame(rows, columns=["beats", "delay", "hit_rate", "chance"]).assign(delay_of_paper=0.25)
+    tables = {"eq18_tolerance_and_chance": table}
+    finding = "Within the 0.25 s of the paper turns of the joint speed hit 90% of the beats, and at random moments 88%."
+    assert SCORING.finding(tables) == finding
+    words = SCORING.reading(tables)
+    best = "stand furthest above chance at 0.1 s, by"
+    assert f"Turns of the joint speed (paper) {best} 10%: they hit 50%, chance 40%." in words
+    assert f"Valleys of the joint speed {best} 30%: they hit 60%, chance 30%." in words

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from study.figures.verdicts import levels_figure
+from study.figures.results import levels_figure
 from study.profile import RunProfile
 from tests.notebook_cells import notebook_cells
 

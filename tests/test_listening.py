@@ -40,7 +40,7 @@ from harmolab.lab.listening.trials import (
     marks_of,
 )
 from harmolab.types import Audio, Clip
-from study.figures.listening import rates_figure, study_title
+from study.figures.results import rates_figure, study_title
 from tests.builders import cases, refused
 
 # Trials and their files

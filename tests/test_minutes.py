@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ import pytest
 from harmolab.beats.audio import audio_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
-from harmolab.types import Clip, Motion
+from harmolab.types import Motion
 from study import diagram
-from study.experiments import contestants, unheard_songs
+from study.experiments import contestants, generation, unheard_songs
 from study.experiments.contestants import RIGHT_SONG, Contestant, Row, kept_name
 from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import recorded_dancers, unheard_song
@@ -23,7 +24,7 @@ from study.profile import RunProfile
 from tests.builders import cases
 from tests.notebook_cells import notebook_cells
 
-PROFILE = replace(RunProfile.quick(), n_seeds=2)
+PROFILE = replace(RunProfile.quick(), n_seeds=2, n_clips=20, pose_epochs=1)
 PLANTED, FROZEN = "planted dancer", "frozen pose"
 
 
@@ -31,17 +32,13 @@ def planted(excerpt: Excerpt, seed: int) -> Motion:
     """A synthetic dancer who knows the very beats of the song: it comes with the same settings."""
     number = int(excerpt.song.rpartition(" ")[2])
     place = list(DANCES).index(excerpt.clip.dance)
-    settings = ClipSettings(
-        excerpt.clip.dance, seconds=excerpt.seconds, seed=unheard_songs.UNHEARD + 1000 * place + number, fps=25.0
-    )
-    motion = planted_clip(settings).clip.motion
-    assert motion is not None
-    return motion
+    seed = unheard_songs.UNHEARD + 1000 * place + number
+    return planted_clip(ClipSettings(excerpt.clip.dance, excerpt.seconds, seed=seed, fps=25.0)).clip.motion
 
 
 def frozen(excerpt: Excerpt, seed: int) -> Motion:
     dancer = planted(excerpt, seed)
-    return Motion(np.repeat(dancer.positions[:1], dancer.n_frames, axis=0), dancer.fps, dancer.skeleton)
+    return replace(dancer, positions=np.repeat(dancer.positions[:1], dancer.n_frames, axis=0))
 
 
 def contestant(name: str, dance: Callable[[Excerpt, int], Motion], contest: Contest, training: int) -> Contestant:
@@ -53,10 +50,8 @@ OWN = {
 }
 CELLS = notebook_cells("16_music2dance", EVERY_ROW={**contestants.EVERY_ROW, **OWN})
 MARKS, STATUE = CELLS.MARKS, CELLS.STATUE
-MEASURES = [
-    "slowest 10 s", "fastest 10 s", "pose variance", "still", "freezing", "jerk", "bones", "fastest step",
-    "lowest joint",
-]  # fmt: skip
+MEASURES = ["slowest 10 s", "fastest 10 s", "pose variance", "still", "freezing"]
+MEASURES += ["jerk", "bones", "fastest step", "lowest joint"]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -64,17 +59,17 @@ def cache_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(unheard_songs, "QUICK_SECONDS", 14.0)
+        patch.setattr(generation, "SECONDS", 10.0)  # of the corpus that the network of points learns from
         yield
 
 
 @pytest.fixture(scope="module")
 def contest() -> Contest:
     dancers = []
-    for dance in ("cha-cha", "waltz"):
-        for seed in (1, 2, 3, 4):
-            clip = synthetic_clip(dance, seconds=24.0, fps=25.0, seed=seed)
-            own = Clip(f"{dance} recorded {seed}", clip.audio, clip.motion, 0.0, "", audio_beats(clip.audio), dance)
-            dancers.append(Excerpt(own.name, own, 0.0))
+    for dance, seed in product(("cha-cha", "waltz"), (1, 2, 3, 4)):
+        clip = synthetic_clip(dance, seconds=24.0, fps=25.0, seed=seed)
+        own = replace(clip, name=f"{dance} recorded {seed}", source="", beats=audio_beats(clip.audio))
+        dancers.append(Excerpt(own.name, own, 0.0))
     return Contest(PROFILE, "synthetic", "unheard", (), tuple(dancers), 2)
 
 
@@ -151,20 +146,19 @@ def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str],
     assert marks.loc[PLANTED, "total"] == pytest.approx(weighted)
 
 
-@pytest.mark.parametrize(("value", "expected"), [(5.0, 0.0), (7.0, 0.0), (1.0, 10.0), (0.0, 10.0), (2.0, 7.5)])
+@cases("value, expected", (5.0, 0.0), (7.0, 0.0), (1.0, 10.0), (0.0, 10.0), (2.0, 7.5))
 def test_a_mark_lies_between_the_worst_and_the_best(value: float, expected: float):
     assert CELLS.mark(value, worst=5.0, best=1.0) == expected
 
 
 def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted():
     motion = synthetic_clip("cha-cha", seconds=12.0, fps=25.0, seed=5).motion
-    assert motion is not None
     learnt = CELLS.pieces_of(motion, 1)
     np.testing.assert_allclose(CELLS.nearest_pieces([motion], learnt), 0.0, atol=1e-9)
     raised = motion.positions.copy()
     hand = next(number for number, name in enumerate(motion.skeleton.joints) if "hand" in name.lower())
     raised[:, hand, 1] += 0.2
-    moved = CELLS.nearest_pieces([Motion(raised, motion.fps, motion.skeleton)], learnt)
+    moved = CELLS.nearest_pieces([replace(motion, positions=raised)], learnt)
     assert (moved > 0.1).all() and (moved < 20.0).all()
 
 
@@ -175,14 +169,10 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
     assert [text.get_text() for text in figure.axes[0].texts][: len(MEASURES)] == ["100"] * len(MEASURES)
     marks = marks_figure(CELLS.machine_marks(halves), MARKS, corpus="beatlocked")
     assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
-    table = pd.DataFrame(
-        {
-            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "draw_memory": [0.0, 0.0, np.nan],
-            "moves like people": [0.5, 0.2, 1.0],
-            "dancers": ["Music2Dance", "Music2Dance", "statues of the recorded"], "poses apart": [9.0, 80.0, 50.0],
-            "pose variance / recorded": [0.4, 1.0, 1.0], "jerk / recorded": [0.5, 9.0, 1.0],
-        }
-    )  # fmt: skip
+    names = ["dancers", "temperature", "smoothing", "draw_memory", "moves like people", "poses apart"]
+    rows = [("Music2Dance", 0.0, 0.0, 0.0, 0.5, 9.0, 0.4, 0.5), ("Music2Dance", 1.0, 0.0, 0.0, 0.2, 80.0, 1.0, 9.0)]
+    rows += [("statues of the recorded", np.nan, np.nan, np.nan, 1.0, 50.0, 1.0, 1.0)]
+    table = pd.DataFrame(rows, columns=[*names, "pose variance / recorded", "jerk / recorded"])
     used = {"temperature": 1.0, "smoothing": 0.0, "draw_memory": 0.0}
     curve, ring = (figure := chance_figure(table, used=used)).axes[2].lines[:2]
     assert len(curve.get_xdata()) == 2 and ring.get_xdata().tolist() == [1.0]
@@ -200,12 +190,8 @@ def test_hands_effectors_and_losses_are_drawn_as_they_are():
     assert figure.axes[0].texts[0].get_text() == words
     assert figure.get_suptitle() == f"Hands in tango range over {spread:.0f} cm with one and {spread:.0f} cm with other"
     assert figure.axes[-1].get_xlabel() == "time (s); recordings on the beat"
-    assert [ax.get_title("left") for ax in figure.axes] == [
-        "one, raw",
-        "one, smoothed",
-        "other, raw",
-        "other, smoothed",
-    ]
+    panels = ["one, raw", "one, smoothed", "other, raw", "other, smoothed"]
+    assert [ax.get_title("left") for ax in figure.axes] == panels
     shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
     points = pd.DataFrame({"x": [0.0, 1.0], "y": [1.0, 2.0], "ablation": ["recorded", "a"]})
     assert "0.50" in CELLS.effectors_figure(points, shares).axes[0].get_title("left")

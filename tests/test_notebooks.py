@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 
@@ -16,33 +17,9 @@ from tests.builders import cases
 
 ROOT = Path(__file__).resolve().parents[1]
 PATHS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-NAMES = [
-    "00_start_here",
-    "01_harmony_distortion",
-    "02_flow_or_skeleton",
-    "03_beats_from_joint_speed",
-    "04_salience_and_scoring",
-    "05_right_from_wrong",
-    "06_meter_units",
-    "07_anatomy_and_training",
-    "08_motion_quality",
-    "09_harmony_loss",
-    "10_systems_compared",
-    "11_frame_by_frame",
-    "12_cheating_the_score",
-    "13_your_own_dance",
-    "14_listening_study",
-    "15_music_and_attributes",
-    "16_music2dance",
-    "17_feet",
-    "18_sound_and_points",
-    "19_sound_to_hands",
-    "20_players_and_avatars",
-]
+COUNT = 21
 PARTS = ["the score", "the generator", "your own dance", "Music2Dance", "players"]
-MOST_CELLS = 30
-MOST_LINES = 40
-LONGEST_FUNCTION = 25
+MOST_CELLS, MOST_LINES, LONGEST_FUNCTION = 30, 40, 25
 # Under a minute is the aim on two cores; but the first notebook that needs generators trains them for all others, which
 # wait for it.
 SECONDS_PER_CELL = 900
@@ -52,12 +29,15 @@ ABSOLUTE = re.compile(r"(?:/\w[\w.-]*|~\w*)/|/tmp|[A-Za-z]:[\\/]")
 every_notebook = pytest.mark.parametrize("path", PATHS, ids=[path.stem for path in PATHS])
 
 
-def code_cells(path: Path) -> list[nbformat.NotebookNode]:
-    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+@cache
+def notebook_of(path: Path) -> nbformat.NotebookNode:
+    return nbformat.read(path, as_version=4)
 
 
-def markdown_cells(path: Path) -> list[nbformat.NotebookNode]:
-    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "markdown"]
+def sources(path: Path, kind: str, tag: str = "") -> list[str]:
+    """What the cells of a kind hold, those with a tag alone if one is named."""
+    cells = [cell for cell in notebook_of(path).cells if cell.cell_type == kind]
+    return [cell.source for cell in cells if not tag or tag in cell.metadata.get("tags", [])]
 
 
 def form_faults(source: str) -> list[str]:
@@ -67,16 +47,10 @@ def form_faults(source: str) -> list[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.AsyncFunctionDef | ast.ClassDef | ast.Try):
             found.append(f"{type(node).__name__} in line {node.lineno}")
-        if (
-            isinstance(node, ast.FunctionDef)
-            and (lines := node.end_lineno - node.body[0].lineno + 1) > LONGEST_FUNCTION
-        ):
+        lines = node.end_lineno - node.body[0].lineno + 1 if isinstance(node, ast.FunctionDef) else 0
+        if lines > LONGEST_FUNCTION:
             found.append(f"{node.name} has {lines} lines")
-        if (
-            isinstance(node, ast.Constant)
-            and isinstance(node.value, str)
-            and re.match(r"[/~]\w|[A-Za-z]:\\", node.value)
-        ):
+        if isinstance(node, ast.Constant) and re.match(r"[/~]\w|[A-Za-z]:\\", str(node.value)):
             found.append(f"absolute path {node.value!r}")
         if isinstance(node, ast.Name | ast.Attribute | ast.alias):
             name = getattr(node, "id", None) or getattr(node, "attr", None) or node.name
@@ -86,42 +60,34 @@ def form_faults(source: str) -> list[str]:
 
 
 def test_all_notebooks_are_there_and_numbered_without_a_gap():
-    assert [path.stem for path in PATHS] == NAMES
-    assert [name[:2] for name in NAMES] == [f"{number:02d}" for number in range(len(NAMES))]
+    assert [path.stem[:3] for path in PATHS] == [f"{number:02d}_" for number in range(COUNT)]
 
 
 @every_notebook
 def test_notebook_is_committed_without_outputs(path: Path):
     nbformat.validate(json.loads(path.read_text("utf-8")))
-    cells = code_cells(path)
-    assert [cell.outputs for cell in cells] == [[]] * len(cells)
-    assert [cell.execution_count for cell in cells] == [None] * len(cells)
-    assert "widgets" not in nbformat.read(path, as_version=4).metadata
+    cells = [cell for cell in notebook_of(path).cells if cell.cell_type == "code"]
+    assert [(cell.outputs, cell.execution_count) for cell in cells] == [([], None)] * len(cells)
+    assert "widgets" not in notebook_of(path).metadata
 
 
 @every_notebook
-def test_notebook_starts_with_a_title_and_takes_its_profile_from_one_tagged_cell(path: Path):
-    notebook = nbformat.read(path, as_version=4)
-    assert notebook.cells[0].cell_type == "markdown"
-    assert notebook.cells[0].source.startswith("# ")
-    tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
-    assert len(tagged) == 1
-    assert "profile = RunProfile.from_env()" in tagged[0]
+def test_notebook_starts_with_a_title_and_takes_its_profile_from_one_tagged_cell_that_shows_nothing(path: Path):
+    assert notebook_of(path).cells[0].source.startswith(f"# {path.stem[:2]} ")
+    (parameters,) = sources(path, "code", "parameters")
+    assert "profile = RunProfile.from_env()" in parameters
+    assert not isinstance(ast.parse(parameters).body[-1], ast.Expr)
 
 
 def test_every_notebook_says_which_items_of_the_paper_it_builds():
-    items = {path.stem: nbformat.read(path, as_version=4).metadata["harmolab"]["paper"] for path in PATHS}
-    assert {name: sorted(set(named) - set(PAPER)) for name, named in items.items() if set(named) - set(PAPER)} == {}
+    items = {item for path in PATHS for item in notebook_of(path).metadata["harmolab"]["paper"]}
+    assert items <= set(PAPER)
 
 
 @every_notebook
 def test_notebook_opens_with_its_finding_and_a_committed_picture_of_it(path: Path):
-    notebook = nbformat.read(path, as_version=4)
-    facts = notebook.metadata["harmolab"]
-    title, _, typed = notebook.cells[0].source.partition("\n\n")
-    finding = notebook_finding(path)
-    assert typed == ""
-    assert title.startswith(f"# {path.stem[:2]} ")
+    facts, finding = notebook_of(path).metadata["harmolab"], notebook_finding(path)
+    assert "\n\n" not in notebook_of(path).cells[0].source
     # A finding has its number, but where something is to be heard before any number.
     assert any(digit.isdigit() for digit in finding) != facts.get("heard_first", False)
     entry = json.loads((ROOT / "figures" / "manifest.json").read_text("utf-8"))[facts["picture"]]
@@ -129,34 +95,28 @@ def test_notebook_opens_with_its_finding_and_a_committed_picture_of_it(path: Pat
 
 
 def test_story_has_its_parts_in_one_piece_each():
-    parts = [nbformat.read(path, as_version=4).metadata["harmolab"]["part"] for path in PATHS]
+    parts = [notebook_of(path).metadata["harmolab"]["part"] for path in PATHS]
     assert [part for part, _ in groupby(parts)] == PARTS
 
 
 @every_notebook
 def test_notebook_asks_before_it_answers(path: Path):
-    headings = re.findall(r"^## (.+)$", "\n".join(cell.source for cell in markdown_cells(path)), flags=re.MULTILINE)
+    headings = re.findall(r"^## (.+)$", "\n".join(sources(path, "markdown")), flags=re.MULTILINE)
     assert sum("?" in heading for heading in headings) >= 3
 
 
 @every_notebook
-def test_notebook_does_not_greet_with_its_settings(path: Path):
-    tagged = [cell for cell in code_cells(path) if "parameters" in cell.metadata.get("tags", [])]
-    assert not isinstance(ast.parse(tagged[0].source).body[-1], ast.Expr)
-
-
-@every_notebook
 def test_notebook_says_how_to_read_it_and_what_may_be_wrong(path: Path):
-    text = "\n".join("".join(cell["source"]) for cell in json.loads(path.read_text("utf-8"))["cells"])
+    text = "\n".join(sources(path, "markdown"))
     assert "## What may be wrong" in text
     assert path == PATHS[-1] or re.search(r"^Next: \[\d\d .+\]\(\d\d_\w+\.ipynb\)$", text, flags=re.MULTILINE)
 
 
 @every_notebook
 def test_notebook_is_short_cells_of_short_functions(path: Path):
-    cells = code_cells(path)
+    cells = sources(path, "code")
     assert len(cells) <= MOST_CELLS
-    assert [fault for cell in cells for fault in form_faults(cell.source)] == []
+    assert [fault for cell in cells for fault in form_faults(cell)] == []
 
 
 @cases(
@@ -179,18 +139,12 @@ def test_ordinary_cell_has_no_fault():
     assert form_faults(source) == []
 
 
-def test_every_published_figure_has_its_notebook_and_its_file():
-    manifest = ROOT / "figures" / "manifest.json"
-    entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
+def test_every_published_figure_has_its_notebook_and_its_file_and_comes_from_the_full_profile():
+    entries = json.loads((ROOT / "figures" / "manifest.json").read_text("utf-8"))
     assert {entry["notebook"] for entry in entries.values()} <= {path.name for path in PATHS}
+    assert {entry["profile"] for entry in entries.values()} == {"full"}
     files = {file.name for file in (ROOT / "figures").glob("*.*") if file.suffix in (".png", ".csv")}
     assert files == set(entries)
-
-
-def test_published_figures_come_from_the_full_profile():
-    manifest = ROOT / "figures" / "manifest.json"
-    entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
-    assert {entry["profile"] for entry in entries.values()} <= {"full"}
 
 
 @pytest.mark.slow
@@ -202,6 +156,8 @@ def test_notebook_runs_from_top_to_bottom_in_the_quick_profile(path: Path, tmp_p
     assert {entry["notebook"] for entry in manifest.values()} == {path.name}
 
 
+# Code, formulas, links and the number of the notebook.
+NO_PROSE = r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$|\[\d\d [^\]]*\]\([^)]*\)|\]\([^)]*\)|^# \d\d "
 # Words after which a number is an address: Eq. 7-21, Figs. 1 and 3, Sec. 4.1, [05 Right from wrong].
 NAMED = r"\d[\d.a-d]*"
 ADDRESS = rf"(?:Eqs?|Figs?|Sec|Tables?|[Nn]otebooks?)\.?\s*{NAMED}(?:(?:-|, | and | to ){NAMED})*"
@@ -209,13 +165,7 @@ ADDRESS = rf"(?:Eqs?|Figs?|Sec|Tables?|[Nn]otebooks?)\.?\s*{NAMED}(?:(?:-|, | an
 
 def typed_numbers(markdown: str, code: str) -> list[str]:
     """Numerals in prose that are no address, stand in no formula or code, and that no code cell of the notebook has."""
-    text = re.sub(
-        r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$|\[\d\d [^\]]*\]\([^)]*\)|\]\([^)]*\)|^# \d\d ",
-        " ",
-        markdown,
-        flags=re.S | re.M,
-    )
-    text = re.sub(ADDRESS, " ", text)
+    text = re.sub(ADDRESS, " ", re.sub(NO_PROSE, " ", markdown, flags=re.S | re.M))
     numbers = re.findall(r"(?<![\w.])\.?\d+(?:[.,]\d+)*", text)
     literals = {float(literal) for literal in re.findall(r"(?<![\w.])\d*\.?\d+", code)}
     return [number for number in numbers if float(number.replace(",", "")) not in literals]
@@ -233,5 +183,5 @@ def test_typed_numbers_are_those_that_no_code_has(markdown: str, numbers: list[s
 
 @every_notebook
 def test_no_number_in_its_prose_is_typed(path: Path) -> None:
-    code = "\n".join(cell.source for cell in code_cells(path))
-    assert [number for cell in markdown_cells(path) for number in typed_numbers(cell.source, code)] == []
+    code = "\n".join(sources(path, "code"))
+    assert [number for cell in sources(path, "markdown") for number in typed_numbers(cell, code)] == []

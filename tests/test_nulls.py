@@ -8,7 +8,7 @@ from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import time_test
 from harmolab.verdict.judge import judge
-from study.figures.verdicts import nulls_figure
+from study.figures.results import nulls_figure
 from tests.builders import cases, planted_dance
 from tests.notebook_cells import notebook_cells
 

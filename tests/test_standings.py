@@ -6,8 +6,7 @@ import pytest
 
 from harmolab.significance import bootstrap_interval, mean_interval
 from study.experiments.contestants import HARMOGAN, LEE, REN, RIGHT_SONG, WITHOUT
-from study.experiments.judging import PAPER_MEANS
-from study.experiments.printed import TABLE_1, TABLE_2, printed
+from study.experiments.judging import PAPER_MEANS, TABLE_1, TABLE_2, printed
 from tests.notebook_cells import notebook_cells
 
 CELLS = notebook_cells("10_systems_compared")

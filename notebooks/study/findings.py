@@ -3,8 +3,6 @@
 A notebook writes its sentences as functions of tables, so that no number in them is typed.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 from collections.abc import Callable, Iterator, Mapping

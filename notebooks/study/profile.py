@@ -1,9 +1,8 @@
 """Amount of work that a notebook does."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
+from typing import Self
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class RunProfile:
     seed: int = 1
 
     @classmethod
-    def quick(cls) -> RunProfile:
+    def quick(cls) -> Self:
         """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
         return cls(
             "quick",
@@ -63,12 +62,12 @@ class RunProfile:
         )
 
     @classmethod
-    def full(cls) -> RunProfile:
+    def full(cls) -> Self:
         """The numbers that are published in `figures/`."""
         return cls("full", n_clips=200, n_sequences=None, n_rotations=1000)
 
     @classmethod
-    def from_env(cls) -> RunProfile:
+    def from_env(cls) -> Self:
         """The profile that ``HARMOLAB_PROFILE`` names (default quick)."""
         name = os.environ.get("HARMOLAB_PROFILE", "quick")
         if name not in ("quick", "full"):

@@ -1,7 +1,5 @@
 """Figures and tables of a run: the folder they are saved in, and the manifest beside them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os
@@ -10,8 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NotRequired, Protocol, TypedDict, Unpack
+from typing import Any, NotRequired, TypedDict, Unpack
 
+import pandas as pd
 from filelock import FileLock
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,12 +22,6 @@ from harmolab.lab.report.pages import MANIFEST
 from study.profile import RunProfile
 
 PAGE_WIDTH = 992  # pixels, of a column of the report
-
-
-class Frame(Protocol):
-    """A table that can write itself, such as a pandas DataFrame."""
-
-    def to_csv(self, path: Any, *, index: bool) -> Any: ...
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,7 @@ class About(TypedDict):
     notebook: str
     source: str
     profile: RunProfile
-    seed: NotRequired[int | None]
+    seed: NotRequired[int]
     title: NotRequired[str]
     trained: NotRequired[bool]
 
@@ -108,7 +101,7 @@ def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
     return Saved(path, None if shown_by_pyplot else path.read_bytes())
 
 
-def save_table(frame: Frame, name: str, **about: Unpack[About]) -> Saved:
+def save_table(frame: pd.DataFrame, name: str, **about: Unpack[About]) -> Saved:
     """The CSV just written; arguments as for `save_figure`. The frame's index is left out."""
     with _recorded(name, ".csv", **about) as path, atomic_write(path) as part:
         frame.to_csv(part, index=False)
@@ -143,32 +136,23 @@ def _mark(figure: Figure, words: str) -> None:
 
 
 @contextmanager
-def _recorded(
-    name: str,
-    suffix: str,
-    *,
-    notebook: str,
-    source: str,
-    profile: RunProfile,
-    seed: int | None = None,
-    title: str = "",
-    trained: bool = False,
-) -> Iterator[Path]:
+def _recorded(name: str, suffix: str, **about: Unpack[About]) -> Iterator[Path]:
     """Path of a figure to write; then adds or replaces its entry in the manifest.
 
     Notebooks that run at the same time wait for each other.
     """
     if not name or Path(name).name != name or name.startswith("."):
         raise ValueError(f"a figure's name must be a plain file name without folders, got {name!r}")
+    profile = about["profile"]
     folder = figures_folder(profile)
     folder.mkdir(parents=True, exist_ok=True)
     yield folder / f"{name}{suffix}"
     entry = {
-        "notebook": f"{Path(notebook).stem}.ipynb",
+        "notebook": f"{Path(about['notebook']).stem}.ipynb",
         "profile": profile.name,
-        "seed": profile.seed if seed is None else seed,
-        "source": source,
-        "title": title,
+        "seed": about.get("seed", profile.seed),
+        "source": about["source"],
+        "title": about.get("title", ""),
         "version": version("harmolab"),
     }
     manifest = folder / MANIFEST

@@ -1,8 +1,6 @@
 """Parts of a network measured by running it once: their layers, sizes and shapes (Fig. 7)."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
@@ -10,7 +8,6 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.utils.hooks import RemovableHandle
 
 from harmolab.systems.harmogan.networks import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 from harmolab.systems.music2dance.attributes import N_AUDIO, AttributeClassifier
@@ -66,22 +63,37 @@ def parts_of(title: str, network: nn.Module, **inputs: Tensor) -> list[Part]:
     Its children with parameters are the parts; lists of modules are opened.
     """
     n_units = len(next(iter(inputs.values())))
-    parts = [
-        Part(title, name, "input", 0, shape_text(x.shape, n_units)) for name, x in inputs.items() if name != "mask"
+    result, passes = _passes(network, _learning_parts(network), **inputs)
+    outputs = result._asdict() if hasattr(result, "_asdict") else {"output": result}
+
+    def part(name: str, layers: str, tensor: Tensor, parameters: int = 0) -> Part:
+        return Part(title, name, layers, parameters, shape_text(tensor.shape, n_units))
+
+    return [
+        *(part(name, "input", x) for name, x in inputs.items() if name != "mask"),
+        *(part(name, layers_of(module), after, parameter_count(module)) for name, module, _, after in passes),
+        *(part(name, "output", x) for name, x in outputs.items()),
     ]
 
-    def note(name: str, module: nn.Module, _: Any, result: Any) -> None:
-        shape = (result[0] if isinstance(result, tuple) else result).shape
-        parts.append(Part(title, name, layers_of(module), parameter_count(module), shape_text(shape, n_units)))
 
-    hooks = [module.register_forward_hook(partial(note, name)) for name, module in _learning_parts(network)]
+Pass = tuple[str, nn.Module, Tensor, Tensor]  # a name, the module of that name, what goes into it and what comes out
+
+
+def _passes(
+    network: nn.Module, modules: Iterable[tuple[str, nn.Module]], *values: Tensor, **inputs: Tensor
+) -> tuple[Any, list[Pass]]:
+    """What a network answers, and a `Pass` for each of some modules in it, in the order in which they ran."""
+    passes: list[Pass] = []
+
+    def note(name: str, module: nn.Module, given: tuple[Any, ...], result: Any) -> None:
+        passes.append((name, module, given[0], result[0] if isinstance(result, tuple) else result))
+
+    hooks = [module.register_forward_hook(partial(note, name)) for name, module in modules]
     try:
-        result = network(**inputs)
+        return network(*values, **inputs), passes
     finally:
         for hook in hooks:
             hook.remove()
-    outputs = result._asdict() if hasattr(result, "_asdict") else {"output": result}
-    return parts + [Part(title, name, "output", 0, shape_text(x.shape, n_units)) for name, x in outputs.items()]
 
 
 def _learning_parts(network: nn.Module) -> Iterator[tuple[str, nn.Module]]:
@@ -139,40 +151,29 @@ def classifier_stages(classifier: AttributeClassifier) -> list[Stage]:
     ----------
     classifier : AttributeClassifier; neither its weights nor its mode change
     """
-    stages: list[Stage] = []
-    was_training, hooks = classifier.training, list(_hooks(classifier, stages))
+    encoder, was_training = classifier.encoder, classifier.training
+    convolutions = isinstance(encoder.front, TemporalConvolution)
+    words = "convolution" if convolutions else "fully connected"
+    modules = [(words, layer) for layer in encoder.front.layers if convolutions or isinstance(layer, nn.Linear)]
+    modules += [("channels joined", encoder.front)] if convolutions else []
+    modules += [("Bi-LSTM", encoder.reader), ("classes", classifier.verdict)]
+    window = torch.zeros(1, classifier.params.n_cells, N_AUDIO)
     try:
-        classifier.eval()(torch.zeros(1, classifier.params.n_cells, N_AUDIO))
+        _, passes = _passes(classifier.eval(), modules, window)
     finally:
         classifier.train(was_training)
-        for hook in hooks:
-            hook.remove()
+    stages = [_stage("features", window)]
+    if convolutions:  # it comes with the moment of padding that this convolution takes away again
+        stages.append(_stage("one channel", passes[0][2][:, :, : 1 - KERNEL]))
+    for name, layer, before, after in passes:
+        stages += [_stage("mean over time", before)] if name == "classes" else []
+        stages.append(_stage(name, after, None if layer is encoder.front else layer))
     return stages
 
 
-def _hooks(classifier: AttributeClassifier, stages: list[Stage]) -> Iterator[RemovableHandle]:
-    """Hooks that add to `stages` as the modules run."""
-
-    def note(name: str, values: Any, layer: nn.Module | None = None) -> None:
-        tensor: Tensor = values[0] if isinstance(values, tuple) else values
-        count = 0 if layer is None else parameter_count(layer)
-        stages.append(Stage(name, tuple(tensor.shape[1:]), count, _detail(layer)))
-
-    front = classifier.encoder.front
-    yield classifier.register_forward_pre_hook(lambda _, inputs: note("features", inputs))
-    if isinstance(front, TemporalConvolution):
-        # It comes with the moment of padding that this convolution takes away again.
-        yield front.layers[0].register_forward_pre_hook(lambda _, x: note("one channel", x[0][:, :, : 1 - KERNEL]))
-        for layer in front.layers:
-            yield layer.register_forward_hook(lambda own, _, result: note("convolution", result, own))
-        yield front.register_forward_hook(lambda _, inputs, result: note("channels joined", result))
-    else:
-        for layer in front.layers:
-            if isinstance(layer, nn.Linear):
-                yield layer.register_forward_hook(lambda own, _, result: note("fully connected", result, own))
-    yield classifier.encoder.reader.register_forward_hook(lambda own, _, result: note("Bi-LSTM", result, own))
-    yield classifier.verdict.register_forward_pre_hook(lambda _, inputs: note("mean over time", inputs))
-    yield classifier.verdict.register_forward_hook(lambda own, _, result: note("classes", result, own))
+def _stage(name: str, tensor: Tensor, layer: nn.Module | None = None) -> Stage:
+    """A tensor with what there is to say of the layer that it comes from."""
+    return Stage(name, tuple(tensor.shape[1:]), 0 if layer is None else parameter_count(layer), _detail(layer))
 
 
 def _detail(layer: nn.Module | None) -> str:
@@ -196,17 +197,13 @@ def network_boxes(network: DanceNetwork) -> dict[str, str]:
     motion, contacts = torch.zeros(1, frames, network.motion_code.n_motion), torch.zeros(1, frames, CONTACTS)
     prediction = network.predicted(motion, contacts, music_at_frames, torch.zeros(1, dtype=torch.long))
     mapping = {} if network.mapping is None else {"mapping network": _shape(network.mapping(music))}
-    body = (
-        f"LSTM of {params.lstm}"
-        if isinstance(network.body, LstmDancer)
-        else f"{params.groups * len(params.dilations)} gated blocks\nsees {params.reach} frames"
-    )
+    body = f"{params.groups * len(params.dilations)} gated blocks\nsees {params.reach} frames"
     return {
         "music": f"{_shape(music)}\n{params.song.rate:g} moments a second",
         **mapping,
         "music at each frame": _shape(music_at_frames),
         "frames so far": f"{_shape(torch.cat([motion, contacts], dim=-1))}\n{params.fps:g} frames a second",
-        "network": body,
+        "network": f"LSTM of {params.lstm}" if isinstance(network.body, LstmDancer) else body,
         "dance": f"learnt vector of {params.dance_vector}\n{len(network.dances)} dances",
         "next frame": f"mean, spread {_shape(prediction.mean)}\ncontacts {_shape(prediction.contacts)}",
         "parameters": f"{parameter_count(network):,}".replace(",", " "),

@@ -4,8 +4,6 @@ Songs are split, never windows of one song, and the tracker is told no dance. Th
 the fast ones together; no one sorted songs by mood.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ A row of the tables is a name in `ROWS` and a function that answers a contest, a
 `Contestant`. Nothing here knows how a system works inside.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform
@@ -13,7 +11,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -153,17 +150,20 @@ def _bank(contest: Contest, training: int) -> Contestant:
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
     """HarmoGAN trained with the losses of a variant of `generation`."""
     run = trained(contest.profile, contest.corpus, VARIANTS[variant], training)
-    system = HarmoGAN.load(run.folder)
-    return of_system(system, run.folder.name, parameters=run.generator.parameter_count() / 1e6, minutes=run.minutes)
+    return _of_run(run, HarmoGAN.load(run.folder), run.generator.parameter_count(), run.folder.name)
+
+
+def _of_run(run: Any, system: Any, parameters: int, identity: str, **facts: Any) -> Contestant:
+    """A trained system, with the number of parameters of what generates and the minutes of its training."""
+    return of_system(system, identity, parameters=parameters / 1e6, minutes=run.minutes, **facts)
 
 
 def _lee(warped: bool, contest: Contest, training: int) -> Contestant:
     """Lee et al. 2019; without its warper its units follow each other at their own tempo, whatever the song's beats."""
     run = lee2019(contest.profile, contest.corpus, training)
-    return of_system(
-        run.system, f"{run.folder.name} {warped}", beats=(lambda excerpt: excerpt.beats) if warped else own_tempo,
-        parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes, entry=run.entry,
-    )  # fmt: skip
+    facts: dict[str, Any] = {"entry": run.entry} if warped else {"entry": run.entry, "beats": own_tempo}
+    parameters = run.system.generator.parameter_count()
+    return _of_run(run, run.system, parameters, f"{run.folder.name} {warped}", **facts)
 
 
 def own_tempo(excerpt: Excerpt) -> BeatTrack:
@@ -174,14 +174,14 @@ def own_tempo(excerpt: Excerpt) -> BeatTrack:
 
 def _ren(contest: Contest, training: int) -> Contestant:
     run = ren2020(contest.profile, contest.corpus, training)
-    parameters = parameter_count(run.system.generator) / 1e6
-    return of_system(run.system, run.folder.name, parameters=parameters, minutes=run.minutes, entry=run.entry)
+    return _of_run(run, run.system, parameter_count(run.system.generator), run.folder.name, entry=run.entry)
 
 
 def _music2dance(settings: str, contest: Contest, training: int) -> Contestant:
     run = trained_dancer(contest.profile, contest.corpus, DANCER_SETTINGS[settings], training)
-    identity = _digest(run.folder.name, plain(run.system.generator.params))
-    return of_system(run.system, identity, parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes)
+    network = run.system.generator
+    identity = _digest(run.folder.name, plain(network.params))
+    return _of_run(run, run.system, network.parameter_count(), identity)
 
 
 def _number(name: str) -> int:
@@ -204,31 +204,27 @@ def _music2dance_row(settings: str, *, repeats: str = "n_dancers") -> Row:
     return Row(partial(_music2dance, settings), "network", beats, rival=True, repeats=repeats)
 
 
-ROWS: Mapping[str, Row] = MappingProxyType(
-    {
-        **{name: _cheap(name) for name in BASELINES},
-        LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True, repeats="n_rivals"),
-        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
-        REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
-        M2D_LSTM: _music2dance_row("paper, LSTM", repeats="n_rivals"),
-        M2D_PAPER: _music2dance_row("paper"),
-        M2D: _music2dance_row("recommended"),
-        WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
-        HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
-        RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
-        CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
-        BANK: Row(_bank, "choreographer", "yes"),
-    }
-)
+ROWS: Mapping[str, Row] = {
+    **{name: _cheap(name) for name in BASELINES},
+    LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True, repeats="n_rivals"),
+    LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
+    REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
+    M2D_LSTM: _music2dance_row("paper, LSTM", repeats="n_rivals"),
+    M2D_PAPER: _music2dance_row("paper"),
+    M2D: _music2dance_row("recommended"),
+    WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
+    HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
+    RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
+    CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
+    BANK: Row(_bank, "choreographer", "yes"),
+}
 
 # With those that draw a tenth of the predicted spread, which are no systems of their own.
-EVERY_ROW: Mapping[str, Row] = MappingProxyType(
-    {
-        **ROWS,
-        M2D_CALM: _music2dance_row("paper, calm"),
-        M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
-    }
-)
+EVERY_ROW: Mapping[str, Row] = {
+    **ROWS,
+    M2D_CALM: _music2dance_row("paper, calm"),
+    M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
+}
 
 
 def applies(name: str, contest: Contest) -> bool:

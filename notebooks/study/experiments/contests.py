@@ -9,14 +9,11 @@ Of every song some seconds are danced, as in the paper; beats are those of the w
 to the song, or planted with it, that movement comes with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -39,8 +36,16 @@ from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import DanceUnit, UnitSet, filled_beats
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
-from study.experiments.generation import SYNTHETIC, VARIANTS, corpus_root, generator_corpora, trained, training_split
-from study.experiments.study import corpus_folders, data_root
+from study.experiments.generation import (
+    SYNTHETIC,
+    VARIANTS,
+    Trained,
+    corpus_root,
+    generator_corpora,
+    trained,
+    training_split,
+)
+from study.experiments.study import corpus_folders, data_root, spread
 from study.profile import RunProfile
 
 SECONDS = 6.0  # of a song that are danced, as in the paper
@@ -52,19 +57,17 @@ UNHEARD = 700_000  # first seed of the songs of seven dances; those of corpora a
 SYNTHETIC_SONGS, BALLROOM_SONGS, RECORDED_SONGS = "synthetic songs", "Ballroom songs", "recorded songs"
 
 # Folders of the Ballroom set (Gouyon et al. 2006). Viennese waltz is no dance of the paper's tables.
-BALLROOM = MappingProxyType(
-    {
-        "ChaChaCha": "cha-cha",
-        "Jive": "jive",
-        "Quickstep": "quickstep",
-        "Rumba-American": "rumba",
-        "Rumba-International": "rumba",
-        "Rumba-Misc": "rumba",
-        "Samba": "samba",
-        "Tango": "tango",
-        "Waltz": "waltz",
-    }
-)
+BALLROOM: Mapping[str, str] = {
+    "ChaChaCha": "cha-cha",
+    "Jive": "jive",
+    "Quickstep": "quickstep",
+    "Rumba-American": "rumba",
+    "Rumba-International": "rumba",
+    "Rumba-Misc": "rumba",
+    "Samba": "samba",
+    "Tango": "tango",
+    "Waltz": "waltz",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,7 @@ class Excerpt:
             raise ValueError(f"{self.song}: nobody was recorded to this song")
         return motion.span(self.start - self.clip.offset, self.seconds)
 
-    def longer(self, seconds: float) -> Excerpt:
+    def longer(self, seconds: float) -> Self:
         """As much as that of the same song, from the same moment or, where the song or its dancer ends, from before."""
         motion = self.clip.motion
         first = 0.0 if motion is None else max(0.0, self.clip.offset)
@@ -114,7 +117,7 @@ class Excerpt:
         start = max(first, min(self.start, last - length))
         if motion is not None:  # on a frame
             start = self.clip.offset + round((start - self.clip.offset) * motion.fps) / motion.fps
-        return Excerpt(self.song, self.clip, start, length)
+        return replace(self, start=start, seconds=length)
 
 
 def seven_dances(profile: RunProfile) -> tuple[str, list[Excerpt]]:
@@ -127,11 +130,10 @@ def seven_dances(profile: RunProfile) -> tuple[str, list[Excerpt]]:
     files = {} if root is None else ballroom_files(root)
     if set(files) != set(DANCES):
         return SYNTHETIC_SONGS, synthetic_songs(profile)
-    excerpts = []
-    for dance in DANCES:
-        paths, count = files[dance], min(profile.songs, len(files[dance]))
-        excerpts += [_ballroom(dance, paths[place * len(paths) // count]) for place in range(count)]
-    return BALLROOM_SONGS, excerpts
+    pairs = [(dance, path) for dance in DANCES for path in spread(files[dance], profile.songs)]
+    return BALLROOM_SONGS, [
+        _excerpt(f"{path.parent.name}/{path.stem}", load_audio(path), dance, "Ballroom", None) for dance, path in pairs
+    ]
 
 
 def synthetic_songs(profile: RunProfile) -> list[Excerpt]:
@@ -153,10 +155,6 @@ def _synthetic(dance: str, number: int) -> Excerpt:
     seed = UNHEARD + 1000 * list(DANCES).index(dance) + number
     clip = synthetic_clip(dance, seconds=SONG_SECONDS, seed=seed)
     return _excerpt(f"{dance} {number + 1}", clip.audio, dance, "synthetic", clip.motion)
-
-
-def _ballroom(dance: str, path: Path) -> Excerpt:
-    return _excerpt(f"{path.parent.name}/{path.stem}", load_audio(path), dance, "Ballroom", None)
 
 
 def _excerpt(song: str, audio: Audio, dance: str, source: str, motion: Motion | None) -> Excerpt:
@@ -187,8 +185,7 @@ def recorded_songs(profile: RunProfile, split: Split | None = None) -> list[Exce
     if split is not None:
         tested = {unit.sequence.rpartition("/")[2] for unit in split.test.units}
         folders = tuple(folder for folder in folders if folder.name in tested)
-    count = min(profile.n_sequences or len(folders), len(folders))
-    sample = (folders[place * len(folders) // count] for place in range(count))
+    sample = spread(folders, profile.n_sequences or len(folders))
     return [excerpt for recording in _readable(sample) for excerpt in windows(recording)]
 
 
@@ -307,16 +304,14 @@ def _drawn(material: Material, excerpt: Excerpt, rng: np.random.Generator) -> Ca
     return lambda begin, end: material.units.units[places[int(rng.integers(len(places)))]]
 
 
-BASELINES: Mapping[str, Baseline] = MappingProxyType(
-    {
-        "recorded, right song": recorded,
-        "recorded, another song": another_song,
-        "recorded, retimed": retimed_dance,
-        "nearest neighbour": nearest_neighbour,
-        "random pieces, beats on beats": random_pieces,
-        "random pieces, rests on beats": resting_pieces,
-    }
-)
+BASELINES: Mapping[str, Baseline] = {
+    "recorded, right song": recorded,
+    "recorded, another song": another_song,
+    "recorded, retimed": retimed_dance,
+    "nearest neighbour": nearest_neighbour,
+    "random pieces, beats on beats": random_pieces,
+    "random pieces, rests on beats": resting_pieces,
+}
 DRAWN = ("recorded, another song", "random pieces, beats on beats", "random pieces, rests on beats")  # by a seed
 
 
@@ -467,26 +462,25 @@ class Contest:
     @cached_property
     def limits(self) -> LikenessLimits | None:
         """The measures that dancers of the corpus had; None (for the shipped ones) where none is long enough."""
-        clips = {excerpt.song: excerpt.clip for excerpt in self.dancers}
-        long = [clip for clip in clips.values() if clip.motion is not None and clip.motion.duration >= SHORTEST]
-        motions = [clip.motion for clip in long if clip.motion is not None]
-        return LikenessLimits.of(motions, [clip.dance for clip in long]) if long else None
+        clips = {excerpt.song: excerpt.clip for excerpt in self.dancers}.values()
+        pairs = [(clip.motion, clip.dance) for clip in clips if clip.motion is not None]
+        long = [(motion, dance) for motion, dance in pairs if motion.duration >= SHORTEST]
+        return LikenessLimits.of([motion for motion, _ in long], [dance for _, dance in long]) if long else None
 
     @cached_property
-    def _judge(self) -> tuple[PoseNet, str]:
-        """The pose network of the first training with the paper's losses, which judges all, and a name for it."""
-        run = trained(self.profile, self.corpus, VARIANTS["paper"], 1)
-        return run.pose_net, run.folder.name
+    def _judge(self) -> Trained:
+        """The first training with the paper's losses, whose pose network judges all."""
+        return trained(self.profile, self.corpus, VARIANTS["paper"], 1)
 
     @property
     def pose_net(self) -> PoseNet:
         """The pose network behind the Frechet distance."""
-        return self._judge[0]
+        return self._judge.pose_net
 
     @property
     def pose_net_name(self) -> str:
         """A name that tells that network from others; "" in a contest without trainings, which has none."""
-        return self._judge[1] if self.trainings else ""
+        return self._judge.folder.name if self.trainings else ""
 
     @property
     def guarded(self) -> tuple[Excerpt, ...]:

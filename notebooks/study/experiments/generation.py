@@ -4,15 +4,13 @@ Every training is kept in the cache folder under its settings, so that notebooks
 training that was cut off goes on where it stopped.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pandas as pd
 from filelock import FileLock
@@ -47,7 +45,7 @@ class Variant:
     features: FeatureParams
     params: TrainParams
 
-    def without_harmony(self) -> Variant:
+    def without_harmony(self) -> Self:
         """The ablation: everything else the same."""
         return replace(self, params=replace(self.params, harmony_weight=0.0))
 

@@ -1,7 +1,5 @@
 """Bodies on a metronome: a statue on a turntable, and the verdicts of bodies in a table."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The rival systems of the comparison, trained on the same split as HarmoGAN and kept in the cache folder likewise."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -12,20 +10,10 @@ import numpy as np
 import pandas as pd
 
 from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.lee2019 import train as lee
 from harmolab.systems.lee2019.networks import DancingToMusic
 from harmolab.systems.lee2019.params import LeeParams
-from harmolab.systems.lee2019.train import (
-    Lee2019,
-    code_error,
-    critic_accuracy,
-    drawn_movements,
-    movement_nats,
-    rebuilt,
-    speed,
-    split_pieces,
-    style_accuracy,
-    train_lee2019,
-)
+from harmolab.systems.lee2019.train import Lee2019, rebuilt, speed, train_lee2019
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.train import Ren2020, danced_units, pose_loss, speed_ratio, train_ren2020
@@ -118,23 +106,21 @@ def entry_lee2019(network: DancingToMusic, split: Split) -> Asked:
     split : that it was trained on
     """
     network.eval()
-    train, held_out = (split_pieces(network, units) for units in (split.train, split.validation))
+    train, held_out = (lee.split_pieces(network, units) for units in (split.train, split.validation))
     pieces = train.poses.flatten(0, 1)
     again, still = rebuilt(network, pieces), pieces.mean(dim=1, keepdim=True).expand_as(pieces)
-    drawn, recorded = drawn_movements(network, pieces), speed(network, pieces)
+    drawn, recorded = lee.drawn_movements(network, pieces), speed(network, pieces)
     guess = Counter(unit.dance for unit in split.validation.units).most_common(1)[0][1] / len(held_out)
-    right = critic_accuracy(network, held_out)
+    error, right = lee.code_error(network, again, pieces), lee.critic_accuracy(network, held_out)
     values = {
-        "L1 of rebuilt pieces over their own mean pose's": (
-            code_error(network, again, pieces) / code_error(network, still, pieces), 0.0, 0.5,
-        ),
+        "L1 of rebuilt pieces over their own mean pose's": (error / lee.code_error(network, still, pieces), 0.0, 0.5),
         "speed of rebuilt pieces over recorded": (speed(network, again) / recorded, 0.7, 1.2),
         "speed of drawn movements over recorded": (speed(network, drawn) / recorded, 0.6, 1.2),
-        "divergence of z_move (nats)": (movement_nats(network, pieces), 20.0, math.inf),
-        "dance told by style, over guessing": (style_accuracy(network, held_out) / guess, 2.0, math.inf),
+        "divergence of z_move (nats)": (lee.movement_nats(network, pieces), 20.0, math.inf),
+        "dance told by style, over guessing": (lee.style_accuracy(network, held_out) / guess, 2.0, math.inf),
         "critic of units right": (right["units"], 0.55, 0.95),
         "critic of dances right": (right["dance"], 0.55, 0.95),
-    }  # fmt: skip
+    }
     return _asked(values)
 
 
@@ -154,6 +140,7 @@ def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) ->
     train, test = Tensors.of(split.train), Tensors.of(split.test)
     target = network.motion_scale(train.motion)
     one, other = (danced_units(network, train, seed=seed) for seed in (0, 1))
+    pace = speed_ratio(network, danced_units(network, test, seed=0), test)
     mean_pose = float(pose_loss(target * 0, target, train.mask))
     rows = history[history["phase"] == "adversarial"]
     features = network.params.perceptual_weight * rows["perceptual"] + network.params.feature_weight * rows["feature"]
@@ -164,16 +151,12 @@ def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) ->
         "of these, feature matching alone": (_fall(rows["feature"]), 0, np.inf),
         "losses that are not finite": (float((~np.isfinite(losses)).sum()), 0, 0),
         "difference between two seeds (SD)": (float(pose_loss(one, other, train.mask)), 1e-6, np.inf),
-        "speed on test units over recorded": (
-            speed_ratio(network, danced_units(network, test, seed=0), test),
-            0,
-            np.inf,
-        ),
+        "speed on test units over recorded": (pace, 0, np.inf),
     }
     return _asked(values)
 
 
-def _fall(values: pd.Series[float]) -> float:
+def _fall(values: "pd.Series[float]") -> float:
     """The mean over the last epochs as a share of that over the first."""
     count = max(1, len(values) // 10)
     return float(values.tail(count).mean() / values.head(count).mean())

@@ -1,7 +1,5 @@
 """Songs that no training heard, and what is danced to them: how long, how often, beside which recorded dancers."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from harmolab.beats.meter import with_one

@@ -1,7 +1,5 @@
 """Music2Dance's classifier in pictures: features of a song (Fig. 4), layers (Fig. 5), Table 1."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from textwrap import fill
@@ -17,9 +15,8 @@ from numpy.typing import NDArray
 from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
 from harmolab.types import Audio, Clip, FloatArray
 from study.figures.framework import box_height, count_text, draw_diagram
-from study.figures.variants import RIVAL, Look, Table, draw_mean, of_measure, rows_by_name
-from study.figures.words import clip_words, count_words, is_synthetic, listed
-from study.saving import mark_synthetic
+from study.figures.variants import RIVAL, Look, draw_mean, of_measure, panels_figure, rows_by_name
+from study.figures.words import clip_words, count_words, listed
 
 _SEEDS: Mapping[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 1.5}
 TONES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
@@ -147,68 +144,59 @@ def _box_lines(stage: Any) -> list[str]:
     return [stage.name, *filter(None, ["; ".join(filter(None, layer))]), shape]
 
 
-def accuracy_figure(rows: Table, differences: Table, *, remark: str = "") -> Figure:
+def accuracy_figure(table: pd.DataFrame, differences: pd.DataFrame, *, remark: str = "") -> Figure:
     """Table 1 as dots with intervals, a row for each set of songs; at the right what the convolution gains on others.
 
     The title names the sets of songs on which the convolution is the best model.
 
     Parameters
     ----------
-    rows : of Table 1 (notebook 15)
-    differences : of its differences
+    table : Table 1 (notebook 15)
+    differences : its differences
     remark : drawn in red below everything
     """
-    table, gaps = pd.DataFrame(rows), of_measure(differences, "balanced", "set")
-    sets = {str(name): part for name, part in table.groupby("set", sort=False)}
-    size = (9.2, 2.5 * len(sets) + 1.0)
-    with styled_axes(size, len(sets), 2, width_ratios=(1.5, 1), sharex="col") as (figure, axes):
-        axes[1].set_title("convolution minus ...")
-        for (name, part), left, right in zip(sets.items(), axes[::2], axes[1::2], strict=True):
-            draw_accuracies(left, part).set_title(f"{name}: {part['n'].iloc[0]} songs")
-            draw_differences(right, gaps.loc[[name]])
-            for ax in (left, right):
-                ax.tick_params(labelbottom=True)
-                if is_synthetic(name):
-                    mark_synthetic(ax)
-        axes[-2].set_xlabel(
-            "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
-        )
-        axes[-1].set_xlabel("\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}\n"
-                            "points of per cent; grey: cannot tell")  # fmt: skip
-        look: dict[str, Any] = {"color": COLOURS["ink"], "markersize": 8, "linewidth": 2}
-        handles = [
-            Line2D([], [], **{**look, "color": RIVAL}, marker="o", label="networks"),
-            Line2D([], [], **look, marker="D", label="without a network"),
-            Line2D([], [], **_SEEDS, color=COLOURS["ink"], label="least and best seed"),
-        ]
-        figure.legend(handles=handles, loc="outside lower left", ncols=3)
-        best = table.loc[table.groupby("set", sort=False)["balanced"].idxmax()]
-        ahead = list(best.loc[best["model"].str.contains("convolution"), "set"])
-        where = f" ({listed(ahead)})" if ahead else ""
-        title = f"The temporal convolution is the best model on {len(ahead)} of {len(sets)} sets of songs{where}"
-        figure.suptitle(title, fontsize=11.5, x=0.01, ha="left")
-        figure.supxlabel(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
+    gaps = of_measure(differences, "balanced", "set")
+
+    def draw(ax: Axes, part: pd.DataFrame, panel: str) -> str:
+        ax.tick_params(labelbottom=True)
+        if panel == "difference":
+            draw_differences(ax, gaps.loc[part["set"].unique()])
+            return "convolution minus ..."
+        draw_accuracies(ax, part)
+        return f"{part['set'].iloc[0]}: {part['n'].iloc[0]} songs"
+
+    look: dict[str, Any] = {"color": COLOURS["ink"], "markersize": 8, "linewidth": 2}
+    handles = [
+        Line2D([], [], **{**look, "color": RIVAL}, marker="o", label="networks"),
+        Line2D([], [], **look, marker="D", label="without a network"),
+        Line2D([], [], **_SEEDS, color=COLOURS["ink"], label="least and best seed"),
+    ]
+    grid: dict[str, Any] = {"more": 1.0, "loc": "outside lower left", "width_ratios": (1.5, 1), "sharex": "col"}
+    panels = ["accuracy", "difference"]
+    figure = panels_figure(table, draw, panels, handles, height=lambda _: 2.5, by=["set"], **grid)
+    left = "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
+    figure.axes[-2].set_xlabel(left)
+    arrows = "\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}"
+    figure.axes[-1].set_xlabel(f"{arrows}\npoints of per cent; grey: cannot tell")
+    best = table.loc[table.groupby("set", sort=False)["balanced"].idxmax()]
+    ahead = list(best.loc[best["model"].str.contains("convolution"), "set"])
+    where = f" ({listed(ahead)})" if ahead else ""
+    title = f"The temporal convolution is the best model on {len(ahead)} of {len(best)} sets of songs{where}"
+    figure.suptitle(title, fontsize=11.5, x=0.01, ha="left")
+    figure.supxlabel(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
     return figure
 
 
-def draw_accuracies(ax: Axes, rows: Table) -> Axes:
-    """One dot a model at its balanced accuracy by song; round for networks, diamonds for linear models.
-
-    Parameters
-    ----------
-    ax : Axes
-    rows : of Table 1, of one set of songs
-    """
-    table = pd.DataFrame(rows).rename(columns={"balanced": "mean", "balanced low": "low", "balanced high": "high"})
+def draw_accuracies(ax: Axes, table: pd.DataFrame) -> None:
+    """One dot a model at its balanced accuracy by song, of one set of songs; diamonds for models without a network."""
+    table = table.rename(columns={"balanced": "mean", "balanced low": "low", "balanced high": "high"})
     ax.axvline(table["chance"].iloc[0], color=COLOURS["chance"], linestyle=":", linewidth=1.5)
     for place, (_, row) in zip(_places(ax, table["model"]), table.iterrows(), strict=True):
         network = "LSTM" in row["model"]
         colour = RIVAL if network else COLOURS["chance" if row["model"] == "majority" else "ink"]
-        look = Look("", colour, "o" if network else "D", filled=True)
-        draw_mean(ax, row, place, look, number=f"{row['mean']:.1f}")
+        draw_mean(ax, row, place, Look("", colour, "o" if network else "D", filled=True), number=f"{row['mean']:.1f}")
         ax.plot(row[["least seed", "best seed"]], [place, place], **_SEEDS, color=colour, gid="seeds")
     ax.set_xlim(0, 103)
-    return ax
 
 
 def _places(ax: Axes, models: Iterable[str]) -> Iterable[int]:
@@ -216,19 +204,11 @@ def _places(ax: Axes, models: Iterable[str]) -> Iterable[int]:
     return rows_by_name(ax, [fill(name, LABEL, break_on_hyphens=False) for name in models]).values()
 
 
-def draw_differences(ax: Axes, rows: Table) -> Axes:
-    """Gain of a model on others: green and a circle where the interval is above 0, red and a cross below, else grey.
-
-    Parameters
-    ----------
-    ax : Axes
-    rows : of the differences, of one set and measure
-    """
-    table = pd.DataFrame(rows).rename(columns={"difference": "mean"})
+def draw_differences(ax: Axes, table: pd.DataFrame) -> None:
+    """Gain of a model on others: green and a circle where the interval is above 0, red and a cross below, else grey."""
+    table = table.rename(columns={"difference": "mean"})
     ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
     for place, (_, row) in zip(_places(ax, table["against"]), table.iterrows(), strict=True):
-        kind = "hit" if row["low"] > 0 else "miss" if row["high"] < 0 else "chance"
-        look = Look("", COLOURS[kind], {"hit": "o", "miss": "x", "chance": "s"}[kind], filled=True)
-        draw_mean(ax, row, place, look, number=f"{row['mean']:+.1f}", up=8)
+        kind, marker = ("hit", "o") if row["low"] > 0 else ("miss", "x") if row["high"] < 0 else ("chance", "s")
+        draw_mean(ax, row, place, Look("", COLOURS[kind], marker, filled=True), number=f"{row['mean']:+.1f}", up=8)
     ax.margins(x=0.15)
-    return ax

@@ -4,8 +4,6 @@ Places and words of boxes and arrows are drawn once in ``diagrams.json`` (inches
 sizes and weights in braces there are measured.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Contact sheets: whole dances as rows of people, for people who want to see what numbers cannot say."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -1,24 +1,19 @@
 """Corpora and findings in words, for titles of figures."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
 
 from harmolab.types import Clip
 
-CORPUS_WORDS = MappingProxyType(
-    {
-        "beatlocked": "recordings on the beat",
-        "aist": "street dance, clicks for songs",
-        "synthetic": "synthetic dancers",
-        "realdance/dance": "choreographed dances",
-        "realdance/replays": "players of a rhythm game",
-        "realdance/robots_not_in_tempo": "robots out of tempo",
-        "tang2018": "Tang et al., as shipped",
-        "tang2018_rebuilt": "Tang et al., re-timed",
-    }
-)
+CORPUS_WORDS: Mapping[str, str] = {
+    "beatlocked": "recordings on the beat",
+    "aist": "street dance, clicks for songs",
+    "synthetic": "synthetic dancers",
+    "realdance/dance": "choreographed dances",
+    "realdance/replays": "players of a rhythm game",
+    "realdance/robots_not_in_tempo": "robots out of tempo",
+    "tang2018": "Tang et al., as shipped",
+    "tang2018_rebuilt": "Tang et al., re-timed",
+}
 
 
 def corpus_words(corpus: str) -> str:

@@ -1,0 +1,584 @@
+"""Figures of the study: what stands where on the axes, that titles follow the numbers, drawing again from tables."""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from itertools import combinations, product
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.lines import Line2D
+from matplotlib.offsetbox import AnnotationBbox
+from matplotlib.patches import Patch
+from matplotlib.text import Text
+
+from harmolab.body.skeletons import Skeleton
+from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.lab.report.pages import MANIFEST
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.types import Motion
+from study.figures import redraw, variants
+from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
+from study.figures.variants import APART, LOOKS, THIN, WIDE
+from study.profile import RunProfile
+from study.saving import PAGE_WIDTH, save_figure, smallest_text
+from tests.builders import cases
+from tests.notebook_cells import notebook_cells
+
+NAN = float("nan")
+TRAINING, QUALITY = notebook_cells("07_anatomy_and_training"), notebook_cells("08_motion_quality")
+
+
+@pytest.fixture
+def ax() -> Axes:
+    """Axes that a notebook might draw on."""
+    return Figure(figsize=(8, 4)).subplots()
+
+
+def record(variant: str, measure: str, mean: float, low: float = NAN, high: float = NAN, corpus: str = "made up"):
+    about = {"corpus": corpus, "variant": variant, "measure": measure, "seeds": 3}
+    return about | {"mean": mean, "low": low, "high": high}
+
+
+def of_all(measure: str, means: list[float], corpus: str = "made up") -> pd.DataFrame:
+    """A row for each variant in the order of `LOOKS`, the recorded motion last."""
+    return pd.DataFrame([record(name, measure, mean, corpus=corpus) for name, mean in zip(LOOKS, means, strict=True)])
+
+
+def both_measures(*corpora: str) -> pd.DataFrame:
+    above, fid, jerk = [0.1, 0.2, 0.3, 0.9, 0.4], [9.0, 8.0, 7.0, 6.0, NAN], [1.0, 2.0, 3.0, 4.0, 5.0]
+    means = {"above_chance": above, "fid": fid, "jerk": jerk}
+    return pd.concat(of_all(measure, values, corpus) for corpus in corpora for measure, values in means.items())
+
+
+def gain(loss: str, measure: str, change: float, half: float, corpus: str = "made up") -> dict[str, object]:
+    ends = {"low": change - half, "high": change + half}
+    return {"corpus": corpus, "loss": loss, "measure": measure, "change": change, **ends}
+
+
+def texts(ax: Axes) -> list[str]:
+    return [text.get_text() for text in ax.texts]
+
+
+def titles(figure: Figure, side: str = "left") -> list[str]:
+    return [ax.get_title(loc=side).strip() for ax in figure.axes]
+
+
+def labels(ax: Axes) -> list[str]:
+    return [text.get_text() for text in ax.get_yticklabels()]
+
+
+def spans(ax: Axes, gid: str = "interval") -> list[list[float]]:
+    """From where to where the lines of a kind go."""
+    return [list(line.get_xdata()) for line in ax.lines if line.get_gid() == gid]
+
+
+def marks_of(ax: Axes) -> dict[tuple[float, float], Line2D]:
+    """Every single mark: (x, y) -> its line."""
+    single = [line for line in ax.lines if len(line.get_xdata()) == 1]
+    return {(round(float(line.get_xdata()[0]), 6), round(float(line.get_ydata()[0]), 6)): line for line in single}
+
+
+# One measure (Fig. 11)
+
+
+def test_each_loss_has_a_row_with_a_hollow_mark_without_its_harmony_term_and_an_arrow_to_a_full_one(ax: Axes):
+    variants.draw_measure(ax, of_all("fid", [10.0, 40.0, 12.0, 30.0, NAN]), "fid")
+    faces = {place: line.get_markerfacecolor() for place, line in marks_of(ax).items()}
+    assert faces == {
+        (10.0, 1 + APART): "white", (40.0, 1 - APART): LOOKS["paper"].colour,
+        (12.0, APART): "white", (30.0, -APART): LOOKS["recommended"].colour,
+    }  # fmt: skip
+    assert labels(ax) == ["our losses", "paper's losses"]
+    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
+    assert [(text.xyann[0], text.xy[0]) for text in arrows] == [(10.0, 40.0), (12.0, 30.0)]
+
+
+def test_recorded_motion_has_a_row_of_its_own_and_a_value_below_zero_is_within_the_axes(ax: Axes):
+    variants.draw_measure(ax, of_all("above_chance", [-0.3, 0.2, 0.3, 0.4, 0.5]), "above_chance")
+    assert labels(ax)[0] == LOOKS["recorded"].label
+    assert (0.5, 0.0) in marks_of(ax)
+    assert ax.get_xlim()[0] < -0.3
+
+
+def test_interval_is_drawn_only_where_there_is_one(ax: Axes):
+    rows = of_all("fid", [10.0, 40.0, 12.0, 30.0, NAN])
+    rows.loc[rows["variant"] == "paper", ["low", "high"]] = 35.0, 45.0
+    variants.draw_measure(ax, rows, "fid")
+    assert spans(ax) == [[35.0, 45.0]]
+
+
+@cases(
+    "paper, ours, finding",
+    (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", 3.0, 1.0), "only our harmony term raises it"),
+    (gain("paper", "fid", -3.0, 1.0), gain("recommended", "fid", 1.0, 2.0), "only the paper's harmony term lowers it"),
+    (gain("paper", "fid", 3.0, 1.0), gain("recommended", "fid", 3.0, 1.0), "both harmony terms raise it"),
+    (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", -1.0, 2.0), "neither clearly changes it"),
+)
+def test_title_says_whose_change_is_larger_than_its_interval(paper, ours, finding: str):
+    others = [gain(loss, "above_chance", 0.0, 1.0) for loss in ("paper", "recommended")]
+    figure = variants.ablation_figure(both_measures("made up"), pd.DataFrame([paper, ours, *others]))
+    assert [title.split(":\n")[1] for title in titles(figure)] == ["neither clearly changes it", finding]
+
+
+def test_ablation_has_a_row_of_panels_a_corpus_and_marks_only_the_synthetic_one():
+    corpora = ("beatlocked", "synthetic")
+    every = product(corpora, ("paper", "recommended"), ("above_chance", "fid"))
+    gains = [gain(loss, measure, 1.0, 0.5, corpus) for corpus, loss, measure in every]
+    figure = variants.ablation_figure(both_measures(*corpora), pd.DataFrame(gains))
+    assert titles(figure, "right") == ["", "", "", "synthetic data"]
+    assert "recordings on the beat" in titles(figure)[0]
+
+
+# The trade-off
+
+
+def test_trade_off_has_a_mark_a_variant_with_both_intervals_and_small_ones_for_other_weights(ax: Axes):
+    rows = both_measures("made up").reset_index(drop=True)
+    rows.loc[(rows["variant"] == "paper") & (rows["measure"] == "fid"), ["low", "high"]] = -2.0, 18.0
+    sweep = pd.DataFrame([{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}])
+    variants.draw_trade_off(ax, rows, sweep, "fid")
+    assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9), (6.5, 0.6)} == set(marks_of(ax))
+    assert spans(ax) == [[0.0, 18.0]]  # a distance does not go below 0
+    assert texts(ax) == ["0.1"]
+
+
+def test_titles_of_the_trade_off_are_changes_by_our_harmony_term():
+    sweep = pd.DataFrame([{"corpus": "one", "harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5, "jerk": 2.0}])
+    figure = variants.trade_off_figure(both_measures("one", "synthetic"), sweep)
+    assert titles(figure)[:2] == ["One, our harmony term:\nharmony 0.30 → 0.90, jerk 3 → 4", "FID 7.0 → 6.0"]
+    assert titles(figure, "right")[3] == "synthetic data"
+    assert [len(spans(ax, "sweep")) for ax in figure.axes] == [1, 1, 0, 0]
+    assert smallest_text(figure) >= 9
+
+
+# Votes
+
+
+def votes(**shares: float) -> pd.DataFrame:
+    """The votes of the paper's harmony and of harmony above chance on our losses."""
+    judges = zip(variants.JUDGES, shares.values(), strict=False)
+    about = {"first": "paper", "second": "recommended", "n": 49, "corpus": "made up"}
+    return pd.DataFrame([{**about, "judge": judge, "share": share} for judge, share in judges])
+
+
+def test_votes_for_the_upper_name_lie_to_the_right_of_a_band_that_narrows_with_the_root_of_the_units(ax: Axes):
+    variants.draw_choices(ax, votes(paper=0.9, above=0.2))
+    shares = {line.get_label(): line.get_xdata() for line in ax.lines if not line.get_label().startswith("_")}
+    np.testing.assert_allclose(shares["paper's harmony"], [0.1])
+    np.testing.assert_allclose(shares["above chance"], [0.8])
+    assert labels(ax) == [f"{LOOKS['recommended'].label}\nover {LOOKS['paper'].label}"]
+    assert texts(ax) == ["10%", "80%"]
+    (band,) = [patch for patch in ax.patches if patch.get_label().startswith("a coin")]
+    np.testing.assert_allclose(band.get_bbox().intervalx, [0.5 - 0.98 / 7, 0.5 + 0.98 / 7])
+
+
+def test_votes_say_in_the_picture_that_nobody_was_asked():
+    ours, papers = (LOOKS[name].label for name in ("recommended", "paper"))
+    assert titles(variants.forced_choice_figure(votes(paper=0.9, above=0.2))) == [
+        "Made up, 49 units, no people asked:\n"
+        f"“paper's harmony” likes “{papers}” best\n“above chance” likes “{ours}” best"
+    ]
+
+
+def test_looks_differ_in_mark_as_well_as_colour_and_take_no_colour_that_means_something_else():
+    assert {look.colour for name, look in LOOKS.items() if name != "recorded"}.isdisjoint(map(to_hex, COLOURS.values()))
+    assert LOOKS["paper"].marker != LOOKS["recommended"].marker
+    assert [name for name, look in LOOKS.items() if not look.filled] == ["paper, without", "recommended, without"]
+
+
+# Tricks
+
+
+def trick(name: str, music: str, mean: float, measure: str = "paper_hit_rate", corpus: str = "made up"):
+    about = {"corpus": corpus, "trick": name, "music": music, "measure": measure, "n": 7}
+    return {**about, "mean": mean, "low": mean - 0.1, "high": mean + 0.1}
+
+
+def both_scores(means: dict[tuple[str, str], tuple[float, float]], *corpora: str) -> pd.DataFrame:
+    """Rows of (hit rate, harmony above chance) for each (trick, music)."""
+    pairs = [(key, each) for key, values in means.items() for each in zip(variants.SIDES, values, strict=True)]
+    every = product(corpora, pairs)
+    return pd.DataFrame([trick(*key, mean, measure, corpus) for corpus, (key, (measure, mean)) in every])
+
+
+def test_arrow_leads_from_the_true_music_to_a_hollow_dot_at_the_late_one_and_chance_is_a_grey_bar(ax: Axes):
+    rows = [trick("a", "true", 0.9), trick("a", "late", 0.2), trick("paper", "true", 0.3), trick("paper", "late", 0.6)]
+    chance = trick("a", "true", 0.8, "paper_chance")
+    variants.draw_dumbbells(ax, pd.DataFrame([*rows, chance]), "paper_hit_rate")
+    late = [line for line in ax.lines if line.get_gid() == "late"]
+    assert [line.get_markerfacecolor() for line in late] == ["white"] * 2
+    assert spans(ax, "late") == [[0.2], [0.6]]
+    assert [(text.xyann[0], text.xy[0]) for text in ax.texts] == [(0.9, 0.2), (0.3, 0.6)]
+    (bar,) = [line for line in ax.lines if line.get_color() == COLOURS["chance"]]
+    assert list(bar.get_xdata()) == [0.8, 0.8]
+    # Generators keep their own colour, mark and name.
+    assert labels(ax) == [LOOKS["paper"].label, "a"]
+    mark = marks_of(ax)[0.3, 0.0]
+    assert (mark.get_color(), mark.get_marker()) == (LOOKS["paper"].colour, LOOKS["paper"].marker)
+
+
+def test_titles_count_the_tricks_above_the_dance_and_synthetic_panels_are_marked():
+    means = {("as danced", "true"): (0.6, 0.5), ("shake", "true"): (0.9, 0.0), ("sway", "true"): (0.7, 0.6)}
+    means |= {(trick, "late"): (0.5, 0.0) for trick, _ in means}
+    figure = variants.tricks_figure(both_scores(means, "beatlocked", "synthetic"))
+    findings = ["2 of 2 tricks score above the dance", "1 of 2 tricks score above the dance"] * 2
+    assert [title.split("\n")[1] for title in titles(figure)] == findings
+    assert figure.axes[0].get_xlabel().endswith("(7 clips)")
+    assert titles(figure, "right") == ["", "", "", "synthetic data"]
+
+
+def test_titles_name_whose_score_clearly_falls_with_late_music():
+    means = {("paper", "true"): (0.6, 0.1), ("recommended", "true"): (0.8, 0.8)}
+    means |= {("paper", "late"): (0.5, 0.0), ("recommended", "late"): (0.7, -0.4)}
+    found = titles(variants.listening_figure(both_scores(means, "made up")))
+    names = ["nobody", LOOKS["recommended"].label]
+    assert [title.split("\n")[1] for title in found] == [f"with late music it falls for {name}" for name in names]
+
+
+# Systems compared (Fig. 12)
+
+
+def row(system: str, kind: str, h: float, **more: Any) -> dict[str, Any]:
+    about: dict[str, Any] = {"music": "songs", "corpus": "mine", "system": system, "kind": kind, "remark": ""}
+    for measure in variants.COMPARED:
+        about |= {measure: h, f"{measure} low": np.nan, f"{measure} high": np.nan}
+        about |= {f"{measure} chance": h - 0.1, f"{measure} paper": np.nan}
+    return about | more
+
+
+ROWS = pd.DataFrame(
+    [
+        row("recorded, right song", "recorded", 0.3, **{"h low": 0.2, "h high": 0.4}),
+        row("random pieces", "pieces", 0.35),
+        row("Ren et al. 2020", "network", np.nan, remark="not trained well enough: speed", **{"h paper": 0.263}),
+        row("HarmoGAN", "network", 0.5, **{"h paper": 0.352, "h low": 0.45, "h high": 0.55}),
+    ]
+)
+
+
+def test_systems_have_wide_bars_with_chance_and_dances_without_training_thin_ones_below(ax: Axes):
+    variants.draw_compared(ax, ROWS, "h")
+    bars = {round(bar.get_width(), 2): bar for bar in ax.patches}
+    assert sorted(bars) == [0.3, 0.35, 0.5]
+    assert [bars[width].get_height() for width in (0.5, 0.3, 0.35)] == pytest.approx([WIDE, THIN, THIN])
+    assert bars[0.5].get_y() < bars[0.3].get_y() < bars[0.35].get_y()
+    assert ax.yaxis_inverted()
+    assert sorted(start for start, _ in spans(ax, "chance")) == pytest.approx([0.2, 0.25, 0.4])
+    assert sorted(spans(ax)) == [[0.2, 0.4], [0.45, 0.55]]
+    assert sorted(spans(ax, "paper")) == [[0.263], [0.352]]
+    assert [text.strip() for text in texts(ax)] == ["not trained well enough"]
+
+
+def test_panels_are_those_of_the_paper_and_harmony_above_chance_for_each_contest():
+    measured = [
+        row(f"{kind} from {low}", kind, 0.6, **{"hit_rate low": low, "hit_rate high": 0.7})
+        for kind, low in (("network", 0.45), ("network", 0.55), ("pieces", 0.55))  # pieces are no system
+    ]
+    other = pd.concat([ROWS, pd.DataFrame(measured)]).assign(music="other songs")  # chance is at .5
+    figure = variants.comparison_figure(pd.concat([ROWS.assign(music="synthetic songs"), other]))
+    assert [ax.get_xlabel() for ax in figure.axes] == [*variants.COMPARED.values()] * 2
+    (title,) = [text.get_text() for text in figure.axes[3].texts if text.get_gid() == "title"]
+    assert title == "Other songs; trained on mine:\n1 of 2 systems with an interval hit more beats than chance"
+    assert titles(figure, "right") == ["", "", "synthetic data", "", "", ""]
+
+
+# The networks (Fig. 7)
+
+NETWORKS = {
+    "generator": "audio initial hearing encoder seeing decoder flat_head depth_head path_head motion flat",
+    "cross_domain": "audio motion hearing seeing both verdict output",
+    "spatial_temporal": "motion seeing joining.0 joining.1 joining.2 joining.3 verdict output",
+}
+SIGNALS = ("audio", "initial", "motion", "flat", "output")
+PARTS = [
+    {"network": network, "name": name, "layers": "input", "parameters": 0, "shape": f"of {name}"}
+    | ({} if name in SIGNALS else {"layers": "GRU", "parameters": 1_100})
+    for network, names in NETWORKS.items()
+    for name in names.split()
+]
+BOTH = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
+DIAGRAMS = [networks_figure(PARTS), framework_figure(PARTS, BOTH)]
+
+
+def test_every_measured_part_has_a_box_with_its_layers_size_and_shape():
+    (ax,) = DIAGRAMS[0].axes
+    assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(PARTS) + 3  # three in the legend
+    for part in PARTS:
+        assert (part["shape"] if part["name"] in SIGNALS else f"to {part['shape']}") in texts(ax)
+    assert texts(ax).count("GRU, 1.1 k") == sum(part["parameters"] > 0 for part in PARTS)
+    assert "generator $G$: 7.7 k parameters" in texts(ax)
+
+
+@pytest.mark.parametrize("figure", DIAGRAMS)
+def test_nothing_in_the_drawing_is_left_to_measure_all_of_it_is_on_the_paper_and_boxes_do_not_overlap(figure: Figure):
+    (ax,) = figure.axes
+    assert not [text for text in texts(ax) if re.search(r"(?<!_)\{", text)]
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    for text in ax.texts:
+        x, y = text.get_position()
+        assert left <= x <= right and bottom <= y <= top
+    boxes = [patch.get_window_extent() for patch in ax.patches if patch.get_gid() == "box"]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_training_shows_each_loss_with_its_equation_and_both_weights():
+    (ax,) = DIAGRAMS[1].axes
+    for equation in (23, 24, 25, 26, 27, 32):
+        assert any(f"Eq. {equation}" in line for line in texts(ax))
+    assert f"weight: paper 0.001, ours {BOTH['ours'].mse_weight:g}" in texts(ax)
+    assert f"weight: paper 0, ours {BOTH['ours'].smoothness_weight:g}" in texts(ax)
+    assert "7.7 k parameters" in texts(ax)
+    assert any("4.4 k" in line and "6.6 k" in line for line in texts(ax))  # discriminators of 4 and 6 parts
+
+
+def test_every_loss_weight_of_the_settings_is_in_the_picture():
+    weights = {name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")}
+    parts_of_terms = {"pretrain_kl", "count", "cross_domain"}
+    assert set(re.findall(r"\{weight\.(\w+)\}", DRAWING.read_text("utf-8"))) == weights - parts_of_terms
+
+
+def test_a_discriminator_that_is_not_heard_is_named_in_the_picture():
+    params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
+    assert "weight: paper 0.001, ours 0.1 ($D_{st}$ alone)" in texts(framework_figure(PARTS, params).axes[0])
+
+
+def test_box_is_as_high_as_its_lines_need(ax: Axes):
+    draw_diagram(ax, {"parts": [[1, 1, 1, "both", "a"], [1, 3, 1, "audio", "a", "b\nc"]]})
+    one, three = (patch.get_bbox().height for patch in ax.patches)
+    assert three - one == pytest.approx(2 * 0.155)
+    assert texts(ax) == ["a", "a", "b", "c"]
+    assert [to_hex(patch.get_facecolor()).upper() for patch in ax.patches] == [TINTS["both"], TINTS["audio"]]
+
+
+@cases("count, text", (0, "0"), (999, "999"), (1000, "1.0 k"), (99_960, "100 k"), (7.25e6, "7.2 M"))
+def test_counts_are_short(count: int, text: str):
+    assert count_text(count) == text
+
+
+# Training (Fig. 7)
+
+
+def course(variant: str, **losses: float) -> list[dict[str, Any]]:
+    """Ten epochs of pretraining, validated at the fifth and the tenth, and three adversarial ones."""
+    early, late = [{"variant": variant, "phase": phase} for phase in ("pretrain", "adversarial")]
+    due = {4: {"val_harmony": 0.2, "val_above_chance": 0.0}}
+    due[9] = due[4]
+    rows = [early | {"epoch": epoch, "mse": 10.0 - epoch} | due.get(epoch, {}) for epoch in range(10)]
+    scores = {"mse": 1.0, "gan": 1.3, "val_above_chance": -0.1, "val_count_ratio": 1.2, **losses}
+    return rows + [late | {"epoch": epoch, "val_harmony": 0.3 + 0.1 * epoch} | scores for epoch in range(3)]
+
+
+def history(*courses: list[dict[str, Any]]) -> pd.DataFrame:
+    """Courses as one table with all columns of a history."""
+    columns = [*TRAINING.VALIDATED, *(column for _, column, _ in TRAINING.TERMS)]
+    table = pd.DataFrame([row for rows in courses for row in rows])
+    return table.reindex(columns=[*dict.fromkeys([*table.columns, *columns])])
+
+
+COURSES = history(course("paper, without"), course("paper", harmony=-0.5), course("recommended", harmony=2.0))
+
+
+@cases(
+    "column, epochs, values, band",
+    ("mse", range(1, 14), [*range(10, 0, -1), 1, 1, 1], [(0.5, 10.5)]),
+    ("gan", [11, 12, 13], [1.3, 1.3, 1.3], []),
+)
+def test_term_is_drawn_where_it_was_measured_and_pretraining_is_marked(ax: Axes, column: str, epochs, values, band):
+    TRAINING.draw_term(ax, COURSES, column, ["paper"])
+    (line,) = ax.lines
+    np.testing.assert_array_equal([line.get_xdata(), line.get_ydata()], [[*epochs], values])
+    found = [patch for patch in ax.patches if patch.get_gid() == "pretraining"]
+    assert [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in found] == band
+
+
+def test_lines_look_as_their_variant_everywhere_and_are_dashed_without_harmony(ax: Axes):
+    TRAINING.draw_term(ax, COURSES, "mse", ["paper, without", "paper"])
+    without, with_it = ax.lines
+    assert without.get_color() == with_it.get_color() == LOOKS["paper"].colour
+    assert (without.is_dashed(), with_it.is_dashed()) == (True, False)
+
+
+def test_every_term_has_its_panel_and_the_two_harmony_losses_never_share_a_scale():
+    figure = TRAINING.losses_figure(COURSES)
+    panels = {ax.get_title(loc="left").split("\n")[0]: ax for ax in figure.axes}
+    assert list(panels) == [title for title, *_ in TRAINING.TERMS]
+    for title, loss in (("our harmony", 2.0), ("paper's harmony (Eq. 27)", -0.5)):
+        (line,) = panels[title].lines
+        np.testing.assert_array_equal(line.get_ydata(), [loss] * 3)
+    assert smallest_text(figure) >= 9
+
+
+def test_each_variant_is_validated_from_the_end_of_its_own_pretraining(ax: Axes):
+    longer = course("recommended")[:5] + course("recommended", harmony=2.0)
+    TRAINING.draw_validated(ax, history(course("paper", harmony=-0.5), longer), "val_harmony")
+    for line in ax.lines:
+        np.testing.assert_array_equal(line.get_xdata(), [0, 1, 2, 3])
+        np.testing.assert_allclose(line.get_ydata(), [0.2, 0.3, 0.4, 0.5])
+    assert ax.get_ylim() == (0.0, 1.0)
+
+
+@cases("column, level", ("val_above_chance", 0.0), ("val_count_ratio", 1.0))
+def test_chance_and_one_beat_for_one_are_dotted(ax: Axes, column: str, level: float):
+    TRAINING.draw_validated(ax, COURSES, column)
+    assert list(ax.lines[-1].get_ydata()) == [level, level]
+    assert ax.lines[-1].get_color() == COLOURS["chance"]
+
+
+def test_validation_has_the_papers_scores_and_what_they_do_not_tell():
+    assert titles(TRAINING.validation_figure(COURSES)) == [words for words, _ in TRAINING.VALIDATED.values()]
+
+
+# Distances (Fig. 9)
+
+MEASURED = pd.DataFrame(
+    [
+        record("paper, without", "fid", 20.0),
+        record("paper", "fid", 25.0, 22.0, 28.0),
+        record("recorded, halves", "fid", -0.02, -1.0, 1.0),
+        record("recorded, other figures", "fid", 3.0, 2.0, 4.0),
+    ]
+)
+
+
+def test_distances_stand_on_a_logarithmic_axis_and_an_interval_that_goes_below_it_ends_in_an_arrow(ax: Axes):
+    variants.draw_distances(ax, MEASURED, "fid")
+    references = ["recorded dance, two halves", "recorded dance, other figures"]
+    assert labels(ax) == [*references, LOOKS["paper"].label, LOOKS["paper, without"].label]
+    assert ax.get_xscale() == "log"
+    assert texts(ax) == ["0.0", "3.0", "25.0", "20.0"]
+    means = [line.get_xdata()[0] for line in ax.lines if line.get_marker() in "sD"]
+    assert means == [3.0, 25.0, 20.0]  # one below 0 has no mark there, only its number
+    left = ax.get_xlim()[0]
+    assert spans(ax) == [[left, 1.0], [2.0, 4.0], [22.0, 28.0]]
+    assert [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "<"] == [left]
+
+
+def test_trainings_are_dots(ax: Axes):
+    variants.draw_distances(ax, pd.DataFrame([record("paper", "fid", 20.0) | {"seed 1": 15.0, "seed 2": 25.0}]), "fid")
+    assert spans(ax, "seed") == [[15.0, 25.0]]
+
+
+def test_distances_have_a_row_for_each_corpus_and_name_the_nearest_generator():
+    rows = pd.concat(MEASURED.assign(corpus=corpus) for corpus in ("beatlocked", "synthetic"))
+    found = titles(variants.distances_figure(pd.concat([rows, rows.assign(measure="fid_kinetic")])))
+    assert {title.split("\n")[1] for title in found} == {f"nearest is “{LOOKS['paper, without'].label}”"}
+    assert [title.split(",")[0] for title in found[::2]] == ["Recordings on the beat", "Synthetic dancers"]
+
+
+# Recorded and generated (Fig. 10)
+
+
+def standing(n_frames: int = 31) -> Motion:
+    pose = np.array([[0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
+    return Motion(np.repeat(pose[None], n_frames, axis=0), 15.0, Skeleton(("hips", "head"), (-1, 0)))
+
+
+def test_shots_are_as_far_apart_as_they_can_be_at_equal_steps():
+    for frames in (31, 33):
+        np.testing.assert_allclose(QUALITY.shot_times(standing(frames), 4) * 15, [0, 10, 20, 30])
+
+
+def test_recorded_and_generated_stand_under_each_other_at_the_same_moments_and_what_was_given_is_shaded():
+    verdicts = {"recorded": "all met", "paper": "none met"}
+    motions = dict.fromkeys(verdicts, standing())
+    figure = QUALITY.sequences_figure(SimpleNamespace(motions=motions, start=1.0, verdicts=verdicts), "waltz")
+    assert titles(figure) == [f"{LOOKS[name].label}: {words}" for name, words in verdicts.items()]
+    for ax in figure.axes:
+        at = [artist.xy[0] for artist in ax.get_children() if isinstance(artist, AnnotationBbox)]
+        np.testing.assert_allclose(at, np.arange(10) * 3 / 15)
+        (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
+        assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
+        low, high = ax.get_xlim()
+        assert low < 0.0 < 27 / 15 < high
+
+
+# Figures that are drawn again from the tables beside them
+
+SHIPPED = Path(__file__).parents[1] / "figures"
+ENTRIES = json.loads((SHIPPED / MANIFEST).read_text("utf-8"))
+
+
+@pytest.fixture(scope="module")
+def drawn() -> dict[str, Figure]:
+    """Every figure of the shipped tables."""
+    return dict(redraw.figures_of_tables(SHIPPED))
+
+
+def test_shipped_tables_give_figures_whose_letters_are_large_enough_and_whose_words_hold_no_name_of_a_corpus(
+    drawn: dict[str, Figure],
+):
+    assert {name: size for name, figure in drawn.items() if (size := smallest_text(figure)) < 9} == {}
+    assert {"fig11_harmony_loss", "m2d_chance", "a2b_hits"} <= set(drawn)
+    for name, figure in drawn.items():
+        words = " ".join(text.get_text() for text in figure.findobj(Text))
+        assert not re.search("beatlocked|realdance|tang2018", words), name
+
+
+def test_figure_of_other_weights_is_there_only_with_its_table(drawn: dict[str, Figure], tmp_path: Path):
+    is_shipped = "table11d_trade_off.csv" in ENTRIES
+    assert ("fig11b_trade_off.png" in ENTRIES) == ("fig11b_trade_off" in drawn) == is_shipped
+    means = pd.read_csv(shutil.copy(SHIPPED / "table11_ablation.csv", tmp_path))
+    sweep = {"corpus": means["corpus"][:1], "harmony_weight": 0.1, "above_chance": 0.5, "jerk": 80.0, "fid": 2.0}
+    pd.DataFrame(sweep).to_csv(tmp_path / "table11d_trade_off.csv", index=False)
+    assert next(redraw.figures_of_tables(tmp_path))[0] == "fig11b_trade_off"
+
+
+def test_marks_are_weighted_as_they_were_computed():
+    weights = redraw.WEIGHTS
+    assert weights == notebook_cells("16_music2dance").MARKS
+    totals = pd.read_csv(SHIPPED / "m2d_table03_machine.csv")
+    np.testing.assert_allclose(totals[list(weights)] @ list(weights.values()), totals["total"], atol=0.002)
+
+
+def test_figure_drawn_again_keeps_its_source_and_title_in_the_manifest(
+    drawn: dict[str, Figure], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert {f"{name}.png" for name in drawn} <= set(ENTRIES)
+    shutil.copy(SHIPPED / MANIFEST, tmp_path)
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    few = [(name, drawn[name]) for name in ("cheating_tricks", "a2b_hits")]
+    monkeypatch.setattr(redraw, "figures_of_tables", lambda folder: few)
+    saved = redraw.redraw(RunProfile.full())
+    assert [each.path.name for each in saved] == ["cheating_tricks.png", "a2b_hits.png"]
+    assert all(each.path.parent == tmp_path and each.path.stat().st_size > 10_000 for each in saved)
+    after = json.loads((tmp_path / MANIFEST).read_text("utf-8"))
+    assert {name: entry | {"version": ""} for name, entry in after.items()} == {
+        name: entry | {"version": ""} for name, entry in ENTRIES.items()
+    }
+
+
+def test_legend_at_the_edge_stays_above_the_mark_for_synthetic_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    with styled_axes((6.0, 3.0)) as (figure, (ax,)):
+        ax.set_axis_off()
+        figure.legend(handles=[Patch(color="#0000FF", label=40 * "i")], loc="outside lower right")
+    about = {"notebook": "00_start_here", "source": "synthetic", "profile": RunProfile.quick()}
+    red, _, blue = np.moveaxis(imread(save_figure(figure, "legend", **about).path)[..., :3], -1, 0)
+    of_legend, of_mark = (np.flatnonzero(mask.any(axis=1)) for mask in (blue - red > 0.8, red - blue > 0.3))
+    assert of_legend.size and of_mark.size and of_legend.max() < of_mark.min()
+
+
+# Wider than a page of the report is for letters of 8 points; its own have 8.5.
+TOO_WIDE = {"fig07c_networks.png"}
+
+
+def inches(path: Path) -> float:
+    """Width of a PNG by its pixels a metre."""
+    data = path.read_bytes()
+    place = data.index(b"pHYs") + 4
+    return int.from_bytes(data[16:20]) / (int.from_bytes(data[place : place + 4]) * 0.0254)
+
+
+def test_letters_of_eight_points_have_nine_pixels_in_every_shipped_figure_on_a_page_of_the_report():
+    widest = PAGE_WIDTH * 8 / (9 * 72)
+    assert {path.name for path in SHIPPED.glob("*.png") if inches(path) > widest} == TOO_WIDE
