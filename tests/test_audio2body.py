@@ -9,9 +9,8 @@ import soxr
 import torch
 
 from harmolab.musician.cleaning import Reference
-from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.networks import SoundToPoints, predicted_points, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import predicted_points, synthesize_performance
 from harmolab.musician.sequences import (
     PlayedSequence,
     PlayedSet,

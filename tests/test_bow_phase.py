@@ -23,9 +23,8 @@ from harmolab.musician.bow import (
     turns_of,
 )
 from harmolab.musician.cleaning import Reference
-from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.networks import SoundToPoints, predicted_points, predicted_strokes, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import predicted_points, predicted_strokes, synthesize_performance
 from harmolab.musician.sequences import PlayedSet, PlayedSplit, PointSpace, played_set
 from harmolab.musician.synthetic import PlantedPerformance, planted_performances
 from harmolab.musician.train import errors, errors_between, mean_pose_errors, prepared, train_audio2body

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from harmolab.body.kinematics import fit_similarity
-from harmolab.musician.synthetic import FAULTS, planted_performance, planted_performances, planted_piece, rendered_notes
-from harmolab.musician.synthetic.players import (
+from harmolab.musician.players import (
     BOW,
     BOW_ENDS,
     bow_place,
@@ -16,10 +15,13 @@ from harmolab.musician.synthetic.players import (
     hand_places,
     key_x,
     pianist_points,
+    planted_piece,
     pulses,
+    rendered_notes,
     stop_distance,
     string_numbers,
 )
+from harmolab.musician.synthetic import FAULTS, planted_performance, planted_performances
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.types import Notes
 from tests.builders import cases, refused

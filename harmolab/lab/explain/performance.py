@@ -187,14 +187,10 @@ def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
 def _mean_offset(judgement: Judgement, beats: BeatTrack, test: PlaceTest) -> MeanOffset:
     """The lag of a stretch of beats, of all places that are one the nearest to the lag of the whole."""
     period = 60 / judgement.tempo
-    lag = judgement.lag + _wrapped(test.lag - judgement.lag, test.reach)
+    apart = (test.lag - judgement.lag + test.reach) % (2 * test.reach) - test.reach  # beyond +- reach is another beat
+    lag = judgement.lag + apart
     low, high = (edge - test.lag + lag for edge in test.spread()[1])
     return MeanOffset(float(beats.times[0]), float(beats.times[-1]), lag * period, (low * period, high * period))
-
-
-def _wrapped(lag: float, reach: float) -> float:
-    """A lag within +- reach beats, beyond which it is another beat's."""
-    return (lag + reach) % (2 * reach) - reach
 
 
 def _change(halves: tuple[MeanOffset, ...]) -> list[Finding]:
@@ -556,10 +552,9 @@ def film_readings(song: PathLike, film: PathLike, **settings: Any) -> pd.DataFra
     -------
     DataFrame, a row for `BODY` and `FLOW`: "verdict" (or the reason why there is none), "how sure", "offset".
     """
-    rows = (
-        {BODY: _reading(song, film, by_flow=False, **settings)} if pose_environment() else {BODY: {"verdict": ABSENT}}
-    )
-    rows[FLOW] = _reading(song, film, by_flow=True, **settings)
+    has_pose = pose_environment() is not None
+    body = _reading(song, film, by_flow=False, **settings) if has_pose else {"verdict": ABSENT}
+    rows = {BODY: body, FLOW: _reading(song, film, by_flow=True, **settings)}
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS)).rename_axis("read").fillna("")
 
 
