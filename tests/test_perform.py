@@ -522,7 +522,7 @@ def performance(clean_player: PlantedPerformance) -> Performed:
     """Planted points in place of predicted ones, so that the moment of every strike is known."""
     own = clean_player.performance
     points = Motion(clean_player.clean, own.motion.fps, own.motion.skeleton)
-    return Performed(own.instrument, points, own.audio, 0.0, "These points were clean_player.")
+    return Performed(own.instrument, points, own.audio, 0.0, "These points were planted.")
 
 
 @pytest.fixture(scope="module")
