@@ -618,16 +618,6 @@ def test_rejected_frames_have_no_gradient() -> None:
     assert windows.mask[0, : TINY.delay_steps].tolist() == [0.0, 0.0]
 
 
-def test_a_batch_and_one_recording_agree(run: Path) -> None:
-    network = load_weights(run, SoundToPoints)
-    sound = torch.randn(5, 40, 28, generator=torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        together, _ = network(sound)
-    for number in range(5):
-        alone = network.predicted(sound[number].numpy())
-        np.testing.assert_allclose(together[number].numpy(), alone, atol=1e-6)
-
-
 def test_windows_in_a_row_are_one_pass() -> None:
     network = SoundToPoints(replace(TINY, carry=3), HANDS_12, "piano", 3, NOWHERE).eval()
     sound = torch.randn(2, 72, 28)

@@ -835,12 +835,10 @@ def test_three_tracked_musicians_are_read(instruments: Path):
         load_tracked(instruments / "tracked" / f"{name}.npz")
         for name in ("pianist_side_view", "piano_top_view", "violinist")
     )
-    assert side.motion.skeleton.joints == PLAYER_50.joints[:8]
-    assert top.motion.skeleton.joints == PLAYER_50.joints[8:]
-    assert violin.motion.skeleton == PLAYER_50
+    joints = [each.motion.skeleton.joints for each in (side, top, violin)]
+    assert joints == [PLAYER_50.joints[:8], PLAYER_50.joints[8:], PLAYER_50.joints]
     assert (side.instrument, top.instrument, violin.instrument) == ("piano", "piano", "violin")
-    assert top.audio is None
-    assert len(top.notes) == 138
+    assert (top.audio, len(top.notes)) == (None, 138)
     assert violin.detected[:, 8:].mean() == pytest.approx(0.87, abs=0.01)
     assert top.detected.mean() > 0.999
 

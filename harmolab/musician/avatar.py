@@ -301,7 +301,7 @@ def arm_lengths(placed: PlacedPoints, params: AvatarParams) -> tuple[float, floa
     The forearm is no shorter than `least_forearm` of the mean shoulder distance, and the upper arm no shorter than it
     usually is beside such a forearm. Lengths at rest where no arm has an elbow.
     """
-    bones = [seen for side in SIDES if (seen := seen_arm(placed, side, params)) is not None]
+    bones = [bone for side in SIDES if (bone := seen_arm(placed, side, params)) is not None]
     if not bones:
         return UPPER_ARM, FOREARM
     forearm, upper = np.percentile(bones, params.percentile, axis=2).max(axis=0)
@@ -318,11 +318,11 @@ def wrist_targets(
     for side in SIDES:
         if not (wrist := wrist_name(placed, side)):
             continue
-        offset, seen = np.full(len(placed.points[wrist]), REST_OFFSET), seen_arm(placed, side, params)
-        if seen is not None:
-            offset = forward_offset(seen[0], forearm, params.depth)
+        offset, bones = np.full(len(placed.points[wrist]), REST_OFFSET), seen_arm(placed, side, params)
+        if bones is not None:
+            offset = forward_offset(bones[0], forearm, params.depth)
             if params.elbow_depth:
-                offset = offset + forward_offset(seen[1], upper, params.depth)
+                offset = offset + forward_offset(bones[1], upper, params.depth)
         targets[side] = np.column_stack([placed.points[wrist], trunk[f"{side}_shoulder"][:, 2] + offset])
     return targets
 

@@ -169,12 +169,12 @@ def planted_performance(
     bow = players.bow_place(piece, times) if instrument == "violin" else None
     camera = _camera(_stream(instrument, seed, 1))
 
-    def seen(sway: FloatArray, place: FloatArray | None) -> FloatArray:
+    def pictured(sway: FloatArray, place: FloatArray | None) -> FloatArray:
         if place is None:
             return camera.apply(players.pianist_points(piece, times, sway))
         return camera.apply(players.violinist_points(piece, times, sway, place, seed=seed))
 
-    clean, still = seen(_sway(instrument, times, _stream(instrument, seed, 2)), bow), np.zeros(times.size)
+    clean, still = pictured(_sway(instrument, times, _stream(instrument, seed, 2)), bow), np.zeros(times.size)
     tracked = clean + noise * _stream(instrument, seed, 3).standard_normal(clean.shape)
     detected, fault = np.ones(clean.shape[:2], bool), np.full(times.size, "")
     if faults:
@@ -182,7 +182,7 @@ def planted_performance(
     audio = players.rendered_notes(piece.notes, seconds, sample_rate, instrument=instrument, seed=seed)
     name, motion = f"planted {instrument} {seed}", Motion(tracked, fps, PLAYER_50)
     performance = Performance(name, instrument, audio, motion, detected, piece.notes, 0.0, name, True, "synthetic")
-    from_audio, blind = seen(still, bow), None if bow is None else seen(still, np.full_like(bow, bow.mean()))
+    from_audio, blind = pictured(still, bow), None if bow is None else pictured(still, np.full_like(bow, bow.mean()))
     strikes = _strikes(piece.notes, fps, seconds)
     return PlantedPerformance(performance, clean, from_audio, blind, fault, camera, strikes, piece.downbeats, bow)
 
