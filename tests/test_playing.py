@@ -644,6 +644,7 @@ def test_at_each_onset_a_fingertip_is_on_its_key_as_low_as_the_loudness_says_and
     points = own_points(planted)
     for side, notes, tips in striking_tips(planted):
         frames, beside = np.round(notes.onsets * 1000).astype(int), points[:, AT[f"{side}_hand"]]
+        np.testing.assert_array_equal(points[:, AT[f"{side}_wrist"]], beside)  # the body's wrist is the hand's
         np.testing.assert_allclose(points[frames, tips, 0], key_x(notes.pitches), atol=0.05)
         assert np.abs(beside[frames, 0] - key_x(notes.pitches)).max() <= 20.05
         dips = points[frames, tips, 1] - beside[frames, 1] - (points[0, tips, 1] - beside[0, 1])
