@@ -19,6 +19,7 @@ from benchmarks.timing import best_of
 from harmolab.musician import Audio2Body
 from harmolab.musician.avatar import avatar
 from harmolab.musician.cleaning import cleaned, placed, reference_configuration
+from harmolab.musician.networks import predicted_points
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import continued, steps_of
@@ -67,9 +68,7 @@ def played(song: Path, system: Audio2Body) -> Motion:
     """All of `harmolab perform` but the beats and the writing, nothing from a cache."""
     audio, params = load_audio(song), system.network.params
     sound = sound_features(audio, params, round(SONG * params.fps), cached=False)
-    steps = continued(steps_of(sound, params.upsample), params.delay_steps)
-    components, _ = system.network.predicted(steps)
-    points = system.network.space_scale.space.decode(components[params.delay_steps :: params.upsample])
+    points = predicted_points(system.network, sound)
     return avatar(Motion(points.reshape(len(points), -1, 2), params.fps, system.network.skeleton), "piano")
 
 

@@ -3,6 +3,7 @@
 import html
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,16 @@ def told_of(folder: Path, name: str | Path, **more: Any) -> OwnDance:
 @pytest.fixture(scope="module")
 def late(folder: Path) -> OwnDance:
     return told_of(folder, "dance.npz", offset=START)
+
+
+@pytest.fixture(scope="module")
+def page(late: OwnDance) -> str:
+    return dance_page(late)
+
+
+@pytest.fixture(scope="module")
+def film_page(filmed: OwnDance) -> str:
+    return dance_page(filmed)
 
 
 @pytest.fixture(scope="module")
@@ -150,19 +161,12 @@ def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
     assert "does not overlap" in unread.loc[FLOW, "verdict"]
 
 
-def test_silent_video_is_placed_by_its_movement(folder: Path):
-    assert load_performance(folder / "silent.mp4").sound is None
-    told = told_of(folder, "silent.mp4")
-    assert told.placement.source == "movement"
-    assert change_of(told) == pytest.approx(0.08, abs=0.03)
-
-
-def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
-    other = synthetic_clip("waltz", seconds=SECONDS, seed=9).audio
-    recording = load_performance(folder / "film.mp4")
-    assert (
-        place_performance(recording, other, synthetic_clip("waltz", seconds=SECONDS, seed=9).beats).source == "movement"
-    )
+def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
+    silent, film = (load_performance(folder / name) for name in ("silent.mp4", "film.mp4"))
+    assert silent.sound is None
+    other = synthetic_clip("waltz", seconds=SECONDS, seed=9)
+    for recording, song in ((silent, clip), (film, other)):
+        assert place_performance(recording, song.audio, song.beats).source == "movement"
 
 
 def test_video_can_be_its_own_song(folder: Path):
@@ -195,8 +199,7 @@ def test_numbers_are_plain_enough_for_json(late: OwnDance):
 # The page
 
 
-def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance):
-    page = dance_page(late)
+def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance, page: str):
     text = html.unescape(page)
     assert late.verdict in text
     assert all(sentence in text for sentence in late.words.sentences)
@@ -216,24 +219,20 @@ def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: 
     assert "nearest moment of rest" in html.unescape(dance_page(told_of(folder, "dance.npz", dance="cha-cha")))
 
 
-def test_page_asks_the_network_for_nothing(late: OwnDance, filmed: OwnDance):
-    for told in (late, filmed):
-        page = re.sub(r' srcdoc="[^"]*"', "", dance_page(told))
-        assert not re.search(r"https?:|<script|<link|@import|url\(", page)
+def test_page_asks_the_network_for_nothing(page: str, film_page: str):
+    for text in (page, film_page):
+        assert not re.search(r"https?:|<script|<link|@import|url\(", re.sub(r' srcdoc="[^"]*"', "", text))
 
 
-def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: OwnDance):
-    page = dance_page(filmed)
-    assert page.count("data:image/jpeg;base64,") == 8
-    assert "srcdoc" not in page
-    assert "there is no stick figure to play" in page
+def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: OwnDance, film_page: str):
+    assert film_page.count("data:image/jpeg;base64,") == 8
+    assert "srcdoc" not in film_page and "there is no stick figure to play" in film_page
     refused(r"film\.mp4: is a video", dance_player, filmed)
 
 
-def test_names_of_files_are_only_text(folder: Path, tmp_path: Path):
+def test_names_of_files_are_only_text(late: OwnDance):
     name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
-    (tmp_path / name).write_bytes((folder / "dance.npz").read_bytes())
-    page = dance_page(explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START))
+    page = dance_page(replace(late, performance=replace(late.performance, path=Path(name))))
     assert "<img src=x" not in page
     assert f"<h1>{html.escape(name).replace('&quot;', '&#34;').replace('&#x27;', '&#39;')} to song.wav</h1>" in page
 
@@ -245,6 +244,7 @@ def test_failed_page_leaves_the_old_one(late: OwnDance, tmp_path: Path, monkeypa
     def fail(*_args: object, **_named: object) -> None:
         raise OSError("disk full")
 
+    monkeypatch.setattr("harmolab.lab.explain.page.dance_page", lambda dance: "new")
     monkeypatch.setattr(Path, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_page(path, late)

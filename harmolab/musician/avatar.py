@@ -2,26 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from harmolab.body.kinematics import smooth
 from harmolab.body.rotations import directions, normal_part, two_bones
 from harmolab.body.skeletons import Skeleton, turned
-from harmolab.readers.player_points import BOW as BOW_POINTS
-from harmolab.readers.player_points import (
-    CORNERS,
-    FINGERS,
-    INSTRUMENTS,
-    KEY_LINES,
-    KEYBOARD,
-    PHALANGES,
-    SIDES,
-    STOOL,
-    VIOLIN,
-)
+from harmolab.readers import player_points
+from harmolab.readers.player_points import CORNERS, FINGERS, INSTRUMENTS, KEY_LINES, PHALANGES, SIDES
 from harmolab.systems.training.features import check_numbers
 from harmolab.types import BoolArray, FloatArray, Motion
 
@@ -35,15 +24,13 @@ FOREARM, UPPER_ARM = 0.26, 0.3
 THIGH, SHANK, ANKLE, TOE = 0.43, 0.42, 0.08, 0.16
 HIP_ABOVE_SEAT = 0.09
 # Root of a finger from the wrist (along the hand, to the side of the thumb) and its three bones.
-HAND = MappingProxyType(
-    {
-        "thumb": (0.03, 0.032, (0.042, 0.032, 0.027)),
-        "index": (0.09, 0.026, (0.042, 0.026, 0.022)),
-        "middle": (0.092, 0.005, (0.047, 0.03, 0.023)),
-        "ring": (0.087, -0.014, (0.043, 0.028, 0.023)),
-        "little": (0.078, -0.032, (0.034, 0.021, 0.02)),
-    }
-)
+HAND = {
+    "thumb": (0.03, 0.032, (0.042, 0.032, 0.027)),
+    "index": (0.09, 0.026, (0.042, 0.026, 0.022)),
+    "middle": (0.092, 0.005, (0.047, 0.03, 0.023)),
+    "ring": (0.087, -0.014, (0.043, 0.028, 0.023)),
+    "little": (0.078, -0.032, (0.034, 0.021, 0.02)),
+}
 
 
 @dataclass(frozen=True)
@@ -110,8 +97,6 @@ def keyboard_depth(targets: dict[str, FloatArray], turn: float) -> dict[str, Flo
     xc is the mean middle of the shoulders, the origin, and z0 the median over hands and frames of what depth from
     forearms gives there. Farther left in the picture is nearer to the camera.
     """
-    if not targets:
-        return {}
     slope = np.tan(turn)
     ahead = np.median(np.concatenate([wrist[:, 2] + slope * wrist[:, 0] for wrist in targets.values()]))
     return {side: np.column_stack([wrist[:, :2], ahead - slope * wrist[:, 0]]) for side, wrist in targets.items()}
@@ -122,8 +107,6 @@ def above_thighs(targets: dict[str, FloatArray], pelvis: FloatArray) -> dict[str
 
     A camera that looks down on a pianist shows the hands, which are nearer, too low.
     """
-    if not targets:
-        return {}
     height = float(np.median(np.concatenate([wrist[:, 1] for wrist in targets.values()])) - pelvis[:, 1].mean())
     rise = np.array([0.0, max(LEAST_ABOVE_HIPS - height, 0.0), 0.0])
     return {side: wrist + rise for side, wrist in targets.items()}
@@ -132,12 +115,10 @@ def above_thighs(targets: dict[str, FloatArray], pelvis: FloatArray) -> dict[str
 def keyboard(joints: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
     """The corners of a keyboard that rests under the fingertips, before the player, name -> (T, 3).
 
-    From the player, front is near, and low keys are at the left. ValueError without arms.
+    From the player, front is near, and low keys are at the left.
     """
     tips = [name for side in SIDES for name in joints if name.startswith(f"{side}_") and name.endswith("_4")]
     wrists = [joints[f"{side}_wrist"] for side in SIDES if f"{side}_wrist" in joints]
-    if not wrists:
-        raise ValueError("a keyboard lies under hands; there are none")
     places = np.concatenate([joints[name] for name in tips] or [wrist + turned(REST_TIPS, turn) for wrist in wrists])
     pelvis = joints["pelvis"].mean(axis=0)
     own = turned(places - pelvis, -turn)
@@ -146,13 +127,13 @@ def keyboard(joints: dict[str, FloatArray], turn: float) -> dict[str, FloatArray
     x = WIDTH / 2 - LOWEST_C - OCTAVE * (numbers // 2 + F_IN_OCTAVE * (numbers % 2))
     lines = [[place, 0.0, depth] for place in x for depth in (0.0, DEPTH)]
     table = _table(WIDTH, DEPTH, float(corner[1] + pelvis[1])) + corner
-    return _at_rest(KEYBOARD, np.concatenate([table, lines + corner]), joints["pelvis"], turn)
+    return _at_rest(player_points.KEYBOARD, np.concatenate([table, lines + corner]), joints["pelvis"], turn)
 
 
 def stool(pelvis: FloatArray, seat: float, turn: float) -> dict[str, FloatArray]:
     """The corners and feet of a stool of height `seat` on the floor y = 0, name -> (T, 3)."""
     corner = np.array([0.0, seat - pelvis[:, 1].mean(), -STOOL_DEPTH / 2])
-    return _at_rest(STOOL, _table(STOOL_WIDTH, STOOL_DEPTH, seat) + corner, pelvis, turn)
+    return _at_rest(player_points.STOOL, _table(STOOL_WIDTH, STOOL_DEPTH, seat) + corner, pelvis, turn)
 
 
 def _table(width: float, depth: float, height: float) -> FloatArray:
@@ -269,13 +250,6 @@ def spine(placed: PlacedPoints) -> dict[str, FloatArray]:
     return joints
 
 
-def trunk_axes(trunk: dict[str, FloatArray]) -> FloatArray:
-    """(3, T, 3): unit vectors to the left of the upper body, up along its spine, and ahead."""
-    up = directions(trunk["neck"] - trunk["pelvis"], UP)
-    left = normal_part(trunk["left_shoulder"] - trunk["right_shoulder"], up)
-    return np.stack([left, up, np.cross(left, up)])
-
-
 def legs(trunk: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
     """Knees, ankles and toes, name -> (T, 3), of a player on a seat over the floor y = 0: feet rest, knees follow."""
     middle = trunk["pelvis"].mean(axis=0) * np.array([1.0, 0.0, 1.0])
@@ -306,14 +280,19 @@ def forward_offset(length: FloatArray, longest: float, law: str = "root") -> Flo
     return np.sqrt(np.maximum(longest**2 - length**2, 0.0))
 
 
-def seen_length(placed: PlacedPoints, start: str, end: str, smoothing: float) -> FloatArray:
-    """(T,) metres between two points in the picture, smoothed by a Gaussian of `smoothing` seconds."""
-    return smooth(np.linalg.norm(placed.points[end] - placed.points[start], axis=1), smoothing, placed.fps)
-
-
 def wrist_name(placed: PlacedPoints, side: str) -> str:
     """The point that an arm reaches for: the wrist as the body has it, else as the hand has it; "" without both."""
     return next((name for name in (f"{side}_wrist", f"{side}_hand") if name in placed.points), "")
+
+
+def seen_arm(placed: PlacedPoints, side: str, params: AvatarParams) -> FloatArray | None:
+    """(2, T) metres of forearm and upper arm in the picture, smoothed; None for an arm without elbow or wrist."""
+    names = [f"{side}_shoulder", f"{side}_elbow", wrist_name(placed, side)]
+    if not placed.has(names):
+        return None
+    shoulder, elbow, wrist = (placed.points[name] for name in names)
+    lengths = [np.linalg.norm(bone, axis=1) for bone in (wrist - elbow, elbow - shoulder)]
+    return np.stack([smooth(length, params.smoothing, placed.fps) for length in lengths])
 
 
 def arm_lengths(placed: PlacedPoints, params: AvatarParams) -> tuple[float, float]:
@@ -322,16 +301,9 @@ def arm_lengths(placed: PlacedPoints, params: AvatarParams) -> tuple[float, floa
     The forearm is no shorter than `least_forearm` of the mean shoulder distance, and the upper arm no shorter than it
     usually is beside such a forearm. Lengths at rest where no arm has an elbow.
     """
-    sides = [side for side in SIDES if f"{side}_elbow" in placed.points and wrist_name(placed, side)]
-    if not sides:
+    bones = [bone for side in SIDES if (bone := seen_arm(placed, side, params)) is not None]
+    if not bones:
         return UPPER_ARM, FOREARM
-    bones = [
-        [
-            seen_length(placed, f"{side}_elbow", wrist_name(placed, side), params.smoothing),
-            seen_length(placed, f"{side}_shoulder", f"{side}_elbow", params.smoothing),
-        ]
-        for side in sides
-    ]
     forearm, upper = np.percentile(bones, params.percentile, axis=2).max(axis=0)
     forearm = max(float(forearm), params.least_forearm * SHOULDERS, 0.1 * FOREARM)
     return max(float(upper), UPPER_BY_FOREARM * forearm), forearm
@@ -344,16 +316,13 @@ def wrist_targets(
     upper, forearm = lengths
     targets = {}
     for side in SIDES:
-        wrist = wrist_name(placed, side)
-        if not wrist:
+        if not (wrist := wrist_name(placed, side)):
             continue
-        offset = np.full(len(placed.points[wrist]), REST_OFFSET)
-        if f"{side}_elbow" in placed.points:
-            length = seen_length(placed, f"{side}_elbow", wrist, params.smoothing)
-            offset = forward_offset(length, forearm, params.depth)
+        offset, bones = np.full(len(placed.points[wrist]), REST_OFFSET), seen_arm(placed, side, params)
+        if bones is not None:
+            offset = forward_offset(bones[0], forearm, params.depth)
             if params.elbow_depth:
-                length = seen_length(placed, f"{side}_shoulder", f"{side}_elbow", params.smoothing)
-                offset = offset + forward_offset(length, upper, params.depth)
+                offset = offset + forward_offset(bones[1], upper, params.depth)
         targets[side] = np.column_stack([placed.points[wrist], trunk[f"{side}_shoulder"][:, 2] + offset])
     return targets
 
@@ -379,8 +348,7 @@ REST_CURL, CURL_SHARE = 0.2, 0.4  # radians of each further joint, and share of 
 LONGEST = 99.0  # percentile of a length in the picture that is its length
 
 
-@dataclass(frozen=True, eq=False)
-class HandAxes:
+class HandAxes(NamedTuple):
     """Unit vectors of a hand, (T, 3) each: along its back, towards the thumb, out of the palm."""
 
     along: FloatArray
@@ -420,7 +388,8 @@ def hand_axes(placed: PlacedPoints, side: str, params: AvatarParams) -> HandAxes
         return None
     index, little = (smooth(placed.points[name], params.smoothing, placed.fps) for name in names)
     middle = (index + little) / 2 - smooth(placed.points[wrist], params.smoothing, placed.fps)
-    along = _out_of_picture(middle, (HAND["index"][0] + HAND["little"][0]) / 2, params)
+    least = (HAND["index"][0] + HAND["little"][0]) / 2
+    along = _out_of_picture(middle, np.linalg.norm(middle, axis=1), least, params)
     across = index - little
     width = max(float(np.percentile(np.linalg.norm(across, axis=1), LONGEST)), 1e-6)
     is_down = palm_is_down(-SIGNS[side] * across[:, 0] / width, params.dead_band)
@@ -430,9 +399,8 @@ def hand_axes(placed: PlacedPoints, side: str, params: AvatarParams) -> HandAxes
     return HandAxes(along, thumbwards, SIGNS[side] * np.cross(along, thumbwards))
 
 
-def _out_of_picture(vectors: FloatArray, least: float, params: AvatarParams) -> FloatArray:
-    """(T, 3) unit vectors along picture vectors (T, 2), tilted to the camera by how short they look."""
-    length = np.linalg.norm(vectors, axis=1)
+def _out_of_picture(vectors: FloatArray, length: FloatArray, least: float, params: AvatarParams) -> FloatArray:
+    """(T, 3) unit vectors along picture vectors (T, 2), tilted to the camera by how short they look, `length` (T,)."""
     longest = max(float(np.percentile(length, LONGEST)), least)
     return directions(np.column_stack([vectors, forward_offset(length, longest, params.depth)]), FRONT)
 
@@ -451,19 +419,13 @@ def fingers(
             continue
         forward, aside, bones = HAND[finger]
         chord = placed.points[names[-1]] - placed.points[names[0]]
-        pointing = _finger_direction(chord, 0.9 * sum(bones), placed.fps, params)
+        length = smooth(np.linalg.norm(chord, axis=1), params.smoothing, placed.fps)  # the angle is not smoothed
+        pointing = _out_of_picture(chord, length, 0.9 * sum(bones), params)
         places = [wrist + forward * axes.along + aside * axes.thumbwards]
         for bone, direction in zip(bones, _bent(pointing, axes.palm, bones), strict=True):
             places.append(places[-1] + bone * direction)
         joints |= dict(zip(names, places, strict=True))
     return joints
-
-
-def _finger_direction(chord: FloatArray, least: float, fps: float, params: AvatarParams) -> FloatArray:
-    """(T, 3) unit vectors from root to tip: the picture's angle at once, the depth from the smoothed length."""
-    length = smooth(np.linalg.norm(chord, axis=1), params.smoothing, fps)
-    longest = max(float(np.percentile(length, LONGEST)), least)
-    return directions(np.column_stack([chord, forward_offset(length, longest, params.depth)]), FRONT)
 
 
 def _bent(pointing: FloatArray, palm: FloatArray, bones: tuple[float, ...]) -> list[FloatArray]:
@@ -486,46 +448,29 @@ FROG = (0.07, 0.02)  # metres from the wrist along the hand, and out of the palm
 REST_AIM = np.array([0.7, 0.0, 0.714])  # to the left and ahead, as the violin is held
 
 
-def violin_position(trunk: dict[str, FloatArray]) -> FloatArray:
-    """First constraint: the violin is at a point fixed to the head, (T, 3)."""
-    left, up, ahead = trunk_axes(trunk)
-    return trunk["head"] + CHIN[0] * left + CHIN[1] * up + CHIN[2] * ahead
-
-
-def aim(origin: FloatArray, target: FloatArray, rest: FloatArray) -> FloatArray:
-    """Second and fourth constraint: unit vectors (T, 3) that look from `origin` at `target`.
-
-    `rest`, a unit vector (3,), where both coincide.
-    """
-    return directions(target - origin, rest)
-
-
-def bow_position(wrist: FloatArray, axes: HandAxes | None) -> FloatArray:
-    """Third constraint: the bow is at a point fixed to the right hand, (T, 3); at the wrist without fingers."""
-    if axes is None:
-        return wrist
-    return wrist + FROG[0] * axes.along + FROG[1] * axes.palm
-
-
-def left_hand_point(joints: dict[str, FloatArray]) -> FloatArray | None:
-    """(T, 3) what the violin looks at: the root of the left index finger, else the left wrist; None without either."""
-    return next((joints[name] for name in ("left_index_1", "left_wrist") if name in joints), None)
-
-
 def violin(trunk: dict[str, FloatArray], joints: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Chin rest, bridge, beginning of the neck, and scroll, (T, 3); without a left hand to the left and ahead."""
-    chin, hand = violin_position(trunk), left_hand_point(joints)
-    rest = REST_AIM / np.linalg.norm(REST_AIM)
-    pointing = np.broadcast_to(rest, chin.shape) if hand is None else aim(chin, hand, rest)
+    """Chin rest, bridge, beginning of the neck, and scroll, (T, 3).
+
+    First constraint: the violin is at a point fixed to the head. Second: it looks at the root of the left index finger,
+    else at the left wrist; without either, or where both coincide, to the left and ahead.
+    """
+    up = directions(trunk["neck"] - trunk["pelvis"], UP)
+    left = normal_part(trunk["left_shoulder"] - trunk["right_shoulder"], up)
+    chin = trunk["head"] + CHIN[0] * left + CHIN[1] * up + CHIN[2] * np.cross(left, up)
+    hand = next((joints[name] for name in ("left_index_1", "left_wrist") if name in joints), chin)
+    pointing = directions(hand - chin, REST_AIM / np.linalg.norm(REST_AIM))
     places = [chin + distance * pointing for distance in (0.0, BRIDGE, NECK, SCROLL)]
-    return dict(zip(VIOLIN, places, strict=True))
+    return dict(zip(player_points.VIOLIN, places, strict=True))
 
 
 def bow(wrist: FloatArray, axes: HandAxes | None, bridge: FloatArray) -> dict[str, FloatArray]:
-    """Frog and tip of the bow in the right hand, name -> (T, 3)."""
-    frog = bow_position(wrist, axes)
-    pointing = aim(frog, bridge, np.array([1.0, 0.0, 0.0]))
-    return {"bow_frog": frog, "bow_tip": frog + BOW * pointing}
+    """Frog and tip of the bow in the right hand, name -> (T, 3).
+
+    Third constraint: the frog is at a point fixed to the hand, the wrist without fingers. Fourth: the bow looks at the
+    bridge; to +x where both coincide.
+    """
+    frog = wrist if axes is None else wrist + FROG[0] * axes.along + FROG[1] * axes.palm
+    return {"bow_frog": frog, "bow_tip": frog + BOW * directions(bridge - frog, RIGHT)}
 
 
 # Step 7: all parts as one motion, whose skeleton has further trees for the instrument.
@@ -565,8 +510,9 @@ def avatar(points: Motion, instrument: str, *, params: AvatarParams | None = Non
     joints |= legs(joints, placed.turn) | stool(joints["pelvis"], params.seat, placed.turn)
     if instrument == "piano" and not {"left_wrist", "right_wrist"}.isdisjoint(joints):
         joints |= keyboard(joints, placed.turn)
-    skeleton = avatar_skeleton(tuple(joints))
-    return Motion(np.stack(list(joints.values()), axis=1), points.fps, skeleton, points.valid)
+    names = tuple(joints)
+    skeleton = Skeleton(names, tuple(names.index(_PARENTS[name]) if name in _PARENTS else -1 for name in names))
+    return Motion(np.stack([*joints.values()], axis=1), points.fps, skeleton, points.valid)
 
 
 def _body(placed: PlacedPoints, instrument: str, params: AvatarParams) -> dict[str, FloatArray]:
@@ -574,7 +520,7 @@ def _body(placed: PlacedPoints, instrument: str, params: AvatarParams) -> dict[s
     trunk = spine(placed)
     lengths = arm_lengths(placed, params)
     targets = wrist_targets(placed, trunk, lengths, params)
-    if instrument == "piano":
+    if instrument == "piano" and targets:
         targets = above_thighs(keyboard_depth(targets, placed.turn), trunk["pelvis"])
     joints = trunk | arms(trunk, targets, lengths, placed.turn)
     axes = {side: hand_axes(placed, side, params) for side in targets}
@@ -588,11 +534,6 @@ def _body(placed: PlacedPoints, instrument: str, params: AvatarParams) -> dict[s
     return joints
 
 
-def avatar_skeleton(joints: tuple[str, ...]) -> Skeleton:
-    """The skeleton of an avatar's joints, by their names; props are trees of their own."""
-    return Skeleton(joints, tuple(joints.index(_PARENTS[name]) if name in _PARENTS else -1 for name in joints))
-
-
 def _parents() -> dict[str, str]:
     parents = {"neck": "pelvis", "head": "neck"}
     for side in SIDES:
@@ -601,14 +542,11 @@ def _parents() -> dict[str, str]:
         chains += [[f"{side}_wrist", *(f"{side}_{f}_{k}" for k in range(1, PHALANGES + 1))] for f in FINGERS]
         for chain in chains:
             parents |= dict(zip(chain[1:], chain[:-1], strict=True))
-    outlines = (KEYBOARD[: len(CORNERS) + 1], STOOL[: len(CORNERS) + 1], VIOLIN, BOW_POINTS)
-    for outline in outlines:
+    tables = (names[: len(CORNERS) + 1] for names in (player_points.KEYBOARD, player_points.STOOL))
+    for outline in (*tables, player_points.VIOLIN, player_points.BOW):
         parents |= dict(zip(outline[1:], outline[:-1], strict=True))
     parents |= {f"{table}_{c}_foot": f"{table}_{c}" for table in ("keyboard", "stool") for c in CORNERS}
     return parents | {f"keyboard_{line}_back": f"keyboard_{line}_front" for line in range(1, KEY_LINES + 1)}
 
 
 _PARENTS = _parents()
-
-
-__all__ = ["AvatarParams", "avatar"]

@@ -52,7 +52,9 @@ def usable_steps(usable: BoolArray, upsample: int) -> BoolArray:
 
 # Camera shots of a recording: between two of them the trunk and most points jump at once and stay (reading 10).
 
-TRUNK = tuple(f"{side}_{part}" for part in ("shoulder", "hip") for side in SIDES)
+SHOULDERS, HIPS, WRISTS, HANDS = (
+    tuple(f"{side}_{part}" for side in SIDES) for part in ("shoulder", "hip", "wrist", "hand")
+)
 RESTS = 0.25  # of the way from one place to the other: who sways is half way between two places when passing on
 
 
@@ -72,9 +74,9 @@ def shot_starts(motion: Motion, kept: BoolArray, *, share: float, longest_frames
         Longest run of errors, which is no shot. Medians are taken over twice as many frames.
     """
     frames, joints = np.flatnonzero(kept), motion.skeleton.joints
-    if not set(TRUNK[:2]) <= set(joints) or len(frames) < 2 * longest_frames + 2:
+    if not set(SHOULDERS) <= set(joints) or len(frames) < 2 * longest_frames + 2:
         return np.zeros(1, np.int64)
-    trunk = motion.positions[:, [joints.index(name) for name in TRUNK if name in joints]]
+    trunk = motion.positions[:, [joints.index(name) for name in (*SHOULDERS, *HIPS) if name in joints]]
     x = motion.positions[..., 0]
     least = share * float(np.median(x.max(axis=1) - x.min(axis=1)))
     starts = [0]
@@ -243,25 +245,22 @@ def rejected_examples(result: Cleaned) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Poses:
-    """Points (T, P, 2) and the boxes around them: left and right, top and bottom, each (T,)."""
+    """Points (T, P, 2) and the boxes around them, (T, 4): left, top, right, bottom."""
 
     points: FloatArray
-    left: FloatArray
-    right: FloatArray
-    top: FloatArray
-    bottom: FloatArray
+    box: FloatArray
 
     @classmethod
     def of(cls, points: FloatArray) -> "_Poses":
         x, y = points[..., 0], points[..., 1]
-        return cls(points, x.min(axis=1), x.max(axis=1), y.min(axis=1), y.max(axis=1))
+        return cls(points, np.stack([x.min(axis=1), y.min(axis=1), x.max(axis=1), y.max(axis=1)], axis=-1))
 
     def __getitem__(self, frames: int | slice | IntArray) -> "_Poses":
-        return _Poses(*(getattr(self, name)[frames] for name in ("points", "left", "right", "top", "bottom")))
+        return _Poses(self.points[frames], self.box[frames])
 
     @property
     def width(self) -> FloatArray:
-        return self.right - self.left
+        return self.box[..., 2] - self.box[..., 0]
 
 
 def _broken_alone(
@@ -273,8 +272,7 @@ def _broken_alone(
         broken[_swapped_hands(motion, rules.swapped * poses.width)] = "swapped"
     if signature is not None:
         for frame in np.flatnonzero(complete):
-            pose = poses[int(frame)]
-            if not signature(int(frame), np.array([pose.left, pose.top, pose.right, pose.bottom])):
+            if not signature(int(frame), poses.box[frame]):
                 broken[frame] = "signature"
     if rules.missing:
         broken[~complete] = "missing"
@@ -314,9 +312,8 @@ def _breaches(poses: _Poses, before: _Poses, rules: CleaningRules) -> NDArray[np
     if rules.jump is not None:
         broken[_length(poses.points - before.points).mean(axis=-1) > rules.jump * before.width] = "jump"
     if rules.centre is not None:
-        x = (poses.left + poses.right - before.left - before.right) / 2
-        y = (poses.top + poses.bottom - before.top - before.bottom) / 2
-        broken[np.hypot(x, y) > rules.centre * before.width] = "centre"
+        moved = (poses.box[..., :2] + poses.box[..., 2:] - before.box[..., :2] - before.box[..., 2:]) / 2
+        broken[np.hypot(moved[..., 0], moved[..., 1]) > rules.centre * before.width] = "centre"
     return broken
 
 
@@ -352,7 +349,7 @@ def _moved(
 
 def _first_player(poses: _Poses, rules: CleaningRules) -> int:
     """Number of the first of some poses whose box is about where the median of the boxes is: no passer-by."""
-    median = _Poses(*(np.median(getattr(poses, name), axis=0) for name in poses.__dataclass_fields__))
+    median = _Poses(np.median(poses.points, axis=0), np.median(poses.box, axis=0))
     near = _breaches(poses, median, replace(rules, jump=None)) == ""
     return int(near.argmax())
 
@@ -382,9 +379,6 @@ def _reason(performance: Performance, broken: NDArray[np.str_]) -> str:
 # Recordings brought to one place, size and direction (Eq. 1, reading 10): one similarity for each camera shot.
 
 Alignment = Literal["recording", "frame", "none"]
-SHOULDERS, HIPS, WRISTS, HANDS = (
-    tuple(f"{side}_{part}" for side in SIDES) for part in ("shoulder", "hip", "wrist", "hand")
-)
 
 
 @dataclass(frozen=True, eq=False)

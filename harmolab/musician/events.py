@@ -116,8 +116,7 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     -----
     A camera above the keys does not see fingers go down: strikes read from such points are no evidence.
     """
-    events = [_fingertip_events(motion, side, prominence) for side in _hands(motion, hand)]
-    return _track(events, motion)
+    return _track([_fingertip_events(motion, side, prominence) for side in _hands(motion, hand)], motion)
 
 
 def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
@@ -198,7 +197,7 @@ def _merged(events: _Events, merge: float, fps: float, duration: float) -> BeatT
 
 def _track(events: Iterable[_Events], motion: Motion) -> BeatTrack:
     """The events of several curves as one track, without those on frames that are not valid."""
-    every = _Events(*(np.concatenate(values) for values in zip(*events, strict=True)))
+    every = _joined(events)
     nearest = np.minimum((every.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)
     valid = motion.valid[nearest]
     return _merged(_Events(every.times[valid], every.strengths[valid]), MERGE, _rate(motion), motion.duration)
@@ -222,10 +221,12 @@ def _fingertip_events(motion: Motion, side: str, prominence: float | None) -> _E
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
     curves = curves - _smooth_curves(heights[:, -1:], motion, HAND_SMOOTHING)
     least = PALM_SHARE * _palm(motion, side) if prominence is None else prominence
-    noise = [_noise(beside, motion.fps) for beside in (heights[:, :-1] - heights[:, -1:]).T]
-    events = [
-        _peaks(curve, _rate(motion), max(least, NOISE * level)) for curve, level in zip(curves.T, noise, strict=True)
-    ]
+    bounds = [max(least, NOISE * _noise(beside, motion.fps)) for beside in (heights[:, :-1] - heights[:, -1:]).T]
+    return _joined(_peaks(curve, _rate(motion), bound) for curve, bound in zip(curves.T, bounds, strict=True))
+
+
+def _joined(events: Iterable[_Events]) -> _Events:
+    """All events of several curves."""
     return _Events(*(np.concatenate(values) for values in zip(*events, strict=True)))
 
 
@@ -245,19 +246,16 @@ def _bow_path(motion: Motion) -> FloatArray:
     hand = [number for name in hand_joints(BOW_HAND) if (number := _number(motion, name)) is not None]
     wrist = _number(motion, f"{BOW_HAND}_wrist")
     bow = hand or ([] if wrist is None else [wrist])
-    shoulder, left = _number(motion, "left_shoulder"), hand_root(motion.skeleton, "left")
-    ends = [number for number in (shoulder, left) if number is not None]
-    bridge = _number(motion, BRIDGE)
-    if not bow or (bridge is None and not ends):
+    bridge, shoulder = _number(motion, BRIDGE), _number(motion, "left_shoulder")
+    left = (shoulder, hand_root(motion.skeleton, "left")) if bridge is None else (bridge,)
+    ends = [number for number in left if number is not None]
+    if not bow or not ends:
         raise ValueError(
             "turns of a bow need a point of the right hand, and left_shoulder, left_hand or violin_bridge; "
             f"the motion has {', '.join(motion.skeleton.joints[:6])} ..."
         )
-    if bridge is not None:
-        anchor = motion.positions[:, bridge]
-    else:
-        first, last = motion.positions[:, ends[0]], motion.positions[:, ends[-1]]
-        anchor = first + BRIDGE_SHARE * (last - first)
+    first, last = motion.positions[:, ends[0]], motion.positions[:, ends[-1]]
+    anchor = first + BRIDGE_SHARE * (last - first)
     return _bridged(motion.positions[:, bow].mean(axis=1) - anchor, motion)
 
 

@@ -3,6 +3,7 @@
 All numbers are those of `harmolab.musician.events`, so that no finding can contradict the score.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple, cast
@@ -137,7 +138,9 @@ def explain_playing(
     shared = clip.shared()
     skipped = clip.shared_frame() / motion.fps
     part = cast(Motion, shared.motion)
-    sound = _sound(performance, performance.offset + skipped, part.duration)
+    notes = performance.notes
+    whole = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
+    sound = whole.span(performance.offset + skipped, part.duration)
     with named_faults(name):
         score = playing_score(part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed)
     audio = None if performance.audio is None else shared.audio
@@ -149,13 +152,6 @@ def _silence(performance: Performance) -> Audio:
     notes = cast(Notes, performance.notes)
     seconds = max([performance.offset + performance.motion.duration, *notes.offsets.tolist(), 1.0])
     return Audio(np.zeros(int(np.ceil(100.0 * seconds))), 100.0)
-
-
-def _sound(performance: Performance, start: float, duration: float) -> Notes | BeatTrack:
-    """Notes or onsets in [start, start + duration) of the sound, counted from `start`."""
-    notes = performance.notes
-    sound = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
-    return sound.span(start, duration)
 
 
 def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:
@@ -174,25 +170,20 @@ def _partings(score: PlayingScore) -> tuple[Parting, ...]:
     """Onsets that are missed, by the hand that they belong to where it is known, and events far from any onset."""
     params, onsets = score.score.params, score.score.music.times
     every = score.score.visual.times - params.lag
-    partings: list[Parting] = []
+    rows: list[tuple[Kind, float, str, float]] = []
     for hand, own in (score.hands or {"": score.score}).items():
         missed = own.pairs < 0
-        distances = signed_offsets(own.music.times, own.visual.times - params.lag)[missed]
         times = own.music.times[missed]
+        distances = signed_offsets(own.music.times, own.visual.times - params.lag)[missed]
         met = hit_mask(times, every, delay=params.reaction_delay)
         kinds: list[Kind] = ["other hand" if other else "missed" for other in met]
-        partings += [
-            Parting(kind, float(time), hand, float(distance))
-            for kind, time, distance in zip(kinds, times, distances, strict=True)
-        ]
+        rows += zip(kinds, times, itertools.repeat(hand), distances)
     for hand, track in score.events.items():
         times = track.times - params.lag
-        distances = -signed_offsets(times, onsets)
         stray = ~hit_mask(times, onsets, delay=params.reaction_delay)
-        partings += [
-            Parting("stray", float(time), hand, float(distance))
-            for time, distance in zip(track.times[stray], distances[stray], strict=True)
-        ]
+        distances = -signed_offsets(times, onsets)[stray]
+        rows += zip(itertools.repeat("stray"), track.times[stray], itertools.repeat(hand), distances)
+    partings = [Parting(kind, float(time), hand, float(distance)) for kind, time, hand, distance in rows]
     return tuple(sorted(partings, key=lambda parting: (parting.time, parting.hand)))
 
 
@@ -219,12 +210,9 @@ def _verdict(score: PlayingScore, *, is_filmed: bool) -> str:
         return f"The hands meet the sound: {whole.mean_share:.0%} of it, where {whole.chance:.0%} would be chance."
     if np.isfinite(score.lag.seconds):
         doubt = ": picture and sound may begin apart" if is_filmed else ""
-        return f"The hands meet the sound {_milliseconds(score.lag.seconds)}{doubt}."
+        late = f"{abs(1000 * score.lag.seconds):.0f} ms {'late' if score.lag.seconds > 0 else 'early'}"
+        return f"The hands meet the sound {late}{doubt}."
     return "There is no evidence that these hands play this sound."
-
-
-def _milliseconds(seconds: float) -> str:
-    return f"{abs(1000 * seconds):.0f} ms {'late' if seconds > 0 else 'early'}"
 
 
 def _score(score: PlayingScore) -> Finding:

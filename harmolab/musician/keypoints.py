@@ -50,17 +50,6 @@ import numpy as np
 from harmolab.files import MAX_JSON_BYTES, MissingFrameRate, PathLike, named_faults, reading
 from harmolab.readers import keypoints
 from harmolab.readers.arrays import checked_motion
-from harmolab.readers.keypoints import (
-    COCO_17,
-    MEDIAPIPE_33,
-    OPENPOSE_18,
-    OPENPOSE_25,
-    Layout,
-    filled_points,
-    followed_person,
-    frame_files,
-    people_in_frames,
-)
 from harmolab.readers.player_points import BODY, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import BoolArray, FloatArray, Motion
 
@@ -71,7 +60,7 @@ NAMES = (*PLAYER_50.joints, *EXTRAS)
 HANDEDNESS = ("mirrored", "picture")
 
 _HANDS = (*hand_joints("left"), *hand_joints("right"))
-_FACE = ("",) * 68
+_FACE, _COCO = ("",) * 68, keypoints.COCO_17.joints
 _AT = {name: number for number, name in enumerate(NAMES)}
 _HAND_LIST, _POSE_LISTS = "hands", ("pose_landmarks", "landmarks")
 _SIDE_LISTS = {side: f"{side}_hand_landmarks" for side in SIDES}
@@ -79,30 +68,15 @@ _LANDMARK_KEYS = {_HAND_LIST, *_POSE_LISTS, *_SIDE_LISTS.values()}
 _LONGEST_SIDE = 100_000  # pixels
 
 
-class PlayerPart(NamedTuple):
-    """Points of a person under one key: their names, "" for a point that is not kept, by how many there are."""
-
-    key: str
-    names: Mapping[int, tuple[str, ...]]
-
-
-def _part(key: str, *names: tuple[str, ...]) -> PlayerPart:
-    return PlayerPart(key, {len(row): row for row in names})
-
-
-PARTS = (
-    _part("pose_keypoints_2d", OPENPOSE_25.joints, OPENPOSE_18.joints),
-    _part("hand_left_keypoints_2d", hand_joints("left")),
-    _part("hand_right_keypoints_2d", hand_joints("right")),
-    _part(
-        "keypoints",
-        COCO_17.joints,
-        (*COCO_17.joints, *("",) * 6, *_FACE, *_HANDS),
-        (*COCO_17.joints, "", "neck", *("",) * 7, *_FACE, *_HANDS),
-    ),
-    _part("lefthand_kpts", hand_joints("left")),
-    _part("righthand_kpts", hand_joints("right")),
-)
+# Points of a person by their key: the names, "" for a point that is not kept, for each number of points there may be.
+PARTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "pose_keypoints_2d": (keypoints.OPENPOSE_25.joints, keypoints.OPENPOSE_18.joints),
+    "hand_left_keypoints_2d": (hand_joints("left"),),
+    "hand_right_keypoints_2d": (hand_joints("right"),),
+    "keypoints": (_COCO, (*_COCO, *("",) * 6, *_FACE, *_HANDS), (*_COCO, "", "neck", *("",) * 7, *_FACE, *_HANDS)),
+    "lefthand_kpts": (hand_joints("left"),),
+    "righthand_kpts": (hand_joints("right"),),
+}
 
 
 def by_name(points: FloatArray, names: tuple[str, ...]) -> FloatArray:
@@ -119,7 +93,7 @@ def surer(points: FloatArray, others: FloatArray) -> FloatArray:
     return np.where(others[..., 2:] > points[..., 2:], others, points)
 
 
-def player_pose(person: Any, layout: Layout, name: str) -> FloatArray:
+def player_pose(person: Any, layout: keypoints.Layout, name: str) -> FloatArray:
     """(52, 3) x, y, confidence of one person's points in the order of `NAMES`; 0 where there are none.
 
     Raises
@@ -128,13 +102,13 @@ def player_pose(person: Any, layout: Layout, name: str) -> FloatArray:
         A part is damaged, or there is none; with the name.
     """
     pose = np.zeros((len(NAMES), 3))
-    parts = [part for part in PARTS if isinstance(person, dict) and person.get(part.key) not in (None, [])]
-    if not parts and not (isinstance(person, dict) and layout.points in person):
+    keys = [key for key in PARTS if isinstance(person, dict) and person.get(key) not in (None, [])]
+    if not keys and not (isinstance(person, dict) and layout.points in person):
         raise ValueError(f"{name}: there are none")
-    for part in parts:
-        title = name.replace(layout.points, part.key, 1)
-        points = keypoints.point_array(person, part.key, tuple(part.names), layout.name, title)
-        pose = surer(pose, by_name(points, part.names[len(points)]))
+    for key in keys:
+        names = {len(row): row for row in PARTS[key]}
+        points = keypoints.point_array(person, key, tuple(names), layout.name, name.replace(layout.points, key, 1))
+        pose = surer(pose, by_name(points, names[len(points)]))
     return pose
 
 
@@ -172,7 +146,7 @@ def _frame(frame: Any, handedness: str | None, name: str) -> FloatArray:
     for key in _POSE_LISTS:
         body = keypoints.landmark_array(content.get(key), f"{key} of {name}")
         if not np.isnan(body).any():
-            pose = by_name(body[:, [0, 1, 3]], MEDIAPIPE_33.joints)
+            pose = by_name(body[:, [0, 1, 3]], keypoints.MEDIAPIPE_33.joints)
     for side, (points, score) in _hands(content, handedness, name).items():
         if not np.isnan(points).any():
             hand = np.column_stack([points[:, :2], np.full(len(points), score)])
@@ -298,9 +272,6 @@ def load_player_points(
     default_fps: float | None = None,
     size: tuple[float, float] | None = None,
     mirrored: bool | None = None,
-    sure: float = SURE,
-    least: float = LEAST_SHARE,
-    extras: Sequence[str] = (),
     is_musician: IsMusician | None = None,
 ) -> PlayerPoints:
     """The points of one musician from `.json`, `.jsonl` or the folder that OpenPose wrote; or from several of these.
@@ -313,9 +284,6 @@ def load_player_points(
     fps, default_fps : float, frames per second: in place of what the file says, and where it says nothing
     size : width and height of the picture in pixels; for MediaPipe's files that do not hold it, and for `mirrored`
     mirrored : bool, the picture is a mirror image; default what the file says, else False
-    sure : float, least confidence of a point that counts as detected
-    least : float, share of frames; a point that is detected in fewer is left out
-    extras : of "nose" and "neck", those to keep
     is_musician : function(frame, box) -> bool, such as the signature of a face; it is asked of every person that a
         file of people holds, before one is followed. Default: everybody may be the musician.
 
@@ -334,20 +302,12 @@ def load_player_points(
     _check_alike(files, sources)
     try:
         points = reduce(surer, (source.points for source in sources))
-        return player_points(points, NAMES, rate, sure=sure, least=least, extras=extras)
+        return player_points(points, NAMES, rate)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{', '.join(map(str, files))}: {error}") from None
 
 
-def player_points(
-    points: FloatArray,
-    names: tuple[str, ...],
-    fps: Any,
-    *,
-    sure: float = SURE,
-    least: float = LEAST_SHARE,
-    extras: Sequence[str] = (),
-) -> PlayerPoints:
+def player_points(points: FloatArray, names: tuple[str, ...], fps: Any, *, extras: Sequence[str] = ()) -> PlayerPoints:
     """The points of a musician from an array of them; gaps are filled, points that are hardly ever detected left out.
 
     Parameters
@@ -355,7 +315,7 @@ def player_points(
     points : (T, P, 3) array: x, y, confidence; a place of NaN is not detected
     names : the P names, of which those of `PLAYER_50` and of `extras` are kept
     fps : frames per second
-    sure, least, extras : as in `load_player_points`
+    extras : of "nose" and "neck", those to keep
 
     Raises
     ------
@@ -365,15 +325,15 @@ def player_points(
     if unknown := set(extras) - set(EXTRAS):
         raise ValueError(f"extras are of {', '.join(EXTRAS)}, got {', '.join(map(str, unknown))}")
     rows = by_name(points, names)
-    is_detected = (rows[..., 2] >= max(sure, 1e-9)) & ~np.isnan(rows).any(axis=2)
+    is_detected = (rows[..., 2] >= SURE) & ~np.isnan(rows).any(axis=2)
     optional = set(EXTRAS) - set(extras)
     shares = is_detected.mean(axis=0) if len(rows) else np.zeros(len(NAMES))
-    keep = [number for number, name in enumerate(NAMES) if name not in optional and 0 < shares[number] >= least]
+    keep = [number for number, name in enumerate(NAMES) if name not in optional and shares[number] >= LEAST_SHARE]
     if not keep:
-        raise ValueError(f"no point of a musician is detected in {least:.0%} or more of its {len(rows)} frames")
+        raise ValueError(f"no point of a musician is detected in {LEAST_SHARE:.0%} or more of its {len(rows)} frames")
     skeleton, detected = player_skeleton([NAMES[number] for number in keep]), is_detected[:, keep]
     with np.errstate(over="ignore", invalid="ignore"):  # places out of all bounds, which the motion's check refuses
-        places = filled_points(rows[:, keep, :2], detected, skeleton)
+        places = keypoints.filled_points(rows[:, keep, :2], detected, skeleton)
     motion = checked_motion(places, fps, skeleton, np.asarray(detected.any(axis=1)))
     return PlayerPoints(motion, np.nan_to_num(rows[:, keep, 2]), detected)
 
@@ -384,7 +344,7 @@ def _source(
     """The points of one file or folder, the player's left being left."""
     about: Mapping[str, Any] = {} if size is None else {"size": checked_size(size)}
     if path.is_dir():
-        frames = people_in_frames(frame_files(path), player_pose)
+        frames = keypoints.people_in_frames(keypoints.frame_files(path), player_pose)
         with named_faults(path):
             points = _musician(frames, is_musician)
         return _Source(_unmirrored(points, about, bool(mirrored), 0.0), None, True)
@@ -413,7 +373,7 @@ def _musician(frames: Sequence[Sequence[FloatArray]], is_musician: IsMusician | 
             for frame, people in enumerate(frames)
         ]
     has_body = any((pose[COMPARED, 2] > 0).any() for people in frames for pose in people)
-    return followed_person(frames, COMPARED if has_body else slice(None))
+    return keypoints.followed_person(frames, COMPARED if has_body else slice(None))
 
 
 def _box(pose: FloatArray) -> tuple[float, float, float, float]:

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,16 +18,10 @@ from harmolab.files import PathLike, write_text
 from harmolab.lab.explain.page import NARROW, WIDE, explained_page
 from harmolab.lab.figures.beats import png_text, timing_figure
 from harmolab.lab.player import LONGEST, PLAYING, Dancer, Player
+from harmolab.musician import explain
 from harmolab.musician.avatar import avatar
 from harmolab.musician.events import BOW_HAND, PlayingScore, onset_beats, playing_score
-from harmolab.musician.explain import (
-    EVENTS,
-    MANY_EVENTS,
-    ExplainedPlaying,
-    PlayingFindings,
-    explain_playing,
-    playing_findings,
-)
+from harmolab.musician.explain import EVENTS, MANY_EVENTS, ExplainedPlaying, PlayingFindings
 from harmolab.musician.performances import Performance
 from harmolab.readers.motion import motion_part
 from harmolab.readers.player_points import SIDES, hand_joints
@@ -36,14 +29,6 @@ from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, Motion, Notes
 
 MOST_PARTINGS = 200  # rows of the list of single moments
-
-
-class Picture(NamedTuple):
-    """Every onset of a hand along time, in two widths, as base64 of PNG."""
-
-    title: str
-    wide: str
-    narrow: str
 
 
 def save_playing_page(path: PathLike, playing: ExplainedPlaying) -> None:
@@ -69,7 +54,7 @@ def playing_page(playing: ExplainedPlaying) -> str:
         verdict=playing.words.verdict,
         sentences=playing.words.sentences,
         pictures=_pictures(playing),
-        player=playing_player(playing).page if _is_playable(playing) else "",
+        player=playing_player(playing).page if playing.audio and playing.motion.duration <= LONGEST else "",
         partings=partings[:MOST_PARTINGS],
         n_partings=len(partings),
         event=EVENTS[performance.instrument],
@@ -104,23 +89,20 @@ def moving_hands(motion: Motion, instrument: str) -> Motion | None:
     return motion_part(motion, joints, "hands") if joints else None
 
 
-def _is_playable(playing: ExplainedPlaying) -> bool:
-    return playing.audio is not None and playing.motion.duration <= LONGEST
+def _pictures(playing: ExplainedPlaying) -> list[dict[str, str]]:
+    """One picture for each hand where its notes are known, else one of all: its title, and base64 of PNG in two widths.
 
-
-def _pictures(playing: ExplainedPlaying) -> list[Picture]:
-    """One picture for each hand where its notes are known, else one of all."""
+    It shows every onset along time.
+    """
     event = EVENTS[playing.performance.instrument]
     about = ", synthetic player" if playing.performance.source == "synthetic" else ""
-    scores: dict[str, HarmonyScore] = {
-        f"{hand.capitalize()} hand{about}": score for hand, score in playing.score.hands.items()
-    }
-    return [
-        Picture(
-            title, *(png_text(timing_figure(score, title=title, event=event, size=size)) for size in (WIDE, NARROW))
-        )
-        for title, score in (scores or {f"All onsets{about}": playing.score.score}).items()
-    ]
+    sizes = {"wide": WIDE, "narrow": NARROW}
+    pictures = []
+    for hand, score in (playing.score.hands or {"": playing.score.score}).items():
+        title = (f"{hand.capitalize()} hand" if hand else "All onsets") + about
+        figures = {name: timing_figure(score, title=title, event=event, size=size) for name, size in sizes.items()}
+        pictures.append({"title": title} | {name: png_text(figure) for name, figure in figures.items()})
+    return pictures
 
 
 def _numbers(playing: ExplainedPlaying) -> dict[str, str]:
@@ -148,16 +130,14 @@ if TYPE_CHECKING:  # torch is loaded by those who have a network
     from harmolab.musician.train import Compared
 
 TRUTH, PREDICTION = "the truth", "from the sound"
-ROWS = MappingProxyType(
-    {
-        "score": "hands and sound",
-        "hand": "hand by hand",
-        "other hand": "wrong hand",
-        "lag": "early or late",
-        "stretch": "where they part most",
-        "body": "the whole body",
-    }
-)
+ROWS = {
+    "score": "hands and sound",
+    "hand": "hand by hand",
+    "other hand": "wrong hand",
+    "lag": "early or late",
+    "stretch": "where they part most",
+    "body": "the whole body",
+}
 AVATAR = (
     "an avatar: hands and arms go where the 2-D points are; how far forward they are follows from the lengths of their "
     "bones, and legs, seat and instrument are added"
@@ -208,13 +188,7 @@ class Performed:
     @cached_property
     def words(self) -> PlayingFindings:
         """Verdict and findings on the predicted hands."""
-        return playing_findings(self.score, is_filmed=False)
-
-    @property
-    def mark_words(self) -> dict[str, str]:
-        """Words of the marks of music, dancer and hits in a video, for a musician."""
-        words = PLAYING[self.instrument]
-        return {"music": words.sound, "dancer": words.mover, "hit": "hit"}
+        return explain.playing_findings(self.score, is_filmed=False)
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -290,7 +264,7 @@ def performed(
         return Performed(instrument, points, audio.span(start, points.duration), start, notice, is_avatar)
     from harmolab.musician.train import compared
 
-    playing = explain_playing(performance_span(truth, start, seconds))
+    playing = explain.explain_playing(performance_span(truth, start, seconds))
     part, sound = playing.motion, playing.audio
     if sound is None:
         raise ValueError(f"{truth.name}: has no sound to play to")
@@ -320,11 +294,12 @@ def performance_span(performance: Performance, start: float, seconds: float | No
     )
 
 
-def performed_player(performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> Player:
-    """A page that plays a performance: beside a truth, or as points over it.
+def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:
+    """Write a page that plays a performance to a file, whole or not at all: beside a truth, or as points over it.
 
     Parameters
     ----------
+    path : str or path
     performed : Performed
     title : str
     facts : name -> text, shown before those of the performance
@@ -334,7 +309,7 @@ def performed_player(performed: Performed, *, title: str, facts: Mapping[str, st
     ValueError
         As `Player`.
     """
-    return Player(
+    Player(
         performed.audio,
         _dancers(performed),
         music=performed.score.score.music,
@@ -343,12 +318,7 @@ def performed_player(performed: Performed, *, title: str, facts: Mapping[str, st
         overlaid=performed.compared is not None and not performed.is_avatar,
         words=PLAYING[performed.instrument],
         notice=performed.notice,
-    )
-
-
-def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:
-    """Write the page of `performed_player` to a file, whole or not at all."""
-    performed_player(performed, title=title, facts=facts).save(path)
+    ).save(path)
 
 
 def _dancers(performed: Performed) -> list[Dancer]:
@@ -403,6 +373,6 @@ def avatar_player(
         hits = score.score
         facts[f"{name}: onsets hit"] = f"{hits.hits.sum()} of {hits.n_audio}, {hits.chance:.0%} by chance"
         figure, hands = avatar(motion, instrument).span(0.0, seconds), moving_hands(part, instrument)
-        dancers.append(Dancer(name, figure, hits, instead=playing_findings(score).verdict, moving=hands))
+        dancers.append(Dancer(name, figure, hits, instead=explain.playing_findings(score).verdict, moving=hands))
     music = dancers[0].score.music
     return Player(audio, dancers, music=music, title=title, facts=facts, words=PLAYING[instrument], notice=notice)

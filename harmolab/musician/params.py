@@ -1,7 +1,7 @@
 """Settings of Audio to Body Dynamics. The defaults are those under the captions of its Tables 1 and 2 (violin)."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, get_args, get_type_hints
 
 from harmolab.musician.cleaning import Alignment, Gaps
 from harmolab.readers.player_points import INSTRUMENTS
@@ -16,7 +16,7 @@ KEYS = 88  # of a piano: notes as input
 LOWEST_KEY = 21  # MIDI number of the first
 LOW_TONE, HIGH_TONE = 36, 96  # MIDI numbers of the semitones that are listened to
 # Beyond these, settings in a file are not ours: they would only fill the memory.
-MOST_RATE, MOST_UPSAMPLE, MOST_DELAY, MOST_SEQUENCE, MOST_HIDDEN = 240.0, 16, 2.0, 4096, 4096
+MOST = {"fps": 240.0, "upsample": 16, "delay": 2.0, "sequence": 4096, "hidden": 4096}
 
 
 @dataclass(frozen=True)
@@ -87,15 +87,14 @@ class Audio2BodyParams:
         check_numbers(
             self, positive=[*positive, "data_share", "shards"], not_negative=["delay", "dropout", "epochs", "seed"]
         )
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
+        for name, hint in get_type_hints(type(self)).items():
+            if (choices := get_args(hint)) and getattr(self, name) not in choices:
                 raise ValueError(f"{name} must be {' or '.join(choices)}, got {getattr(self, name)!r}")
         if self.dropout >= 1 or self.data_share > 1 or self.mfcc > self.mels:
             raise ValueError("dropout and data_share are shares, and there are no more coefficients than bands")
         if self.components > 1 and self.components != int(self.components):
             raise ValueError(f"components are a whole number, or a share of the variance, got {self.components}")
-        limits = {"fps": MOST_RATE, "upsample": MOST_UPSAMPLE, "delay": MOST_DELAY, "sequence": MOST_SEQUENCE}
-        for name, most in (limits | {"hidden": MOST_HIDDEN}).items():
+        for name, most in MOST.items():
             if getattr(self, name) > most:
                 raise ValueError(f"{name} must be {most:g} at most, got {getattr(self, name)}")
 
@@ -109,9 +108,7 @@ class Audio2BodyParams:
     @classmethod
     def section_4(cls, instrument: str = "violin") -> "Audio2BodyParams":
         """As in the text of Sec. 4."""
-        return replace(
-            cls.tables(instrument), sequence=400, delay=5 / 96, dropout=0.4, rate=5e-3, components=10
-        )  # fmt: skip
+        return replace(cls.tables(instrument), sequence=400, delay=5 / 96, dropout=0.4, rate=5e-3, components=10)
 
     @classmethod
     def recommended(cls, instrument: str = "piano") -> "Audio2BodyParams":
@@ -138,13 +135,3 @@ class Audio2BodyParams:
             return KEYS
         tones = {"none": 0, "chroma": 12, "semitones": HIGH_TONE - LOW_TONE + 1}[self.tones]
         return 2 * self.mfcc + 1 + self.energy_delta + tones
-
-
-_CHOICES = {
-    "hears": get_args(Hears),
-    "tones": get_args(Tones),
-    "loss": get_args(Loss),
-    "gaps": get_args(Gaps),
-    "alignment": get_args(Alignment),
-    "validation": get_args(Validation),
-}

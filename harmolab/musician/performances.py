@@ -164,10 +164,6 @@ def about_performance(folder: Path) -> dict[str, Any]:
         return about
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 36_000
 
@@ -177,13 +173,12 @@ def _is_inside(name: Any) -> bool:
     return is_short and not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
 
 
-def _is_truth(value: Any) -> bool:
-    return isinstance(value, bool)
-
-
-_TEXT, _NUMBER, _TRUTH = (_is_text, "text"), (_is_number, "a number"), (_is_truth, "true or false")
+_Rule = tuple[Callable[[Any], bool], str]
+_TEXT: _Rule = (lambda value: isinstance(value, str), "text")
+_TRUTH: _Rule = (lambda value: isinstance(value, bool), "true or false")
+_NUMBER: _Rule = (_is_number, "a number")
 _INSIDE = "a name inside of the folder"
-_FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+_FIELDS: dict[str, _Rule] = {
     "instrument": (lambda value: value in INSTRUMENTS, " or ".join(INSTRUMENTS)),
     "fps": _NUMBER,
     "size": (lambda value: bool(checked_size(value)), ""),
@@ -294,7 +289,6 @@ def _only(folder: Path, files: list[Path], field: str) -> Path | None:
 # Notes of a piece as a table of text, ``notes.csv``.
 
 _NEEDED = ("onset_s", "offset_s", "midi")
-_COLUMNS = (*_NEEDED, "loudness", "hand")
 _HANDS = {"left": 0, "right": 1, "": -1}
 
 
@@ -516,45 +510,35 @@ def note_patterns(notes: Notes) -> set[tuple[int, ...]]:
     return {tuple(pitches[start : start + PATTERN_NOTES]) for start in range(len(pitches) - PATTERN_NOTES + 1)}
 
 
-def shared_patterns(notes: Notes, others: Notes) -> float:
-    """Share of the note patterns of the one with fewer patterns that the other has too, 0 to 1; 0 without patterns."""
-    return _shared(note_patterns(notes), note_patterns(others))
-
-
-def _shared(patterns: set[tuple[int, ...]], others: set[tuple[int, ...]]) -> float:
+def shared_patterns(patterns: set[tuple[int, ...]], others: set[tuple[int, ...]]) -> float:
+    """Share of the `note_patterns` of the one with fewer that the other has too, 0 to 1; 0 without patterns."""
     fewer = min(len(patterns), len(others))
     return len(patterns & others) / fewer if fewer else 0.0
 
 
-def piece_groups(performances: Sequence[Performance], *, most_shared: float = MOST_SHARED) -> list[int]:
+def piece_groups(performances: Sequence[Performance]) -> list[int]:
     """Number of the group of every performance: those of one piece, and pieces that share too many note patterns.
 
     Parameters
     ----------
     performances : those without a piece are pieces of their own
-    most_shared : float
-        Pieces with performances whose `shared_patterns` exceed it are one group. Without notes only `piece` counts.
+        Pieces with performances whose `shared_patterns` exceed `MOST_SHARED` are one group. Without notes only `piece`
+        counts.
     """
     patterns = [set() if one.notes is None else note_patterns(one.notes) for one in performances]
     pairs = [
         (first, second)
         for second, one in enumerate(performances)
         for first, other in enumerate(performances[:second])
-        if (one.piece and one.piece == other.piece) or _shared(patterns[first], patterns[second]) > most_shared
+        if (one.piece and one.piece == other.piece) or shared_patterns(patterns[first], patterns[second]) > MOST_SHARED
     ]
-    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
-    size = len(performances)
-    graph = coo_array((np.ones(len(pairs)), (first, second)), shape=(size, size))
+    rows, columns = np.array(pairs, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(performances),) * 2)
     return [int(group) for group in connected_components(graph, directed=False)[1]]
 
 
 def split_by_piece(
-    performances: Sequence[Performance],
-    *,
-    test_share: float = 0.15,
-    validation_share: float = 0.15,
-    seed: int = 0,
-    most_shared: float = MOST_SHARED,
+    performances: Sequence[Performance], *, test_share: float = 0.15, validation_share: float = 0.15, seed: int = 0
 ) -> list[tuple[Performance, ...]]:
     """Train, validation and test side: performances dealt out by `piece_groups` at random, never by clip.
 
@@ -566,7 +550,6 @@ def split_by_piece(
     test_share, validation_share : float
         Share of the seconds to aim at. A side whose share is above 0 gets one group at least; 0 leaves it empty.
     seed : int
-    most_shared : as in `piece_groups`
 
     Raises
     ------
@@ -577,7 +560,7 @@ def split_by_piece(
         raise ValueError(
             f"test_share and validation_share must leave some to train on: {test_share}, {validation_share}"
         )
-    groups = np.array(piece_groups(performances, most_shared=most_shared), np.int64)
+    groups = np.array(piece_groups(performances), np.int64)
     seconds = np.array([one.motion.duration for one in performances])
     shares = np.array([1 - validation_share - test_share, validation_share, test_share])
     count = int(groups.max(initial=-1)) + 1

@@ -12,15 +12,8 @@ from torch import Tensor
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import Progress, silent
-from harmolab.musician.cleaning import (
-    CleaningRules,
-    Reference,
-    cleaned,
-    placed,
-    reference_configuration,
-    training_frames,
-    usable_steps,
-)
+from harmolab.musician import cleaning
+from harmolab.musician.cleaning import CleaningRules, Reference
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
@@ -201,10 +194,10 @@ def with_other_sounds(sequences: Sequence[PlayedSequence], seed: int) -> list[Pl
     if len(sequences) < 2:
         raise ValueError("the sound of another piece needs two pieces or more")
     order = np.random.default_rng(seed).permutation(len(sequences))
-    others = dict(zip(order.tolist(), np.roll(order, 1).tolist(), strict=True))
+    others = [sequences[number] for number in np.roll(order, 1)[np.argsort(order)]]
     return [
-        replace(own, sound=np.resize(sequences[others[number]].sound, own.sound.shape))
-        for number, own in enumerate(sequences)
+        replace(own, sound=np.resize(other.sound, own.sound.shape))
+        for own, other in zip(sequences, others, strict=True)
     ]
 
 
@@ -277,7 +270,7 @@ def _cut(
     frames = np.column_stack([components, *marks, residual])
     sound = continued(steps_of(sequence.sound, params.upsample), params.delay_steps)
     targets = later(steps_of(frames, params.upsample), params.delay_steps)
-    mask = later(usable_steps(sequence.learnt, params.upsample)[:, None], params.delay_steps)
+    mask = later(cleaning.usable_steps(sequence.learnt, params.upsample)[:, None], params.delay_steps)
     values = [_windows(each.astype(np.float32), length) for each in (sound, targets, mask)]
     return values[0], values[1][..., :-1], values[2][..., 0], values[1][..., -1]
 
@@ -300,7 +293,6 @@ class PlayedSet:
     params : Audio2BodyParams that they were read by
     reference : Reference that their points are placed by
     source : str, names of where they come from
-    notes : tuple of str, one for each performance left out, with the reason
     """
 
     sequences: tuple[PlayedSequence, ...]
@@ -309,7 +301,6 @@ class PlayedSet:
     params: Audio2BodyParams
     reference: Reference
     source: str = ""
-    notes: tuple[str, ...] = ()
 
 
 # From performances to sequences: points cleaned, placed and at the network's rate; the sound beside them.
@@ -332,7 +323,7 @@ def played_set(
     first = next((each for each in performances if each.name == split.train[0]), None)
     if first is None:
         raise ValueError(f"the split names {split.train[0]!r}, which is no performance here")
-    reference = reference_configuration(cleaned(at_rate(first, params.fps), cleaning_rules(first)))
+    reference = cleaning.reference_configuration(cleaning.cleaned(at_rate(first, params.fps), cleaning_rules(first)))
     sequences = tuple(
         read_sequence(each, params, reference, is_test=each.name in split.test)
         for each in progress(performances, "reading performances")
@@ -383,9 +374,10 @@ def read_sequence(
     is_test : cleaned, and with its own time line, whatever `params` say of training
     """
     performance = at_rate(performance, params.fps)
-    result = cleaned(performance, cleaning_rules(performance) if is_test or params.reject else CleaningRules.off())
-    motion = placed(result, reference, alignment=params.alignment)
-    frames, learnt = training_frames(motion.valid, "mask" if is_test else params.gaps)
+    rules = cleaning_rules(performance) if is_test or params.reject else CleaningRules.off()
+    result = cleaning.cleaned(performance, rules)
+    motion = cleaning.placed(result, reference, alignment=params.alignment)
+    frames, learnt = cleaning.training_frames(motion.valid, "mask" if is_test else params.gaps)
     points = motion.positions[frames].reshape(len(frames), -1)
     sound = _input(performance, params, motion)[frames]
     return PlayedSequence(performance.name, performance.piece, sound, points, learnt, result.accepted[frames])

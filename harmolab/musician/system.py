@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from harmolab.files import PathLike, Progress
-from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.perform import synthesize_performance
 from harmolab.musician.performances import Performance, find_performances, load_performance, split_by_piece
 from harmolab.musician.sequences import PlayedSplit, played_set
 from harmolab.readers.player_points import INSTRUMENTS
@@ -89,8 +88,7 @@ class Audio2Body(Learner):
         ValueError
             For another instrument.
         """
-        if instrument not in INSTRUMENTS:
-            raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+        check_choice("instrument", instrument, INSTRUMENTS)
         return cls.load(WEIGHTS / instrument)
 
     @classmethod

@@ -1,7 +1,7 @@
 """The training of the network (Sec. 4), and its errors in pixels (Sec. 6)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,23 +10,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss, mse_loss
 
+from harmolab.musician import sequences
 from harmolab.musician.bow import Bowing, turn_signal
-from harmolab.musician.networks import SoundToPoints
-from harmolab.musician.perform import predicted_points
+from harmolab.musician.networks import SoundToPoints, predicted_points
 from harmolab.musician.performances import Performance
-from harmolab.musician.sequences import (
-    VALIDATION_SHARE,
-    PlayedSequence,
-    PlayedSet,
-    PlayedSplit,
-    PlayedWindows,
-    check_pieces,
-    fitted_space,
-    read_sequence,
-    sides,
-    sound_statistics,
-    with_other_sounds,
-)
+from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows
 from harmolab.readers.motion import motion_part
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import drawn_by
@@ -62,7 +50,7 @@ def train_audio2body(played: PlayedSet, split: PlayedSplit, options: TrainOption
         As `open_run`; if a piece is on two sides, or a side has nothing to learn from.
     """
     fabric, params = make_fabric(accelerator=options.accelerator), played.params
-    check_pieces(played.sequences, split)
+    sequences.check_pieces(played.sequences, split)
     network, train, validation = prepared(played, split, fabric.device)
     batching = Batching(params.batch, params.shards, params.seed)
     settings = {"audio2body": params, "data": played.source}
@@ -79,22 +67,22 @@ def prepared(
     played: PlayedSet, split: PlayedSplit, device: torch.device | str = "cpu"
 ) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
     """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
-    params, learnt = played.params, sides(played.sequences, split.train)
-    learnt = with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
-    validated = sides(played.sequences, split.validation)
+    params, learnt = played.params, sequences.sides(played.sequences, split.train)
+    learnt = sequences.with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
+    validated = sequences.sides(played.sequences, split.validation)
     bow = Bowing.fit(learnt, played.skeleton, params) if params.bow_phase else None
     if bow is not None:
         learnt, validated = _with_turns(learnt, bow, played), _with_turns(validated, bow, played)
-    space, statistics = fitted_space(learnt, params), sound_statistics(learnt)
+    space, statistics = sequences.fitted_space(learnt, params), sequences.sound_statistics(learnt)
     network = initial_network(played, len(space.basis))
     network.set_statistics(*statistics, space, bow)
     train = PlayedWindows.of(learnt, space, params, device)
-    if params.validation == "pieces" and not split.validation:
-        raise ValueError("whole pieces are to be validated on, and the split has none")
     if params.validation == "pieces":
+        if not split.validation:
+            raise ValueError("whole pieces are to be validated on, and the split has none")
         validation = PlayedWindows.of(validated, space, params, device)
     else:
-        train, validation = train.drawn_apart(VALIDATION_SHARE, params.seed)
+        train, validation = train.drawn_apart(sequences.VALIDATION_SHARE, params.seed)
     if params.data_share < 1:
         train, _ = train.drawn_apart(1 - params.data_share, params.seed)
     if not bool(train.mask.any()):
@@ -102,12 +90,12 @@ def prepared(
     return network, train, validation
 
 
-def _with_turns(sequences: Sequence[PlayedSequence], bow: Bowing, played: PlayedSet) -> list[PlayedSequence]:
+def _with_turns(learnt: Sequence[PlayedSequence], bow: Bowing, played: PlayedSet) -> list[PlayedSequence]:
     """Sequences whose points have the bow at its mean place; its turns are marked in its stead."""
     return [
         replace(each, points=bow.at_rest(each.points),
                 marks=turn_signal(each, played.skeleton, played.params.fps)[:, None])
-        for each in sequences
+        for each in learnt
     ]  # fmt: skip
 
 
@@ -178,22 +166,22 @@ def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
     return Errors(*values.tolist())
 
 
-def errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+def errors(network: SoundToPoints, played: Sequence[PlayedSequence]) -> Errors:
     """Errors of whole recordings: means over accepted frames."""
     return errors_between(
-        [predicted_points(network, sequence.sound) for sequence in sequences],
-        [network.projected(sequence.points) for sequence in sequences],
-        sequences,
+        [predicted_points(network, each.sound) for each in played],
+        [network.projected(each.points) for each in played],
+        played,
     )
 
 
 def errors_between(
-    predicted: Sequence[FloatArray], projected: Sequence[FloatArray], sequences: Sequence[PlayedSequence]
+    predicted: Sequence[FloatArray], projected: Sequence[FloatArray], played: Sequence[PlayedSequence]
 ) -> Errors:
     """Errors of predicted points (T, 2 P) against projected ones, and against those of the sequences."""
     pairs = [
         (frame_errors(guess, near)[each.accepted], frame_errors(guess, each.points)[each.accepted])
-        for guess, near, each in zip(predicted, projected, sequences, strict=True)
+        for guess, near, each in zip(predicted, projected, played, strict=True)
     ]
     return Errors(*(float(np.concatenate(values).mean()) for values in zip(*pairs, strict=True)))
 
@@ -204,11 +192,11 @@ def frame_errors(points: FloatArray, truth: FloatArray) -> FloatArray:
     return values
 
 
-def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+def mean_pose_errors(network: SoundToPoints, played: Sequence[PlayedSequence]) -> Errors:
     """Errors of the mean pose of the training side, which hears nothing."""
     space = network.space
-    predicted = [np.broadcast_to(space.mean, each.points.shape) for each in sequences]
-    return errors_between(predicted, [network.projected(each.points) for each in sequences], sequences)
+    predicted = [np.broadcast_to(space.mean, each.points.shape) for each in played]
+    return errors_between(predicted, [network.projected(each.points) for each in played], played)
 
 
 def side_errors(
@@ -217,7 +205,7 @@ def side_errors(
     """Side -> errors; beside those of the test side stand those of the mean pose."""
     outcome = {"train": window_errors(network, train), "validation": window_errors(network, validation)}
     if split.test:
-        test = sides(played.sequences, split.test)
+        test = sequences.sides(played.sequences, split.test)
         outcome |= {"test": errors(network, test), "mean pose": mean_pose_errors(network, test)}
     return outcome
 
@@ -254,8 +242,7 @@ class TruthErrors(NamedTuple):
         return 100 * self.mean_pose / self.shoulder_width
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
+class Compared(NamedTuple):
     """True points and predicted ones, frame by frame at the rate of the network.
 
     Parameters
@@ -288,7 +275,7 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
         raise ValueError(f"{name}: has no point that this player has; its points are {', '.join(own[:6])} ...")
     motion = motion_part(performance.motion, joints, name)
     part = replace(performance, motion=motion, detected=performance.detected[:, [own.index(each) for each in joints]])
-    sequence = read_sequence(part, network.params, network.reference, is_test=True)
+    sequence = sequences.read_sequence(part, network.params, network.reference, is_test=True)
     if not sequence.accepted.any():
         raise ValueError(f"{name}: every frame of its points is rejected, so there is nothing to compare with")
     numbers = [network.skeleton.joints.index(joint) for joint in joints]

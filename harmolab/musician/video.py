@@ -16,6 +16,7 @@ import numpy as np
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.person import OUTLINES, Part, Stage, person_shapes, shared_wall, stage_of
+from harmolab.lab.player import PLAYING
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed
 from harmolab.lab.render.video import RATE as DANCE_RATE
@@ -65,9 +66,9 @@ def render_points(
 
 
 def _frames(stages: list[Stage], count: int, height: int, width: int) -> Iterator[Frame]:
-    people = []
+    people, frames = [], slice(0, count)
     for stage, (_, broad) in zip(stages, LOOKS, strict=True):
-        frames, plan = slice(0, count), replace(stage.plan, parts=tuple(_scaled(stage.plan.parts, broad)))
+        plan = replace(stage.plan, parts=tuple(_scaled(part, broad) for part in stage.plan.parts))
         people.append(person_shapes(plan, stage.camera(height, width), stage.positions[frames], frames))
     for pair in zip(*people, strict=True):
         frame = np.full((height, width, 3), PAPER, np.uint8)
@@ -82,11 +83,10 @@ def _frames(stages: list[Stage], count: int, height: int, width: int) -> Iterato
         yield frame
 
 
-def _scaled(parts: Iterable[Part], broad: float) -> Iterator[Part]:
-    """The parts, the limbs among them thicker or thinner."""
-    for part in parts:
-        size = 1.0 if part.paint in OUTLINES else broad
-        yield part._replace(radii=tuple(size * radius for radius in part.radii))
+def _scaled(part: Part, broad: float) -> Part:
+    """A part, thicker or thinner where it is a limb."""
+    size = 1.0 if part.paint in OUTLINES else broad
+    return part._replace(radii=tuple(size * radius for radius in part.radii))
 
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -114,8 +114,9 @@ def write_performance(
     ValueError
         As `harmolab.readers.video.write_video`.
     """
-    marks = BeatMarks(height, performed.score.score, performed.mark_words)
-    frames = _captioned(_marked(_pictures(performed, height), marks), performed.notice)
+    words = PLAYING[performed.instrument]
+    marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
+    frames = _finished(_pictures(performed, height), marks, performed.notice)
     heading = ". ".join(filter(None, [title, performed.notice]))
     write_video(path, progress(frames, "drawing"), DANCE_RATE, audio=performed.audio, title=heading)
 
@@ -132,17 +133,11 @@ def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
     return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
 
 
-def _marked(frames: Iterable[Frame], marks: BeatMarks) -> Iterator[Frame]:
-    """The pictures with marks of notes, movement and hits in the corner."""
+def _finished(frames: Iterable[Frame], marks: BeatMarks, text: str) -> Iterator[Frame]:
+    """The pictures with marks of notes, movement and hits in the corner, and a line of text in a strip below them."""
+    strip: Frame | None = None
     for number, frame in enumerate(frames):
         marks.draw(frame, number / DANCE_RATE)
-        yield frame
-
-
-def _captioned(frames: Iterable[Frame], text: str) -> Iterator[Frame]:
-    """The pictures with a strip below them that holds one line of text."""
-    strip: Frame | None = None
-    for frame in frames:
         strip = _strip(text, *frame.shape[:2]) if strip is None else strip
         yield np.concatenate([frame, strip])
 

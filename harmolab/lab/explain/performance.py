@@ -187,14 +187,10 @@ def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
 def _mean_offset(judgement: Judgement, beats: BeatTrack, test: PlaceTest) -> MeanOffset:
     """The lag of a stretch of beats, of all places that are one the nearest to the lag of the whole."""
     period = 60 / judgement.tempo
-    lag = judgement.lag + _wrapped(test.lag - judgement.lag, test.reach)
+    apart = (test.lag - judgement.lag + test.reach) % (2 * test.reach) - test.reach  # beyond +- reach is another beat
+    lag = judgement.lag + apart
     low, high = (edge - test.lag + lag for edge in test.spread()[1])
     return MeanOffset(float(beats.times[0]), float(beats.times[-1]), lag * period, (low * period, high * period))
-
-
-def _wrapped(lag: float, reach: float) -> float:
-    """A lag within +- reach beats, beyond which it is another beat's."""
-    return (lag + reach) % (2 * reach) - reach
 
 
 def _change(halves: tuple[MeanOffset, ...]) -> list[Finding]:

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.musician.networks import SoundToPoints
-from harmolab.musician.perform import predicted_points
+from harmolab.musician.networks import SoundToPoints, predicted_points
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, read_sequence, sides
 from harmolab.musician.synthetic import PlantedPerformance

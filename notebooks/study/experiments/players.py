@@ -14,8 +14,9 @@ import pandas as pd
 from harmolab.musician.cleaning import Cleaned, cleaned
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, split_by_piece
+from harmolab.musician.players import rendered_notes
 from harmolab.musician.sequences import PlayedSet, PlayedSplit, cleaning_rules, played_set
-from harmolab.musician.synthetic import PlantedPerformance, planted_performances, rendered_notes
+from harmolab.musician.synthetic import PlantedPerformance, planted_performances
 from harmolab.musician.system import Audio2Body
 from harmolab.musician.train import Errors, train_audio2body
 from harmolab.readers.player_points import INSTRUMENTS, SIDES, hand_joints

@@ -1,22 +1,213 @@
-"""The planted pianist: both wrists follow the keys, a finger is down at each onset, the torso sways.
+"""Pieces that follow from a seed, two voices for a pianist, one for a violinist; their sound; the points of players.
 
-The picture is 640 x 480 pixels, as in a mirror: the left hand, on the low keys, stands at small x.
+The planted pianist: both wrists follow the keys, a finger is down at each onset, the torso sways. The picture is 640 x
+480 pixels, as in a mirror: the left hand, on the low keys, stands at small x.
 
-The planted violinist: the bow turns at each onset, its angle is the string, the left hand follows the pitch.
-
-The picture is 640 x 480 pixels, not mirrored: the player faces the camera, the violin on the left shoulder at large x.
+The planted violinist: the bow turns at each onset, its angle is the string, the left hand follows the pitch. The
+picture is not mirrored: the player faces the camera, the violin on the left shoulder at large x.
 """
 
-from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
-from harmolab.musician.synthetic.pieces import VIBRATO_RATE, PlantedPiece, vibrato_phases
-from harmolab.readers.player_points import BODY as BODY_of_player_points
-from harmolab.readers.player_points import FINGERS, PHALANGES, PLAYER_50, SIDES, hand_joints
-from harmolab.types import FloatArray, IntArray, Notes
+from harmolab.data.synthetic.music import Mixer, tone
+from harmolab.data.synthetic.music import Voice as SoundVoice
+from harmolab.readers import player_points
+from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PHALANGES, PLAYER_50, SIDES, hand_joints
+from harmolab.types import Audio, FloatArray, IntArray, Notes
 
-# Movement on planted moments: glides that arrive at onsets, pulses that peak at them, and the points put
+TEMPI = (66.0, 112.0)  # beats per minute
+METER = 4
+SWELL_BEATS = 16  # beats of one swell of the loudness
+REST = 0.5  # seconds without an onset at either end of a piece
+MODES = ((0, 2, 4, 5, 7, 9, 11), (0, 2, 3, 5, 7, 8, 11), (0, 2, 3, 5, 7, 9, 10))  # major, harmonic minor, Dorian
+STEPS = np.arange(-5, 6)  # of a melody, in degrees of its scale
+STEP_CHANCES = np.array([0.02, 0.04, 0.07, 0.15, 0.2, 0.04, 0.2, 0.15, 0.07, 0.04, 0.02])
+RETURN = 0.78  # share of its way from the middle of the range that a melody keeps from note to note
+
+Rhythms = tuple[tuple[float, ...], ...]
+
+
+class Voice(NamedTuple):
+    """One line of a piece.
+
+    Parameters
+    ----------
+    lowest, highest : int, MIDI numbers between which it moves
+    rhythms : lengths of notes in beats, one group after another drawn from these; all groups are equally long
+    legato : float, share of its time that a note sounds
+    accent : float, loudness of a downbeat over that of the other beats
+    hand : int, as in `Notes.hands`
+    """
+
+    lowest: int
+    highest: int
+    rhythms: Rhythms
+    legato: float
+    accent: float
+    hand: int
+
+
+RIGHT_RHYTHMS: Rhythms = (
+    (1.0,), (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (0.25, 0.25, 0.5), (0.5, 0.25, 0.25), (0.25, 0.25, 0.25, 0.25),
+)  # fmt: skip
+LEFT_RHYTHMS: Rhythms = ((2.0,), (1.0, 1.0), (1.0, 1.0), (0.5, 0.5, 0.5, 0.5), (1.5, 0.5))
+# An even number of notes in each bar: bows alternate, and so every bar begins with a down-bow.
+BOWED: Rhythms = (
+    (2.0, 2.0), (1.0, 1.0, 1.0, 1.0), (1.5, 0.5, 1.0, 1.0), (2.0, 1.0, 0.5, 0.5), (1.0, 0.5, 0.5, 2.0),
+    (1.0, 1.0, 0.5, 0.5, 0.5, 0.5), (0.5, 0.5, 0.5, 0.5, 1.0, 1.0), (0.5, 0.5, 1.0, 1.0, 0.5, 0.5),
+    (0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5),
+)  # fmt: skip
+VOICES = {
+    "piano": (Voice(36, 60, LEFT_RHYTHMS, 0.9, 1.1, hand=0), Voice(62, 88, RIGHT_RHYTHMS, 0.9, 1.1, hand=1)),
+    "violin": (Voice(55, 90, BOWED, 1.0, 1.25, hand=-1),),
+}
+
+
+class PlantedPiece(NamedTuple):
+    """The notes of a piece, the beginnings of its bars (seconds) and the length of its beat (seconds)."""
+
+    notes: Notes
+    downbeats: FloatArray
+    beat: float
+
+
+def planted_piece(instrument: str, seconds: float, seed: int) -> PlantedPiece:
+    """A piece in four, of one tempo; its loudness swells over 16 beats.
+
+    Parameters
+    ----------
+    instrument : "piano" (left hand MIDI 36 to 60, right hand 62 to 88) or "violin" (55 to 90)
+    seconds : float; the first onset is at 0.5 s, and the last one 0.5 s or more before the end
+    seed : int; a longer piece of the same seed begins with the same notes
+
+    Raises
+    ------
+    ValueError
+        For another instrument, or less than a second.
+    """
+    if instrument not in VOICES:
+        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    if not 2 * REST <= seconds < np.inf:
+        raise ValueError(f"a piece begins and ends with {REST} s of rest, so it lasts at least 1 s, got {seconds} s")
+    rng = np.random.default_rng([seed, INSTRUMENTS.index(instrument)])
+    beat = 60 / rng.uniform(*TEMPI)
+    scale = (np.array(MODES[rng.integers(len(MODES))]) + rng.integers(12)) % 12
+    swell = rng.uniform(0, 2 * np.pi)
+    last = (seconds - 2 * REST) / beat + 1e-9  # beats from the first onset to the last one possible
+    lines = []
+    for voice in VOICES[instrument]:
+        starts, lengths = _rhythm(voice, last, rng.spawn(1)[0])
+        onsets, offsets = REST + beat * starts, REST + beat * (starts + voice.legato * lengths)
+        pitches = _melody(voice, scale, starts.size, rng.spawn(1)[0])
+        loudness = _loudness(voice, starts, swell, rng.spawn(1)[0])
+        hands = np.full(starts.size, voice.hand)
+        lines.append((onsets, np.minimum(offsets, seconds), pitches, loudness, hands))
+    columns = [np.concatenate(parts) for parts in zip(*lines, strict=True)]
+    order = np.argsort(columns[0], kind="stable")
+    notes = Notes(*(column[order] for column in columns))
+    return PlantedPiece(notes, REST + beat * np.arange(0, last, METER), beat)
+
+
+def _rhythm(voice: Voice, last: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """(N,) starts and lengths of the notes that begin up to beat `last`, in beats."""
+    groups = int(last // sum(voice.rhythms[0])) + 1
+    lengths = np.concatenate([voice.rhythms[number] for number in rng.integers(len(voice.rhythms), size=groups)])
+    starts = np.cumsum(lengths) - lengths
+    return starts[starts <= last], lengths[starts <= last]
+
+
+def _melody(voice: Voice, scale: IntArray, count: int, rng: np.random.Generator) -> IntArray:
+    """(N,) pitches of a walk on a scale; it is drawn to the middle of the voice's range and turns back at its ends."""
+    ladder = np.arange(voice.lowest, voice.highest + 1)
+    ladder = ladder[np.isin(ladder % 12, scale)]
+    steps = rng.choice(STEPS, size=count, p=STEP_CHANCES)
+    walk = np.rint(ladder.size / 2 + lfilter([1.0], [1.0, -RETURN], steps)).astype(np.int64)
+    round_trip = walk % (2 * (ladder.size - 1))
+    return ladder[np.minimum(round_trip, 2 * (ladder.size - 1) - round_trip)]
+
+
+def _loudness(voice: Voice, starts: FloatArray, swell: float, rng: np.random.Generator) -> FloatArray:
+    """(N,) loudness: a slow swell, louder downbeats, and 4 % of chance."""
+    accents = np.where(starts % METER < 1e-6, voice.accent, 1.0)
+    swelling = 0.55 + 0.22 * np.sin(2 * np.pi * starts / SWELL_BEATS + swell)
+    return np.asarray(swelling * accents * rng.uniform(0.96, 1.04, starts.size)).clip(0, 1)
+
+
+# The sound of notes: a plucked timbre for the piano, a bowed one for the violin.
+
+LONGEST = 6.0  # seconds after which a note has ended
+VIBRATO_RATE = 5.5  # hertz
+VIBRATO_DEPTH = 0.01  # share of the pitch: 17 cents
+TIMBRES = {
+    "piano": SoundVoice((1.0, 0.55, 0.35, 0.2, 0.12, 0.08, 0.05), 1.4, 0.004, 0.2, 1.0),
+    "violin": SoundVoice((1.0, 0.8, 0.6, 0.55, 0.35, 0.25, 0.2, 0.15, 0.1, 0.08), 30.0, 0.06, 0.2, 1.0),
+}
+
+
+def rendered_notes(
+    notes: Notes, seconds: float, sample_rate: int = 44100, *, instrument: str = "piano", seed: int = 0
+) -> Audio:
+    """The sound of notes, played on a synthetic instrument.
+
+    Parameters
+    ----------
+    notes : Notes; those that begin after the end are silent
+    seconds : float, length of the sound, at most 3600
+    sample_rate : int, hertz, from 8000 to 192000
+    instrument : "piano" (dies away) or "violin" (lasts, with vibrato)
+    seed : int, of the phases of the vibrato
+
+    Returns
+    -------
+    Audio, peak 0.9; the amplitude of a note is in proportion to its loudness. No notes are silence.
+
+    Raises
+    ------
+    ValueError
+        For an instrument, length or rate out of range.
+    """
+    if instrument not in TIMBRES:
+        raise ValueError(f"instrument must be {' or '.join(TIMBRES)}, got {instrument!r}")
+    if not (8000 <= sample_rate <= 192000 and float(sample_rate).is_integer()):
+        raise ValueError(f"sample_rate must be a whole number from 8000 to 192000 Hz, got {sample_rate}")
+    if not 1 / sample_rate <= seconds <= 3600:
+        raise ValueError(f"seconds must be positive and at most 3600, got {seconds}")
+    mixer, timbre = Mixer(seconds, int(sample_rate)), TIMBRES[instrument]
+    lengths = (notes.offsets - notes.onsets).clip(2 / mixer.rate, LONGEST)
+    phases = vibrato_phases(len(notes), seed) if instrument == "violin" else None
+    for pitch in np.unique(notes.pitches):
+        numbers = np.flatnonzero(notes.pitches == pitch)
+        sound = _tone(int(pitch), float(lengths[numbers].max()), mixer.rate, timbre)
+        for number in numbers:
+            note = sound if phases is None else _with_vibrato(sound, lengths[number], phases[number], mixer.rate)
+            gain = timbre.level * notes.loudness[number]
+            mixer.add_note(notes.onsets[number], note, lengths[number], gain, attack=timbre.attack)
+    return Audio(mixer.mixed().astype(np.float32), sample_rate)
+
+
+def vibrato_phases(count: int, seed: int) -> FloatArray:
+    """(N,) phase of the vibrato at each onset, radians."""
+    return np.random.default_rng([seed, 7]).uniform(0, 2 * np.pi, count)
+
+
+def _tone(pitch: int, seconds: float, rate: int, timbre: SoundVoice) -> FloatArray:
+    """A note of a MIDI pitch; low ones last longer."""
+    decay = timbre.decay * 2 ** ((60 - pitch) / 24)
+    return tone(440 * 2 ** ((pitch - 69) / 12), seconds, rate, partials=timbre.partials, decay=decay)
+
+
+def _with_vibrato(sound: FloatArray, seconds: float, phase: float, rate: int) -> FloatArray:
+    """The first `seconds` of a note, read at a speed that swings about 1."""
+    samples = np.arange(min(round(seconds * rate), sound.size))
+    swing = VIBRATO_DEPTH * rate / (2 * np.pi * VIBRATO_RATE)  # samples
+    swung = samples + swing * np.sin(2 * np.pi * VIBRATO_RATE * samples / rate + phase)
+    return np.interp(swung, np.arange(sound.size), sound)
+
+
+# Movement on planted moments: glides that arrive at onsets, pulses that peak at them, and the points put together.
 
 # Share of a fingertip's movement that the points of its finger take part in, from the root to the tip.
 BENDING = np.array([0.0, 0.35, 0.7, 1.0])
@@ -59,11 +250,8 @@ def pulses(
     shapes = np.where(distance < radius, 0.5 + 0.5 * np.cos(np.pi * distance / radius), 0.0)
     inside = (frames >= 0) & (frames < times.size)
     track = np.zeros((times.size, n_channels))
-    np.add.at(
-        track,
-        (frames[inside], np.broadcast_to(channels[:, None], frames.shape)[inside]),
-        (heights[:, None] * shapes)[inside],
-    )
+    columns = np.broadcast_to(channels[:, None], frames.shape)
+    np.add.at(track, (frames[inside], columns[inside]), (heights[:, None] * shapes)[inside])
     return track
 
 
@@ -87,7 +275,7 @@ def joined(body: dict[str, FloatArray], hands: dict[str, FloatArray]) -> FloatAr
     body : (T, 2) arrays by the names of `BODY` without the wrists, which are those of the hands
     hands : (T, 21, 2) arrays by side
     """
-    points = {name: body[name] for name in BODY_of_player_points if not name.endswith("wrist")}
+    points = {name: body[name] for name in player_points.BODY if not name.endswith("wrist")}
     for side in SIDES:
         points |= dict(zip(hand_joints(side), np.moveaxis(hands[side], 1, 0), strict=True))
         points[f"{side}_wrist"] = points[f"{side}_hand"]
@@ -110,8 +298,8 @@ WRIST_SHARE = 0.35  # of a strike's depth
 WRIST_Y = 312.0
 NOD = 3.0  # pixels, once in two beats
 ARM = 122.0  # pixels, of the upper arm and of the forearm
-SHOULDERS = MappingProxyType({"left": (232.0, 96.0), "right": (376.0, 96.0)})
-HIPS = MappingProxyType({"left": (260.0, 290.0), "right": (348.0, 290.0)})
+SHOULDERS = {"left": (232.0, 96.0), "right": (376.0, 96.0)}
+HIPS = {"left": (260.0, 290.0), "right": (348.0, 290.0)}
 HIP_SWAY = 0.3  # share of the sway of the shoulders
 # The right hand's points from its wrist: x away from the thumb is positive, y towards the fingertips.
 HAND = np.array(
@@ -126,7 +314,7 @@ HAND = np.array(
     dtype=float,
 )  # fmt: skip
 TIPS = HAND[[4, 8, 12, 16, 20], 0]
-MIRRORED = MappingProxyType({"left": -1.0, "right": 1.0})
+MIRRORED = {"left": -1.0, "right": 1.0}
 
 
 def key_x(pitches: IntArray) -> FloatArray:
@@ -227,14 +415,12 @@ START, APPROACH = 0.25, 0.4  # place of the bow at the first onset, and seconds 
 STRING_ANGLES = np.tan(np.radians([-11.0, -3.5, 4.0, 11.5]))  # G to E; positive is a lower bow hand
 VIBRATO = 1.5  # pixels of the stopping fingertip along the neck
 PRESS = 5.0  # pixels from a finger above the string to the string
-BODY = MappingProxyType(
-    {
-        "left_shoulder": (350.0, 160.0),
-        "right_shoulder": (200.0, 170.0),
-        "left_hip": (318.0, 398.0),
-        "right_hip": (228.0, 402.0),
-    }
-)
+BODY = {
+    "left_shoulder": (350.0, 160.0),
+    "right_shoulder": (200.0, 170.0),
+    "left_hip": (318.0, 398.0),
+    "right_hip": (228.0, 402.0),
+}
 # (2,) points at which an elbow is for two places of its hand; in between in proportion.
 RIGHT_ELBOW = ((262.0, 240.0), (142.0, 292.0))  # bow at place 0, at place 1
 LEFT_ELBOW = ((432.0, 260.0), (412.0, 260.0))  # stop at the nut, at the middle of the string

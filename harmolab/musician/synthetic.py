@@ -1,17 +1,19 @@
-"""One planted performance with the truth about it, and a corpus of them."""
+"""A pianist and a violinist in the plane, planted on the notes of pieces that follow from a seed.
+
+The sound is rendered from the same notes. The truth comes with every performance: the points without noise, the part
+of them that follows from the notes, planted faults by name, the camera, and the strikes or turns of the bow.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from numbers import Integral
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from harmolab.body.kinematics import Similarity
+from harmolab.musician import players
 from harmolab.musician.performances import Performance
-from harmolab.musician.synthetic.pieces import PlantedPiece, planted_piece, rendered_notes
-from harmolab.musician.synthetic.players import bow_place, pianist_points, violinist_points
 from harmolab.readers.player_points import INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion, Notes
 
@@ -26,29 +28,18 @@ JUMP = (50.0, 110.0)  # pixels
 HANDS = [[PLAYER_50.joints.index(name) for name in hand_joints(side)] for side in SIDES]
 
 
-@dataclass(frozen=True, eq=False)
-class FaultyPoints:
-    """Points with faults.
-
-    Parameters
-    ----------
-    points : (T, 50, 2) array
-    detected : (T, 50) mask, False where a hand is missing; its points stay where they were last
-    fault : (T,) array of str, one of `FAULTS`, or "" for a good frame
-    """
-
-    points: FloatArray
-    detected: BoolArray
-    fault: np.ndarray
-
-
-def with_faults(points: FloatArray, rng: np.random.Generator) -> FaultyPoints:
+def with_faults(points: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, BoolArray, np.ndarray]:
     """Points of a player with faults in a tenth of the frames, in bursts of one to six frames.
 
     Parameters
     ----------
     points : (T, 50, 2) array, pixels
     rng : np.random.Generator
+
+    Returns
+    -------
+    The points; (T, 50) mask, False where a hand is missing, whose points stay where they were last; (T,) array of str,
+    one of `FAULTS`, or "" for a good frame.
     """
     faulty, detected = points.copy(), np.ones(points.shape[:2], bool)
     fault = np.full(len(points), "", f"<U{max(map(len, FAULTS))}")
@@ -65,12 +56,7 @@ def with_faults(points: FloatArray, rng: np.random.Generator) -> FaultyPoints:
             faulty[burst] += distance * np.array([np.cos(angle), np.sin(angle)])
         else:
             faulty[burst] = _other_person(points, burst, rng)
-    return FaultyPoints(faulty, detected, fault)
-
-
-def without_faults(points: FloatArray) -> FaultyPoints:
-    """The same points, all detected and good."""
-    return FaultyPoints(points, np.ones(points.shape[:2], bool), np.full(len(points), ""))
+    return faulty, detected, fault
 
 
 def _bursts(frames: int, rng: np.random.Generator) -> Iterator[tuple[int, int, str]]:
@@ -96,17 +82,15 @@ PICTURE = (640, 480)  # pixels
 # Camera of a performance: largest change of size (share), turn (radians) and shift (pixels) about the picture's centre.
 ZOOM, TURN, SHIFT = 0.08, np.radians(3.0), 25.0
 # Sway of the torso: amplitudes in pixels of its slow and its quick part, and the ranges of their periods in seconds.
-SWAY = MappingProxyType({"piano": (8.0, 4.0), "violin": (3.0, 1.5)})
+SWAY = {"piano": (8.0, 4.0), "violin": (3.0, 1.5)}
 SWAY_PERIODS = ((7.0, 13.0), (3.0, 5.0))
 # Lowest and highest value of each setting, and the rule in words.
-RANGES = MappingProxyType(
-    {
-        "seconds": (2.0, 3600.0, "must be within 2 and 3600"),
-        "noise": (0.0, 100.0, "is in pixels and must be within 0 and 100"),
-        "fps": (5.0, 1000.0, "must be within 5 and 1000 frames per second (24 is usual)"),
-        "sample_rate": (8000, 192000, "must be within 8000 and 192000 Hz"),
-    }
-)
+RANGES = {
+    "seconds": (2.0, 3600.0, "must be within 2 and 3600"),
+    "noise": (0.0, 100.0, "is in pixels and must be within 0 and 100"),
+    "fps": (5.0, 1000.0, "must be within 5 and 1000 frames per second (24 is usual)"),
+    "sample_rate": (8000, 192000, "must be within 8000 and 192000 Hz"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,9 +123,9 @@ class PlantedPerformance:
     bow: FloatArray | None
 
     def __post_init__(self) -> None:
-        for array in (self.clean, self.from_audio, self.direction_blind, self.fault, self.downbeats, self.bow):
-            if array is not None:
-                array.setflags(write=False)
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
 
 
 def planted_performance(
@@ -181,34 +165,26 @@ def planted_performance(
     ((96, 50, 2), 'synthetic')
     """
     _check(instrument, seed, seconds=seconds, noise=noise, fps=fps, sample_rate=sample_rate)
-    piece, times = planted_piece(instrument, seconds, seed), np.arange(round(seconds * fps)) / fps
-    bow = bow_place(piece, times) if instrument == "violin" else None
-    camera, still = _camera(_stream(instrument, seed, 1)), np.zeros(times.size)
-    clean = camera.apply(_points(piece, times, _sway(instrument, times, _stream(instrument, seed, 2)), bow, seed))
-    points = clean + noise * _stream(instrument, seed, 3).standard_normal(clean.shape)
-    tracked = with_faults(points, _stream(instrument, seed, 4)) if faults else without_faults(points)
-    performance = Performance(
-        name=f"planted {instrument} {seed}",
-        instrument=instrument,
-        audio=rendered_notes(piece.notes, seconds, sample_rate, instrument=instrument, seed=seed),
-        motion=Motion(tracked.points, fps, PLAYER_50),
-        detected=tracked.detected,
-        notes=piece.notes,
-        piece=f"planted {instrument} {seed}",
-        rendered=True,
-        source="synthetic",
-    )
-    return PlantedPerformance(
-        performance,
-        clean,
-        camera.apply(_points(piece, times, still, bow, seed)),
-        None if bow is None else camera.apply(_points(piece, times, still, np.full(bow.shape, bow.mean()), seed)),
-        tracked.fault,
-        camera,
-        _strikes(piece.notes, fps, seconds),
-        piece.downbeats,
-        bow,
-    )
+    piece, times = players.planted_piece(instrument, seconds, seed), np.arange(round(seconds * fps)) / fps
+    bow = players.bow_place(piece, times) if instrument == "violin" else None
+    camera = _camera(_stream(instrument, seed, 1))
+
+    def pictured(sway: FloatArray, place: FloatArray | None) -> FloatArray:
+        if place is None:
+            return camera.apply(players.pianist_points(piece, times, sway))
+        return camera.apply(players.violinist_points(piece, times, sway, place, seed=seed))
+
+    clean, still = pictured(_sway(instrument, times, _stream(instrument, seed, 2)), bow), np.zeros(times.size)
+    tracked = clean + noise * _stream(instrument, seed, 3).standard_normal(clean.shape)
+    detected, fault = np.ones(clean.shape[:2], bool), np.full(times.size, "")
+    if faults:
+        tracked, detected, fault = with_faults(tracked, _stream(instrument, seed, 4))
+    audio = players.rendered_notes(piece.notes, seconds, sample_rate, instrument=instrument, seed=seed)
+    name, motion = f"planted {instrument} {seed}", Motion(tracked, fps, PLAYER_50)
+    performance = Performance(name, instrument, audio, motion, detected, piece.notes, 0.0, name, True, "synthetic")
+    from_audio, blind = pictured(still, bow), None if bow is None else pictured(still, np.full_like(bow, bow.mean()))
+    strikes = _strikes(piece.notes, fps, seconds)
+    return PlantedPerformance(performance, clean, from_audio, blind, fault, camera, strikes, piece.downbeats, bow)
 
 
 def planted_performances(
@@ -256,13 +232,6 @@ def _sway(instrument: str, times: FloatArray, rng: np.random.Generator) -> Float
     phases = rng.uniform(0, 2 * np.pi, 2)
     waves = np.sin(2 * np.pi * times[:, None] / periods + phases)
     return np.asarray(waves @ np.array(SWAY[instrument]))
-
-
-def _points(piece: PlantedPiece, times: FloatArray, sway: FloatArray, bow: FloatArray | None, seed: int) -> FloatArray:
-    """(T, 50, 2) points before the camera: of a violinist if there is a bow."""
-    if bow is None:
-        return pianist_points(piece, times, sway)
-    return violinist_points(piece, times, sway, bow, seed=seed)
 
 
 def _strikes(notes: Notes, fps: float, seconds: float) -> BeatTrack:
