@@ -92,7 +92,7 @@ def test_flat_short_and_invalid_motions_are_refused():
     motion = second_joint(t, t, t)
     refused("three-dimensional", kinetic_features, replace(motion, positions=motion.positions[..., :2]))
     refused(r"lasts 0.033 s, too short", kinetic_features, replace(motion, positions=motion.positions[:2], valid=None))
-    refused("nowhere valid for 1/12 s", kinetic_features, replace(motion, valid=np.arange(30) % 3 != 0))
+    refused("nowhere valid for 1/12 s", kinetic_features, replace(motion, valid=np.arange(30) % 4 != 0))
 
 
 def test_an_unknown_form_is_refused():
