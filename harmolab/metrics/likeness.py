@@ -281,8 +281,8 @@ class LikenessLimits:
         windows = [(dance, window) for dance, parts in zip(dances, recordings, strict=True) for window in parts]
         if not windows:
             raise ValueError(f"no recording has {SHORTEST:g} s of movement")
-        known = sorted({dance for dance, _ in windows} - {""})
-        by_dance = {dance: _ranges([window for name, window in windows if name == dance]) for dance in known}
+        names = sorted({dance for dance, _ in windows} - {""})
+        by_dance = {dance: _ranges([window for name, window in windows if name == dance]) for dance in names}
         return cls(_ranges([window for _, window in windows]), by_dance, len(windows))
 
     @classmethod

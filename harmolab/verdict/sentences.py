@@ -57,7 +57,7 @@ def _in_time(evidence: Evidence) -> str:
     if not evidence.has_own_rate:
         return _other_rate(evidence)
     if evidence.pattern is None:
-        fastest, stillest = _seen(evidence, "fastest", "the beat"), _seen(evidence, "stillest", "it")
+        fastest, stillest = _moment_of(evidence, "fastest", "the beat"), _moment_of(evidence, "stillest", "it")
         return HIT if evidence.is_hit else f"In time: you are {fastest}, and {stillest}."
     if evidence.is_near:
         return "In time. Whether you are on the beat cannot be told: other places in it fit as well."
@@ -70,12 +70,12 @@ def _on_the_beat(evidence: Evidence) -> str:
             return "You are on the beat: you move in threes, as in a waltz."
         rate = evidence.time.rate if evidence.time else Fraction(1)
         moving = f", moving {_times(rate)}" if rate in NAMED else ""
-        return f"You are on the beat{moving}: slow on it, {_seen(evidence, 'fastest', 'it')}."
+        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}."
     movement = TOLD.get(evidence.reading, f"you move as in {_danced(evidence)}")
     return f"You are on the beat: {movement} ({_late_or_early(evidence)})."
 
 
-def _seen(evidence: Evidence, extreme: Literal["fastest", "stillest"], beat: str) -> str:
+def _moment_of(evidence: Evidence, extreme: Literal["fastest", "stillest"], beat: str) -> str:
     """When in the beat the body is fastest or stillest: on it, to the nearest 24th of a beat, or before or after it."""
     place = getattr(evidence.course, extreme, 0.0)
     if min(place, 1 - place) < 1 / 24:
