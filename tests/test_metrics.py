@@ -36,23 +36,8 @@ def test_beat_alignment_has_two_directions():
     assert alignment.beat_align(music, motion) == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize(("queries", "targets"), [([], []), ([1.0], []), ([], [1.0])])
-def test_beat_alignment_without_beats_is_zero(queries, targets):
-    assert alignment.beat_align(np.array(queries), np.array(targets)) == 0.0
-
-
-def test_coverage_is_motion_beats_per_music_beat():
-    assert alignment.beat_coverage(3, 4) == 0.75
-    assert alignment.beat_coverage(3, 0) == 0.0
-
-
 def test_hit_rate_counts_motion_beats_near_music_beats():
     assert alignment.beat_hit_rate(np.array([1.1, 2.2, 3.0]), np.array([1.0, 2.0, 3.0])) == pytest.approx(2 / 3)
-
-
-@pytest.mark.parametrize(("visual", "audio"), [([], [1.0]), ([1.0], [])])
-def test_hit_rate_without_beats_is_zero(visual, audio):
-    assert alignment.beat_hit_rate(np.array(visual), np.array(audio)) == 0.0
 
 
 def test_mir_eval_gives_full_marks_to_the_music_itself():
@@ -98,12 +83,6 @@ def test_ten_minutes_of_music_are_judged_in_a_moment():
     began = time.perf_counter()
     alignment.mir_eval_scores(music, motion)
     assert time.perf_counter() - began < 10  # mir_eval's own P-score alone takes 15 s
-
-
-def test_kinematic_beats_are_valleys_smoothed_by_five_frames_at_sixty():
-    params = alignment.kinematic_params()
-    assert (params.detector, params.fps, params.visual_threshold) == ("valleys", None, None)
-    assert params.smoothing * 60 == pytest.approx(5)
 
 
 def test_all_other_scores_come_in_one_dictionary():
@@ -163,10 +142,6 @@ def test_the_jerk_of_a_swing_is_that_of_its_third_difference():
     assert jerk(swing(1.5)) == pytest.approx(expected, rel=0.01)
 
 
-def test_over_short_steps_jerk_is_the_third_derivative():
-    assert jerk(swing(1.5, fps=600), step=1 / 600) == pytest.approx(0.3 * (3 * np.pi) ** 3 * 2 / np.pi, rel=0.01)
-
-
 def test_constant_acceleration_has_no_jerk():
     assert jerk(along_x(4.9 * (np.arange(60) / 30) ** 2, fps=30)) == pytest.approx(0, abs=1e-9)
 
@@ -180,12 +155,6 @@ def test_relative_jerk_is_the_same_for_wide_and_narrow_swings(reach: float):
 
 def test_relative_jerk_of_a_still_dancer_is_zero():
     assert relative_jerk(legs({})) == 0.0
-
-
-def test_trembling_raises_jerk(rng: np.random.Generator):
-    smooth = swing(1.0, fps=15)
-    trembling = replace(smooth, positions=smooth.positions + rng.normal(0, 0.01, smooth.positions.shape))
-    assert jerk(trembling) > 3 * jerk(smooth)
 
 
 # Freezing
@@ -235,10 +204,6 @@ def test_a_foot_in_the_air_may_move():
     assert foot_skating(legs(dict.fromkeys((1, 2), way(x=forward, y=lift)))) == pytest.approx(0, abs=1e-5)
 
 
-def test_feet_without_joints_of_their_own_name_are_refused():
-    refused("no joint is called toe, heel, ankle or foot", foot_skating, swing(1.0))
-
-
 def test_physical_foot_contact_is_that_of_edge(rng: np.random.Generator):
     positions = np.cumsum(rng.normal(0, 0.01, (60, 5, 3)), axis=0)
     # EDGE's code frame by frame at 30 fps, y up: foot speeds in metres per frame, times 10^4.
@@ -259,12 +224,6 @@ def test_a_foot_that_stands_makes_all_pushing_plausible(rng: np.random.Generator
 def test_falling_needs_no_foot():
     falling = way(y=-4.9 * (np.arange(90) / 30) ** 2)
     assert pfc(legs(dict.fromkeys(range(5), falling + way(x=SLIDE)))) == pytest.approx(0, abs=1e-12)
-
-
-def test_physical_foot_contact_needs_both_feet():
-    motion = legs({})
-    one_foot = replace(motion, skeleton=replace(LEGS, joints=("hip", "left toe", "left heel", "left knee", "neck")))
-    refused("two feet are needed", pfc, one_foot)
 
 
 # Bones and jumps
@@ -289,19 +248,28 @@ def test_one_bad_frame_is_enough_for_a_bone_error(swinging_arm: Callable[..., Mo
     )
 
 
+ONE_FOOT = replace(LEGS, joints=("hip", "left toe", "left heel", "left knee", "neck"))
+
+
 @cases(
-    "lengths, message",
-    ([0.3, 0.3], "one per joint"),
-    ([0, -0.3, 0.3], "finite and not negative"),
-    ([0, np.nan, 0.3], "finite and not negative"),
-    ([0, 0, 0], "no bone"),
+    "message, call",
+    ("must be positive", lambda: jerk(legs({}), step=0.0)),
+    ("must be positive", lambda: largest_step(legs({}), step=np.nan)),
+    ("must be positive", lambda: freezing(legs({}), threshold=-1.0)),
+    ("must be positive", lambda: freezing(legs({}), window=0.0)),
+    ("must be positive", lambda: foot_skating(legs({}), height=0.0)),
+    ("no joint is called toe, heel, ankle or foot", lambda: foot_skating(swing(1.0))),
+    ("two feet are needed", lambda: pfc(replace(legs({}), skeleton=ONE_FOOT))),
+    ("no window of 1 s is valid for half", lambda: freezing(replace(legs({}), valid=np.arange(90) % 6 < 3))),
+    ("needs a skeleton with bones", lambda: bone_error(swing(1.0))),
+    ("no frame of the motion is valid", lambda: bone_error(replace(legs({}), valid=np.zeros(90, bool)))),
+    ("one per joint", lambda: bone_error(legs({}), [0.3, 0.3])),
+    ("finite and not negative", lambda: bone_error(legs({}), [0, -0.3, 0.3, 0.3, 0.3])),
+    ("finite and not negative", lambda: bone_error(legs({}), [0, np.nan, 0.3, 0.3, 0.3])),
+    ("no bone", lambda: bone_error(legs({}), [0] * 5)),
 )
-def test_unfit_reference_lengths_are_refused(swinging_arm: Callable[..., Motion], lengths: list[float], message: str):
-    refused(message, bone_error, swinging_arm(1.0, 30.0), lengths)
-
-
-def test_a_skeleton_without_bones_has_no_bone_error():
-    refused("needs a skeleton with bones", bone_error, swing(1.0))
+def test_what_cannot_be_measured_is_refused(message: str, call: Callable[[], float]):
+    refused(message, call)
 
 
 def test_a_jump_is_the_largest_step_but_not_the_usual_one():
@@ -354,27 +322,6 @@ def test_a_splice_does_not_hide_that_nobody_moves():
     leaping = legs(dict.fromkeys(range(5), way(x=np.where(filler, 0.5, 0.0))))
     assert freezing(replace(leaping, valid=~filler)) == 1.0
     assert freezing(leaping) == 0.0
-
-
-def test_windows_that_are_filler_for_the_most_part_say_nothing():
-    refused("no window of 1 s is valid for half of its time", freezing, replace(legs({}), valid=np.arange(90) % 6 < 3))
-
-
-def test_no_valid_frame_has_no_bones(swinging_arm: Callable[..., Motion]):
-    arm = swinging_arm(1.0, 30.0)
-    refused("no frame of the motion is valid", bone_error, replace(arm, valid=np.zeros(arm.n_frames, bool)))
-
-
-@cases(
-    "call",
-    lambda motion: jerk(motion, step=0.0),
-    lambda motion: largest_step(motion, step=np.nan),
-    lambda motion: freezing(motion, threshold=-1.0),
-    lambda motion: freezing(motion, window=0.0),
-    lambda motion: foot_skating(motion, height=0.0),
-)
-def test_settings_that_are_not_positive_are_refused(call: Callable[[Motion], float]):
-    refused("must be positive", call, legs({}))
 
 
 SMPL_24: Skeleton = bench_motion_features.SMPL_24
@@ -485,23 +432,6 @@ def test_the_published_form_is_that_of_plain_loops():
     )
 
 
-def test_the_published_form_doubles_speeds():
-    slow = somebody(velocities={"rwrist": (0.1, -0.4, 0)})
-    assert "right hand fast" in true_features(slow, form="aist++")
-    assert "right hand fast" not in true_features(slow)
-
-
-@cases(
-    "velocities, published",
-    ({"rwrist": (-0.3, 0, 0), "lwrist": (0.3, 0, 0)}, "hands approach each other"),
-    ({"rwrist": (0, 0, -SPEED)}, "right hand moves forward"),
-    ({"chest": (0, SPEED, 0)}, "right hand moves up"),
-)
-def test_the_published_form_takes_movements_for_others(velocities: dict, published: str):
-    assert published in true_features(somebody(velocities=velocities), form="aist++")
-    assert published not in true_features(somebody(velocities=velocities))
-
-
 # What must not matter
 
 
@@ -597,10 +527,6 @@ def test_flat_short_and_invalid_motions_have_no_relations(change: Callable[[Moti
     refused(message, features.geometric_features, change(somebody()))
 
 
-def test_an_unknown_form_is_refused():
-    refused("form must be fixed or aist", features.geometric_features, somebody(), form="published")
-
-
 def test_a_body_without_extent_has_no_relations():
     assert true_features(Motion(np.zeros((30, 24, 3)), 60.0, SMPL_24)) == set()
 
@@ -622,11 +548,6 @@ def test_a_joint_at_constant_velocity_has_energy_and_spends_none():
     )
 
 
-def test_a_falling_joint_spends_the_gravity():
-    t = np.arange(120) / 60
-    assert features.kinetic_features(second_joint(0 * t, -4.905 * t**2, 0 * t))[5] == pytest.approx(9.81)
-
-
 def test_a_swing_has_the_energy_and_acceleration_of_means_over_five_steps():
     # The mean of five velocities is the way over five steps, 2 sin(5 pi f / 60) wide, by their time; that of five
     # accelerations the change of a velocity over them. Means over time: 1/2 for sin^2, 2 / pi for |sin|.
@@ -635,14 +556,6 @@ def test_a_swing_has_the_energy_and_acceleration_of_means_over_five_steps():
     window = 2 * np.sin(5 * np.pi * f * SIXTIETH) / (5 * SIXTIETH)
     assert found[3] == pytest.approx((0.2 * window) ** 2 / 2, rel=2e-3)
     assert found[5] == pytest.approx(0.2 * window * 2 * np.sin(np.pi * f * SIXTIETH) / SIXTIETH * 2 / np.pi, rel=2e-3)
-
-
-def test_the_published_form_takes_a_place_for_an_acceleration():
-    # Nothing moves, so an acceleration should be 0; p (1 / dt^2 - 1 / dt) is |(3, 0, 4)| * 3540.
-    still = np.full(30, 1.0)
-    assert features.kinetic_features(second_joint(3 * still, 0 * still, 4 * still))[5] == 0.0
-    published = features.kinetic_features(second_joint(3 * still, 0 * still, 4 * still), form="aist++")
-    np.testing.assert_allclose(published, [0, 0, 0, 0, 0, 5 * (60**2 - 60)])
 
 
 def test_the_published_form_moves_with_the_place_in_the_room_and_ours_does_not():
@@ -692,6 +605,9 @@ def test_flat_short_and_invalid_motions_have_no_energies():
     refused("nowhere valid for 1/12 s", features.kinetic_features, replace(motion, valid=np.arange(30) % 4 != 0))
 
 
+distance = features.frechet_distance
+
+
 def sigma_points(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """2 d points whose mean is `mean` and whose (n - 1) covariance is diagonal with SDs `spread`, exactly."""
     count = 2 * len(mean)
@@ -703,7 +619,7 @@ def test_distance_of_axis_parallel_normals_is_that_of_their_means_and_deviations
     # |m_a - m_b|^2 + sum (s_a - s_b)^2 = (1 + 4) + (1 + 9)
     a = sigma_points(np.array([0.0, 0.0]), np.array([1.0, 2.0]))
     b = sigma_points(np.array([1.0, 2.0]), np.array([2.0, 5.0]))
-    assert features.frechet_distance(a, b, correct_bias=False).raw == pytest.approx(15.0)
+    assert distance(a, b, correct_bias=False).raw == pytest.approx(15.0)
 
 
 def test_distance_is_that_of_the_matrix_root(rng: np.random.Generator):
@@ -711,40 +627,29 @@ def test_distance_is_that_of_the_matrix_root(rng: np.random.Generator):
     covariances = np.cov(a.T), np.cov(b.T)
     root = sqrtm(covariances[0] @ covariances[1]).real
     expected = ((a.mean(0) - b.mean(0)) ** 2).sum() + np.trace(covariances[0] + covariances[1] - 2 * root)
-    assert features.frechet_distance(a, b, correct_bias=False).raw == pytest.approx(expected)
-
-
-def test_shifting_one_side_adds_the_square_of_the_shift(rng: np.random.Generator):
-    a = rng.normal(size=(50, 4))
-    assert features.frechet_distance(a, a + np.array([3.0, 0.0, 4.0, 0.0]), correct_bias=False).raw == pytest.approx(
-        25.0
-    )
+    assert distance(a, b, correct_bias=False).raw == pytest.approx(expected)
 
 
 def test_shifting_both_sides_changes_nothing(rng: np.random.Generator):
     a, b = rng.normal(size=(30, 3)), rng.normal(size=(40, 3))
-    assert features.frechet_distance(a + 1e3, b + 1e3).value == pytest.approx(
-        features.frechet_distance(a, b).value, abs=1e-8
-    )
+    assert distance(a + 1e3, b + 1e3).value == pytest.approx(distance(a, b).value, abs=1e-8)
 
 
 def test_fewer_samples_than_features_give_a_finite_distance(rng: np.random.Generator):
     a = rng.normal(size=(5, 64))
-    assert features.frechet_distance(a, a, correct_bias=False).raw == pytest.approx(0.0, abs=1e-9)
-    assert features.frechet_distance(a, rng.normal(size=(5, 64)), correct_bias=False).raw > 1
+    assert distance(a, a, correct_bias=False).raw == pytest.approx(0.0, abs=1e-9)
+    assert distance(a, rng.normal(size=(5, 64)), correct_bias=False).raw > 1
 
 
 def test_constant_features_are_no_obstacle():
     a = np.tile([1.0, 2.0], (10, 1))
-    assert features.frechet_distance(a, a + 1.0) == features.FrechetResult(2.0, 10, 10, 2.0)
+    assert distance(a, a + 1.0) == features.FrechetResult(2.0, 10, 10, 2.0)
 
 
 @pytest.mark.parametrize(("size_a", "size_b"), [(60, 60), (40, 120), (200, 200)])
 def test_two_samples_of_one_distribution_are_nothing_apart_once_corrected(size_a: int, size_b: int):
     rng = np.random.default_rng(4)
-    results = [
-        features.frechet_distance(rng.normal(size=(size_a, 16)), rng.normal(size=(size_b, 16))) for _ in range(40)
-    ]
+    results = [distance(rng.normal(size=(size_a, 16)), rng.normal(size=(size_b, 16))) for _ in range(40)]
     raw, values = np.mean([result.raw for result in results]), np.array([result.value for result in results])
     assert raw > 0.8
     # The mean of 40 estimates lies within three standard errors of 0, and a tenth of the bias at most is left.
@@ -754,39 +659,37 @@ def test_two_samples_of_one_distribution_are_nothing_apart_once_corrected(size_a
 def test_the_correction_keeps_a_distance_that_is_there():
     # |0.5|^2 in 12 features and an SD of 1.5 for 1: 3 + 12 * 0.25 = 6.
     rng = np.random.default_rng(5)
-    results = [
-        features.frechet_distance(rng.normal(size=(80, 12)), rng.normal(0.5, 1.5, size=(80, 12)), seed=i)
-        for i in range(40)
-    ]
+    results = [distance(rng.normal(size=(80, 12)), rng.normal(0.5, 1.5, size=(80, 12)), seed=i) for i in range(40)]
     assert np.mean([result.value for result in results]) == pytest.approx(6.0, rel=0.05)
     assert np.mean([result.raw for result in results]) > 7
 
 
 def test_the_same_seed_gives_the_same_value(rng: np.random.Generator):
     a, b = rng.normal(size=(30, 3)), rng.normal(size=(20, 3))
-    assert features.frechet_distance(a, b, seed=3) == features.frechet_distance(a, b, seed=3)
-    assert features.frechet_distance(a, b, seed=3).value != features.frechet_distance(a, b, seed=4).value
+    assert distance(a, b, seed=3) == distance(a, b, seed=3)
+    assert distance(a, b, seed=3).value != distance(a, b, seed=4).value
 
 
 GOOD = np.arange(12.0).reshape(6, 2) % 5
 
 
 @cases(
-    "a, b, message",
-    (GOOD[:, 0], GOOD, r"features_a must be \(samples, features\), got shape \(6,\)"),
-    (np.zeros((6, 0)), np.zeros((6, 0)), "features_a must be"),
-    (GOOD[:3], GOOD, "features_a must have at least 4 rows, got 3"),
-    (GOOD, np.zeros((0, 2)), "features_b must have at least 4 rows, got 0"),
-    (GOOD, np.where(GOOD == 4, np.nan, GOOD), "features_b holds NaN"),
-    (GOOD, GOOD[:, :1], "same columns, got 2 and 1"),
+    "message, call",
+    (r"features_a must be \(samples, features\), got shape \(6,\)", lambda: distance(GOOD[:, 0], GOOD)),
+    ("features_a must be", lambda: distance(np.zeros((6, 0)), np.zeros((6, 0)))),
+    ("features_a must have at least 4 rows, got 3", lambda: distance(GOOD[:3], GOOD)),
+    ("features_b must have at least 4 rows, got 0", lambda: distance(GOOD, np.zeros((0, 2)))),
+    ("features_b holds NaN", lambda: distance(GOOD, np.where(GOOD == 4, np.nan, GOOD))),
+    ("same columns, got 2 and 1", lambda: distance(GOOD, GOOD[:, :1])),
+    ("at least 2 rows, got 1", lambda: distance([[0.0]], [[3.0], [5.0]], correct_bias=False)),
+    ("same columns, got 1 and 2", lambda: features.standardise([[1.0]], [[1.0, 2.0]])),
+    ("at least 2 rows", lambda: features.diversity([[1.0, 2.0]])),
+    ("one song at least", lambda: features.multimodality([])),
+    ("at least 2 rows", lambda: features.multimodality([[[1.0], [2.0]], [[1.0]]])),
+    ("form must be fixed or aist", lambda: features.geometric_features(somebody(), form="published")),
 )
-def test_unfit_features_are_refused_by_name(a: np.ndarray, b: np.ndarray, message: str):
-    refused(message, features.frechet_distance, a, b)
-
-
-def test_two_rows_are_enough_without_correction():
-    assert features.frechet_distance([[0.0], [2.0]], [[3.0], [5.0]], correct_bias=False).raw == 9.0
-    refused("at least 2 rows, got 1", features.frechet_distance, [[0.0]], [[3.0], [5.0]], correct_bias=False)
+def test_unfit_features_are_refused_by_name(message: str, call: Callable[[], float]):
+    refused(message, call)
 
 
 def test_standardised_features_are_in_units_of_the_reference():
@@ -799,10 +702,6 @@ def test_errors_of_rounding_are_no_unit():
     np.testing.assert_allclose(features.standardise([[3.0, 1e-3]], reference), [[2.0, 1e-3]])
 
 
-def test_standardising_needs_the_same_columns():
-    refused("same columns, got 1 and 2", features.standardise, [[1.0]], [[1.0, 2.0]])
-
-
 def test_diversity_is_the_mean_distance_of_pairs():
     # Pairs of the corners of a 3-4-5 triangle.
     assert features.diversity([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]) == pytest.approx(4.0)
@@ -811,13 +710,3 @@ def test_diversity_is_the_mean_distance_of_pairs():
 def test_multimodality_is_the_mean_over_songs_of_the_diversity_within():
     songs = [[[0.0], [1.0]], [[10.0], [13.0]]]  # 1 apart, 3 apart; how far the songs are apart does not count
     assert features.multimodality(songs) == 2.0
-
-
-@cases(
-    "call, message",
-    (lambda: features.diversity([[1.0, 2.0]]), "at least 2 rows"),
-    (lambda: features.multimodality([]), "one song at least"),
-    (lambda: features.multimodality([[[1.0], [2.0]], [[1.0]]]), "at least 2 rows"),
-)
-def test_too_few_dances_are_refused(call: Callable[[], float], message: str):
-    refused(message, call)

@@ -1,7 +1,7 @@
 """Beats of movement: of joints whose stops are known, and of pictures, by optical flow, whose stops are planted."""
 
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,14 +47,6 @@ def test_peaks_lie_half_way_between_the_stops(swinging_arm: Swing):
     assert farthest(stops(1.0, 5.5) + 0.25, beats) < 0.01
 
 
-def test_turns_are_the_valleys_and_the_peaks(swinging_arm: Swing):
-    motion = swinging_arm(1.3, 60.0)
-    tracks = {
-        name: visual_beats(motion, params=replace(PLAIN, detector=name)).times for name in ("turns", "valleys", "peaks")
-    }
-    np.testing.assert_array_equal(tracks["turns"], np.sort(np.concatenate([tracks["valleys"], tracks["peaks"]])))
-
-
 def test_paper_mode_places_beats_on_frames_of_15_per_second(swinging_arm: Swing):
     frames = visual_beats(swinging_arm(1.0, 25.0)).times * 15
     np.testing.assert_allclose(frames, np.round(frames), atol=1e-9)
@@ -69,14 +61,6 @@ def test_a_beats_strength_is_the_speed_there():
     np.testing.assert_allclose(track.times, [0.3])
     np.testing.assert_allclose(track.strengths, [0.0])
     np.testing.assert_allclose(curve_beats(np.array([1.0, 3.0, 2.0]), 10.0, PLAIN).strengths, [3.0])
-
-
-def test_speed_is_per_second_so_strengths_do_not_depend_on_the_frame_rate(swinging_arm: Swing):
-    # Wrist and elbow swing through a radian at 0.6 and 0.3 m: 0.9 m * 2 pi rad/s at the fastest moment.
-    for fps in (60.0, 120.0):
-        curve, rate = motion_curve(swinging_arm(1.0, fps), PLAIN)
-        assert curve.max() == pytest.approx(0.9 * 2 * np.pi, rel=0.01)
-        assert rate == fps
 
 
 def direction() -> HarmonyParams:
@@ -173,11 +157,13 @@ def stopping_bar(fps: float, *, seconds: float = 7.0, height: int = 120) -> Iter
         yield cv2.warpAffine(bar, shift, (width, height), dst=frame, borderMode=cv2.BORDER_TRANSPARENT)
 
 
-@pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 50.0, 60.0])
+@pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 50.0])
 def test_each_sudden_stop_is_one_beat_within_a_frame(fps: float) -> None:
     track = flows.flow_beats(stopping_bar(fps), fps)
     assert len(track) == len(STOPS)
     np.testing.assert_allclose(track.times, STOPS, atol=TOLERANCE)
+    assert 0 < track.strengths.min() <= track.strengths.max() == 1.0
+    assert (track.fps, track.duration) == (fps, round(7.0 * fps) / fps)
 
 
 def test_every_other_frame_of_a_dance_gives_the_same_clear_beats() -> None:
@@ -187,13 +173,6 @@ def test_every_other_frame_of_a_dance_gives_the_same_clear_beats() -> None:
     assert len(clear_half) >= 8
     assert farthest(clear_half, full.times) <= TOLERANCE
     assert farthest(clear_full, half.times) <= TOLERANCE
-
-
-def test_twice_the_resolution_gives_the_same_beats() -> None:
-    small = flows.flow_beats(stopping_bar(25.0, height=120), 25.0)
-    np.testing.assert_allclose(
-        small.times, flows.flow_beats(stopping_bar(25.0, height=240), 25.0).times, atol=TOLERANCE
-    )
 
 
 @cases("right, down, bin_", (3, 0, 0), (2, 2, 2), (0, 3, 4), (-3, 0, 8), (0, -3, 12), (3, -3, 14))
@@ -276,14 +255,6 @@ def test_a_peak_exceeds_the_mean_around_it_by_more_than_the_threshold() -> None:
     assert flows.local_peaks(envelope, radius_frames=1, threshold=2.0, mean_frames=1).tolist() == []
 
 
-def test_equation_5_to_the_letter_compares_with_each_single_neighbour() -> None:
-    envelope = np.array([0, 0.9, 1, 0.9, 0, 0, 1, 0.5, 0.0])
-    assert flows.local_peaks(envelope, radius_frames=1, threshold=0.2, reading="literal").tolist() == [6]
-    refused(
-        "reading must be mean or literal", flows.local_peaks, envelope, radius_frames=1, threshold=0.2, reading="median"
-    )
-
-
 def test_a_flat_top_is_one_peak_in_its_middle_and_equal_peaks_give_one() -> None:
     flat = np.array([0, 1, 1, 1, 0, 0.0])
     assert flows.local_peaks(flat, radius_frames=2, threshold=0.1, mean_frames=2).tolist() == [2]
@@ -340,12 +311,6 @@ def test_a_few_frames_have_no_beats_and_their_own_duration(count: int) -> None:
     assert track.duration == pytest.approx(count / 25)
 
 
-def test_strengths_are_at_most_one_and_the_duration_counts_every_frame() -> None:
-    track = flows.flow_beats(stopping_bar(25.0), 25.0)
-    assert 0 < track.strengths.min() <= track.strengths.max() == 1.0
-    assert (track.fps, track.duration) == (25.0, 7.0)
-
-
 def test_colour_frames_give_the_beats_of_grey_ones() -> None:
     colour = (np.repeat(frame[..., None], 3, axis=2) for frame in stopping_bar(25.0))
     np.testing.assert_allclose(flows.flow_beats(colour, 25.0).times, flows.flow_beats(stopping_bar(25.0), 25.0).times)
@@ -379,43 +344,27 @@ def test_frames_are_forgotten_once_read() -> None:
 
 def test_progress_sees_every_frame() -> None:
     shapes: list[tuple[int, ...]] = []
-
-    def watch(frames: Iterable[np.ndarray], label: str) -> Iterator[np.ndarray]:
-        for frame in frames:
-            shapes.append(frame.shape)
-            yield frame
-
-    flows.flow_beats(stopping_bar(25.0, seconds=0.4), 25.0, progress=watch)
+    watched = lambda frames, label: (shapes.append(frame.shape) or frame for frame in frames)  # noqa: E731
+    flows.flow_beats(stopping_bar(25.0, seconds=0.4), 25.0, progress=watched)
     assert len(shapes) == 10
 
 
-def test_a_frame_of_another_size_is_refused_by_its_number() -> None:
-    frames = [np.zeros((32, 32), np.uint8), np.zeros((32, 40), np.uint8)]
-    refused(r"frame 1 has shape \(32, 40\), the first has \(32, 32\)", flows.flow_beats, frames, 25.0)
+BLACK = np.zeros((32, 32), np.uint8)
 
 
 @cases(
-    "frame, message",
-    (np.zeros((32, 32)), "frame 0 must be .* uint8"),
-    (np.zeros((32, 32, 4), np.uint8), "frame 0 must be"),
-    (np.zeros(32, np.uint8), "frame 0 must be"),
-    (np.zeros((8, 32), np.uint8), "at least 16 x 16 pixels"),
+    "frames, fps, message",
+    ([BLACK, np.zeros((32, 40), np.uint8)], 25.0, r"frame 1 has shape \(32, 40\), the first has \(32, 32\)"),
+    ([np.zeros((32, 32))], 25.0, "frame 0 must be .* uint8"),
+    ([np.zeros((32, 32, 4), np.uint8)], 25.0, "frame 0 must be"),
+    ([np.zeros(32, np.uint8)], 25.0, "frame 0 must be"),
+    ([np.zeros((8, 32), np.uint8)], 25.0, "at least 16 x 16 pixels"),
+    ([], 25.0, "at least one frame"),
+    *(([BLACK], fps, "fps must be positive") for fps in (0.0, -25.0, float("nan"), float("inf"))),
 )
-def test_what_is_no_picture_is_refused(frame: np.ndarray, message: str) -> None:
-    refused(message, flows.flow_beats, [frame, frame], 25.0)
-
-
-def test_a_video_without_frames_is_refused() -> None:
-    refused("at least one frame", flows.flow_beats, [], 25.0)
-
-
-@pytest.mark.parametrize("fps", [0.0, -25.0, float("nan"), float("inf")])
-def test_an_impossible_fps_is_refused_by_name(fps: float) -> None:
-    refused("fps must be positive", flows.flow_beats, stopping_bar(25.0), fps)
-
-
-def test_a_lag_in_frames_is_refused() -> None:
-    refused("lag must lie between 0 and 1 seconds, got 2", flows.flow_beats, stopping_bar(25.0), 25.0, lag=2)
+def test_what_is_no_video_is_refused(frames: list[np.ndarray], fps: float, message: str) -> None:
+    refused(message, flows.flow_beats, frames, fps)
+    refused("lag must lie between 0 and 1 seconds, got 2", flows.flow_beats, [BLACK], 25.0, lag=2)
 
 
 def test_a_wandering_box_changes_the_beats_of_the_flow() -> None:
@@ -428,9 +377,8 @@ def test_a_wandering_box_changes_the_beats_of_the_flow() -> None:
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("name", ["d2mgan_motivation_gt.mp4", "gendance_case1.mp4"])
-def test_a_recorded_dance_has_about_one_to_three_beats_a_second(data_root: Path, name: str) -> None:
-    path = data_root / "extra" / "video" / name
+def test_a_recorded_dance_has_about_one_to_three_beats_a_second(data_root: Path) -> None:
+    path = data_root / "extra" / "video" / "d2mgan_motivation_gt.mp4"
     if not path.exists():
         pytest.skip(f"{path} is not there")
     video = video_frames(path)
