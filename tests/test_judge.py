@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
 
@@ -18,7 +18,7 @@ from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict import bar_pattern
-from harmolab.verdict.evidence import MOMENTS, N_RATIOS, RATIOS, PlaceTest, TimeTest, floor, place_test, time_test
+from harmolab.verdict.evidence import MOMENTS, N_RATIOS, PlaceTest, TimeTest, floor, place_test, time_test
 from harmolab.verdict.judge import Judgement, judge, level_of, score_motion
 from tests import builders
 from tests.builders import cases, refused
@@ -84,8 +84,8 @@ def test_a_quarter_beat_late_is_told_what_is_seen_and_not_how_late() -> None:
     assert told.lag_s == pytest.approx(0.125, abs=0.02)
 
 
-@pytest.mark.parametrize("tempo", [90.0, 120.0, 150.0])
-@pytest.mark.parametrize("seconds", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("tempo", [90.0, 150.0])
+@pytest.mark.parametrize("seconds", [0.1, 0.2, 0.3, 0.5])
 def test_who_arrives_on_the_beat_is_in_time_and_neither_early_nor_late(tempo: float, seconds: float) -> None:
     beats = np.arange(1, SECONDS * tempo / 60 - 1) * 60 / tempo
     judgement = judged(arriving(beats, seconds), BeatTrack(beats, np.ones(beats.size), 100.0, SECONDS))
@@ -113,18 +113,17 @@ def raising(height: np.ndarray) -> Motion:
     return Motion(positions, 60.0, Skeleton.unnamed(7))
 
 
-@pytest.mark.parametrize(("tempo", "told"), [(121.9, "121.9"), (128.4, "128.4"), (95.0, "95.0")])
-def test_another_tempo_is_level_one_and_is_told(tempo: float, told: str) -> None:
+@pytest.mark.parametrize("tempo", [121.9, 128.4, 95.0])
+def test_another_tempo_is_level_one_and_is_told(tempo: float) -> None:
     judgement = judged(dancer(tempo=tempo))
     assert judgement.level == 1
-    own = re.fullmatch(
-        r"No sign that you follow this beat\. Your own tempo is ([\d.]+) bpm, the music's 120\.0\.", judgement.verdict
-    )
-    assert own and float(own[1]) == pytest.approx(float(told), abs=0.3)
+    words = r"No sign that you follow this beat\. Your own tempo is ([\d.]+) bpm, the music's 120\.0\."
+    own = re.fullmatch(words, judgement.verdict)
+    assert own and float(own[1]) == pytest.approx(tempo, abs=0.3)
 
 
 @cases("rate, words", (2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats"))
-@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6])
 def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:
     times = np.arange(round(SECONDS * 60)) / 60
     judgement = judged(raising(0.5 - 0.5 * np.cos(np.pi * (times / PERIOD * rate + phase))))
@@ -356,7 +355,7 @@ def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:
 def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
     rng = np.random.default_rng(5)
     judged_4 = 0
-    for _ in range(60):
+    for _ in range(20):
         lag, jitter, every = rng.uniform(-0.3, 0.3), rng.uniform(0, 0.15), rng.choice([0.5, 0.75, 1.0, 2.0])
         ends = np.sort((np.arange(-2, 60) * every + lag + jitter * rng.normal(size=62)) * PERIOD)
         judgement = judged(synthetic_motion(ends[(ends >= 0) & (ends < SECONDS)], seconds=SECONDS, fps=30.0, seed=4))
@@ -365,7 +364,7 @@ def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
             assert judgement.p_time <= 0.05 and judgement.p_place <= 0.25
             assert float(re.findall(r"p = ([\d.]+);", " ".join(judgement.remarks))[0]) <= 0.05
             assert judgement.p_value <= 0.25 and judgement.harmony_above_chance > 0
-    assert judged_4 > 5
+    assert judged_4 > 2
 
 
 def test_nothing_is_judged_by_beats_that_the_sound_does_not_keep_to() -> None:
@@ -393,22 +392,15 @@ def test_a_pattern_is_a_fourier_series_of_the_beat_position():
     )
 
 
-def test_positions_count_beats_and_go_on_beyond_them():
-    beats = beats_at([1.0, 2.0, 4.0])
+def test_positions_count_beats_from_their_place_in_the_bar_and_go_on_beyond_them():
     times = np.array([0.0, 0.5, 1.0, 1.5, 3.0, 4.0, 5.0])
-    np.testing.assert_allclose(bar_pattern.beat_positions(times, beats), [-1, -0.5, 0, 0.5, 1.5, 2, 2.5])
-
-
-def test_positions_start_at_the_first_beats_place_in_the_bar():
-    np.testing.assert_allclose(
-        bar_pattern.beat_positions(np.array([1.0, 2.5]), beats_at([1.0, 2.0, 3.0], bar_places=[3, 0, 1])), [3, 4.5]
-    )
-
-
-@pytest.mark.parametrize("times", [[], [1.0]])
-def test_positions_need_a_tempo(times: list[float]):
-    with pytest.raises(ValueError, match=f"a pattern needs two music beats at least, got {len(times)}"):
-        bar_pattern.beat_positions(np.array([0.0]), beats_at(times))
+    expected = np.array([-1, -0.5, 0, 0.5, 1.5, 2, 2.5])
+    for places, first in ((None, 0), ([3, 0, 1], 3)):
+        found = bar_pattern.beat_positions(times, beats_at([1.0, 2.0, 4.0], bar_places=places))
+        np.testing.assert_allclose(found, expected + first)
+    for few in ([], [1.0]):
+        message = f"a pattern needs two music beats at least, got {len(few)}"
+        refused(message, bar_pattern.beat_positions, np.array([0.0]), beats_at(few))
 
 
 def test_a_planted_pattern_is_learnt_back():
@@ -471,12 +463,12 @@ def test_a_body_at_rest_ranks_in_the_middle():
     np.testing.assert_array_equal(ranks, np.full(20, 0.5))
 
 
-@pytest.mark.parametrize(("place", "fits"), [(0, True), (1, False)])
-def test_known_bar_places_tell_even_beats_from_odd_ones(place: int, fits: bool):
-    # Beats every half second from 1 s on; fastest on the even ones, slowest on the odd ones.
-    times = np.arange(1200) / 100.0
-    beats = np.arange(1.0, 11.0, 0.5)
-    music = beats_at(beats, bar_places=[(k + place) % 4 for k in range(beats.size)])
+@cases("place, late, fits", (0, 0.0, True), (1, 0.0, False), (None, 0.0, True), (None, 0.5, False))
+def test_bar_places_tell_even_beats_from_odd_ones_and_without_them_the_first_beat_begins(place, late, fits):
+    # Beats every half second; fastest on whole seconds, slowest between.
+    times, beats = np.arange(1200) / 100.0, np.arange(1.0, 11.0, 0.5) + late
+    places = None if place is None else [(k + place) % 4 for k in range(beats.size)]
+    music = beats_at(beats, bar_places=places)
     ranks = bar_pattern.beat_ranks(times, np.cos(2 * np.pi * times), music, FAST_ON_EVEN_BEATS)
     assert ((ranks > 0.85) == fits).all() and ((ranks < 0.15) != fits).all()
 
@@ -490,15 +482,6 @@ def test_beats_are_ranked_among_24_moments_a_beat_with_nothing_beyond_the_ends(r
     kernels = bar_pattern.templates(FAST_ON_EVEN_BEATS, 24)
     expected = [bar_pattern.moment_ranks(np.convolve(speed, kernel[::-1], mode="same")) for kernel in kernels]
     np.testing.assert_allclose(ranks, [expected[(beat + 1) % 2][24 * beat] for beat in range(12)], atol=1e-12)
-
-
-def test_without_known_bar_places_the_pattern_begins_on_the_first_beat():
-    times = np.arange(1200) / 100.0
-    for late, fits in ((0.0, True), (0.5, False)):
-        ranks = bar_pattern.beat_ranks(
-            times, np.cos(2 * np.pi * times), beats_at(np.arange(1.0, 11.0, 0.5) + late), FAST_ON_EVEN_BEATS
-        )
-        assert ((ranks > 0.85) == fits).all()
 
 
 def test_beats_beyond_the_movement_count_at_its_ends_and_nothing_moves_there():
@@ -680,7 +663,7 @@ def test_the_rate_is_the_number_of_movements_a_beat() -> None:
 
 def test_noise_has_p_values_as_small_as_chance_allows() -> None:
     rng = np.random.default_rng(7)
-    p = [result(gaussian_filter1d(rng.normal(size=3200), 12)).p_value for _ in range(20)]
+    p = [result(gaussian_filter1d(rng.normal(size=3200), 12)).p_value for _ in range(12)]
     assert np.mean(np.array(p) <= 0.05) < 0.2
     assert 0.3 < np.mean(p) < 0.7
 
@@ -703,11 +686,6 @@ def test_masked_samples_count_for_nothing() -> None:
     values[500:520], valid[500:520] = 1e3, False
     masked = time_test(ShapeSignal(clean.times, values, valid, 0.4, 0.6, 0.6, 3), TIMED)
     assert masked.own == pytest.approx(time_test(clean, TIMED).own, rel=0.1)
-
-
-def test_the_grids_lie_evenly_around_the_beats_own_tempo() -> None:
-    assert RATIOS[N_RATIOS // 2] == pytest.approx(1.0)
-    np.testing.assert_allclose(RATIOS * RATIOS[::-1], 1.0)
 
 
 @cases("amplitude, counts", (1.0, 1.0), (0.25, 1.0), (0.2, 0.2 / 0.22), (0.1, 0.1 / 0.21))
@@ -754,6 +732,7 @@ def test_a_body_that_tumbles_has_next_to_none() -> None:
     assert shape_signal(shape_speed(moving(tumbling))).share < 0.02
 
 
+@settings(max_examples=20)
 @given(st.floats(0.01, 100.0), st.floats(-3.0, 3.0), st.integers(0, 1000))
 def test_scale_yaw_mirror_place_and_joint_order_change_no_number(scale: float, yaw: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
