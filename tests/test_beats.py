@@ -14,7 +14,6 @@ import pytest
 from numpy.typing import ArrayLike
 
 import harmolab.beats.audio as listening
-from harmolab.beats import audio
 from harmolab.beats import meter as meters
 from harmolab.beats import tempo as tempos
 from harmolab.cli import app
@@ -256,6 +255,7 @@ from harmolab.types import Audio
 envelope, beats = np.zeros(20000), np.array([3, 9, 12, 24, 30])
 envelope[beats] = [1, 2, 3, 4, 5]
 listening._analyse = lambda audio, bounds: (envelope, beats)
+listening.compile_tracker = lambda: None
 audio = Audio(np.ones(22050), 22050)
 for turn in range(40):
     track = listening.audio_beats(audio)
@@ -310,20 +310,12 @@ def test_real_compilation_of_this_machine_is_found() -> None:
     assert listening.is_tracker_compiled()  # conftest has had it compiled
 
 
-@pytest.mark.parametrize(("is_compiled", "times"), [(False, 1), (True, 0)])
-def test_command_says_once_that_it_compiles_and_only_then(
-    is_compiled: bool, times: int, song: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@cases("is_compiled, options, times", (False, (), 1), (True, (), 0), (False, ("-q",), 0))
+def test_command_says_once_that_it_compiles_and_only_then(is_compiled, options, times, song, monkeypatch) -> None:
     monkeypatch.setattr(listening, "is_tracker_compiled", lambda: is_compiled)
-    said = called(app, "dance", song, "--seconds", "5", "--out", song.with_name("dance.npz")).stderr
-    assert said.count("compiling") == times
-    assert said.count(f"harmolab: {audio.COMPILING}\n") == times
-    assert "first time" not in said
-
-
-def test_quiet_command_compiles_without_a_word(song: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listening, "is_tracker_compiled", lambda: False)
-    assert called(app, "beats", song, "-q").stderr == ""
+    said = called(app, "beats", song, *options).stderr
+    assert said.count("compiling") == said.count(f"harmolab: {listening.COMPILING}\n") == times
+    assert "first time" not in said and (said == "" or not options)
 
 
 def test_process_that_waits_for_another_to_compile_says_nothing(song: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -287,7 +287,7 @@ def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
 @pytest.mark.parametrize("kind", ["dancer, same tempo, any phase", "smooth noise"])
 def test_p_value_is_small_no_more_often_than_it_may(kind: str):
     draw, _ = NULLS[kind]
-    (row,) = CELLS.null_table({kind: (draw, (15.0,))}, 400, 1).to_dict("records")
+    (row,) = CELLS.null_table({kind: (draw, (15.0,))}, 120, 1).to_dict("records")
     assert row["p .05"] <= 0.06
     assert row["p .01"] <= 0.02
     if kind == "smooth noise":
