@@ -118,12 +118,6 @@ def test_the_hit_rate_counts_beats_that_are_not_salient_too():
     assert (score.n_audio, score.hitting_score, score.hit_rate) == (2, 0.0, 0.5)
 
 
-def test_the_lag_is_taken_off_the_visual_beats():
-    music, late = track([1.0, 3.0, 5.0]), track([1.4, 3.4, 5.4])
-    assert scoring.score_harmony(music, late, params=ALL_BEATS, n_rotations=0).hit_rate == 0.0
-    assert scoring.score_harmony(music, late, params=replace(ALL_BEATS, lag=0.4), n_rotations=0).hit_rate == 1.0
-
-
 def test_movements_that_lag_score_as_those_that_come_so_much_earlier():
     music = track([0.5, 3.0, 5.0, 9.0], [1.0, 0.5, 1.0, 0.5])
     late, early = (track([each + 0.5, each + 3.4, each + 5.9]) for each in (0.375, 0.0))
@@ -372,14 +366,6 @@ def test_audio_saliency_is_read_as_the_params_say(reading, count):
 
 def test_rotations_are_spread_evenly_and_never_zero():
     np.testing.assert_allclose(significance.rotations(8.0, 4), [1, 3, 5, 7])
-
-
-def test_rotated_hits_by_hand():
-    # A circle of 8 s with one visual beat at 1, turned by 1, 3, 5, 7: it stands at 2, 4, 6, 0.
-    shares = significance.rotated_shares(
-        np.array([2.0, 7.5]), np.array([1.0]), np.array([1.0, 10.0]), delay=0.5, duration=8.0, count=4
-    )
-    np.testing.assert_array_equal(shares, [1, 0, 0, 10])  # 7.5 and 0 lie half a second apart around the circle
 
 
 def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):

@@ -14,7 +14,7 @@ from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.groups import NEAR, Segment, group_outlines, motion_groups, outline
 from harmolab.systems.training.units import DanceUnit, UnitSet, collate, initial_poses, temporal_index
 from harmolab.types import Audio, Clip, Motion
-from tests.builders import refused
+from tests.builders import cases, refused
 
 JOINT = Skeleton(("joint",), (-1,))
 
@@ -40,19 +40,27 @@ def test_a_unit_knows_its_lengths_and_times():
     assert (one.start, one.meter_start, one.end) == (3.0, 4.0, 6.0)
 
 
-@pytest.mark.parametrize("n_prior", [0, 4])
-def test_a_unit_needs_frames_before_the_meter_and_in_it(n_prior: int):
-    refused(f"a: {n_prior} of 4 frames come before the meter; needs both", unit, n_prior=n_prior)
-
-
-def test_parts_of_a_unit_must_be_equally_long():
-    with pytest.raises(ValueError, match="audio, motion and index must be equally long, got 3, 4 and 4 frames"):
-        replace(unit(), audio=np.zeros((3, 1), np.float32))
-    refused("a: 2 beats have 1 strengths", replace, unit(), strengths=np.ones(1))
-
-
-def test_two_units_of_one_name_are_refused():
-    refused("two units are called 'a'", unit_set, unit("b"), unit("a"), unit("a"))
+@cases(
+    "message, call",
+    ("a: 0 of 4 frames come before the meter; needs both", lambda: unit(n_prior=0)),
+    ("a: 4 of 4 frames come before the meter; needs both", lambda: unit(n_prior=4)),
+    ("must be equally long, got 3, 4 and 4 frames", lambda: replace(unit(), audio=np.zeros((3, 1), np.float32))),
+    ("a: 2 beats have 1 strengths", lambda: replace(unit(), strengths=np.ones(1))),
+    ("two units are called 'a'", lambda: unit_set(unit("b"), unit("a"), unit("a"))),
+    ("no unit is called 'd'", lambda: unit_set(unit("a")).select(["a", "d"])),
+    (r"one entry per unit \(1\), got shape \(2,\)", lambda: unit_set(unit("a")).select(np.array([True, False]))),
+    ("a batch needs at least one unit", lambda: collate([])),
+    (r"n_prior must lie between 0 and n_frames \(3\), got -1", lambda: temporal_index(3, -1)),
+    (r"n_prior must lie between 0 and n_frames \(3\), got 4", lambda: temporal_index(3, 4)),
+    (r"index is 0 everywhere.*Eq\. 23", lambda: initial_poses(np.zeros((3, 2)), np.zeros(3))),
+    (r"one entry per frame \(3\), got shape \(2,\)", lambda: initial_poses(np.zeros((3, 2)), np.ones(2))),
+    (
+        "corpus/a: needs a motion in three dimensions",
+        lambda: motion_groups([Recording(Clip("a", SILENCE), None, Path("corpus/a"))]),
+    ),
+)
+def test_what_is_no_unit_and_has_no_groups_is_refused(message: str, call: Callable[[], object]):
+    refused(message, call)
 
 
 def test_units_are_selected_by_name_or_mask_in_their_order():
@@ -60,11 +68,6 @@ def test_units_are_selected_by_name_or_mask_in_their_order():
     assert [one.name for one in units.select(["c", "a"]).units] == ["a", "c"]
     assert [one.name for one in units.select(np.array([False, True, False])).units] == ["b"]
     assert len(units.select([])) == 0
-
-
-def test_an_unknown_name_or_a_short_mask_is_refused():
-    refused("no unit is called 'd'", unit_set(unit("a")).select, ["a", "d"])
-    refused(r"one entry per unit \(1\), got shape \(2,\)", unit_set(unit("a")).select, np.array([True, False]))
 
 
 def test_a_batch_is_padded_with_last_frames_that_do_not_count():
@@ -86,22 +89,9 @@ def test_units_without_beats_make_a_batch_without():
     assert collate([unit(beats=())]).beats.shape == (1, 0)
 
 
-def test_a_batch_of_nothing_is_refused():
-    refused("a batch needs at least one unit", collate, [])
-
-
-def test_frames_of_the_last_meter_have_index_one():
-    np.testing.assert_array_equal(temporal_index(4, 3), [1, 1, 1, 0])
-
-
-@pytest.mark.parametrize(("n_prior", "expected"), [(0, [0, 0]), (2, [1, 1])])
-def test_index_may_be_all_zero_or_all_one(n_prior: int, expected: list[int]):
-    np.testing.assert_array_equal(temporal_index(2, n_prior), expected)
-
-
-@pytest.mark.parametrize("n_prior", [-1, 4])
-def test_more_prior_frames_than_frames_are_refused(n_prior: int):
-    refused(rf"n_prior must lie between 0 and n_frames \(3\), got {n_prior}", temporal_index, 3, n_prior)
+@cases("n_frames, n_prior, expected", (4, 3, [1, 1, 1, 0]), (2, 0, [0, 0]), (2, 2, [1, 1]))
+def test_frames_of_the_last_meter_have_index_one(n_frames: int, n_prior: int, expected: list[int]):
+    np.testing.assert_array_equal(temporal_index(n_frames, n_prior), expected)
 
 
 def test_the_current_meter_does_not_show_in_its_initial_poses(rng: np.random.Generator):
@@ -109,14 +99,6 @@ def test_the_current_meter_does_not_show_in_its_initial_poses(rng: np.random.Gen
     other = motion.copy()
     other[2:] = 1e6
     np.testing.assert_array_equal(initial_poses(motion, index), initial_poses(other, index))
-
-
-def test_a_unit_without_prior_frames_has_no_initial_poses():
-    refused(r"index is 0 everywhere.*Eq\. 23", initial_poses, np.zeros((3, 2)), np.zeros(3))
-
-
-def test_an_index_of_another_length_is_refused():
-    refused(r"one entry per frame \(3\), got shape \(2,\)", initial_poses, np.zeros((3, 2)), np.ones(2))
 
 
 GROUP_FPS = 25.0
@@ -245,13 +227,8 @@ def test_a_dance_without_name_has_groups_all_the_same():
 
 def test_bodies_that_differ_cannot_be_compared(swinging_arm: Callable[..., Motion]):
     arm = Recording(Clip("arm", SILENCE, swinging_arm(1.0, 25.0)), None, Path("corpus/arm"))
-    with pytest.raises(ValueError, match="motions of 3 and 4 joints have no figures that could be compared"):
-        motion_groups([arm, spliced(movement("once"))])
-
-
-def test_a_sequence_without_motion_is_refused():
-    with pytest.raises(ValueError, match="corpus/a: needs a motion in three dimensions"):
-        motion_groups([Recording(Clip("a", SILENCE), None, Path("corpus/a"))])
+    message = "motions of 3 and 4 joints have no figures that could be compared"
+    refused(message, motion_groups, [arm, spliced(movement("once"))])
 
 
 @pytest.mark.data
