@@ -597,6 +597,9 @@ def test_a_later_dance_is_expected_with_a_lag():
     params, late = replace(HarmonyParams.recommended(), lag=0.1), dancer(BEATS + 0.1, 15.0)
     soft = softly(late.positions.copy(), BEATS, tau=SOFTNESS, params=params)
     assert float(soft.above_chance) == pytest.approx(soft_of(DANCER, REST), abs=0.03)
+    # A beat that would be danced after the end does not count.
+    beyond = softly(late.positions.copy(), np.append(BEATS, SECONDS - 0.05), tau=SOFTNESS, params=params)
+    assert float(beyond.n_audio) == BEATS.size
 
 
 def test_a_turn_about_the_vertical_is_taken_back():
