@@ -1,8 +1,8 @@
 """Settings of scoring: dances, bar patterns, every choice that a harmony score depends on."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args, get_origin
 
 import numpy as np
 
@@ -176,18 +176,8 @@ class HarmonyParams:
         ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab learn`, or one of `HOW_PATTERNS`.
         """
         detector: Literal["peaks", "valleys"] = "peaks" if pattern == HOW_PATTERNS["hit"] else "valleys"
-        return cls(
-            measure="shape",
-            audio_threshold=0.0,
-            visual_threshold=None,
-            reaction_delay=0.1,
-            beta=1.0,
-            detector=detector,
-            fps=None,
-            position_smoothing=0.06,
-            subframe=True,
-            pattern=pattern,
-        )
+        shape = replace(cls.valleys(), measure="shape", audio_threshold=0.0, beta=1.0, smoothing=0.0)
+        return replace(shape, detector=detector, position_smoothing=0.06, pattern=pattern)
 
     @classmethod
     def valleys(cls) -> "HarmonyParams":
@@ -208,15 +198,5 @@ class HarmonyParams:
 # Choices that were taken out: the error of one says what took its place.
 GONE = MappingProxyType({"pattern": "; the joint speed in the room gave way to that of the shape: measure 'shape'"})
 CHOICES = MappingProxyType(
-    {
-        "measure": ("shape", "hits"),
-        "detector": ("turns", "valleys", "peaks", "direction"),
-        "speed": ("norm", "signed", "norm_of_sum"),
-        "plateau": ("last", "middle", "literal"),
-        "saliency": ("threshold", "literal"),
-        "visual_saliency": ("difference", "strength"),
-        "first_beat": ("copy", "drop"),
-        "matching": ("many", "nearest", "max"),
-        "normalisation": ("max", "mean", "raw"),
-    }
+    {field.name: get_args(field.type) for field in fields(HarmonyParams) if get_origin(field.type) is Literal}
 )

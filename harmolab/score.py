@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from harmolab.files import plain
 from harmolab.params import HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
 from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
@@ -98,12 +99,9 @@ def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
 def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
     """The attentional visual beats p'_v with strengths s'_v."""
     mask = visual_mask(
-        track.strengths,
-        params.visual_threshold,
-        reading=params.saliency,
-        quantity=params.visual_saliency,
-        first_beat=params.first_beat,
-    )
+        track.strengths, params.visual_threshold, reading=params.saliency,
+        quantity=params.visual_saliency, first_beat=params.first_beat,
+    )  # fmt: skip
     return track.select(mask)
 
 
@@ -201,14 +199,7 @@ class HarmonyScore(Display):
         numbers = {name: value for name, value in vars(self).items() if name not in inner}
         counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
         verdict = self.judgement.to_dict() if self.judgement else {}
-        return {name: _plain(value) for name, value in (numbers | counts | beats | verdict).items()}
-
-
-def _plain(value: Any) -> Any:
-    """Lists and finite numbers in place of arrays, tuples and what is not finite."""
-    if isinstance(value, np.ndarray | tuple):
-        return [_plain(item) for item in np.asarray(value).tolist()]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+        return dict(plain(numbers | counts | beats | verdict))
 
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.

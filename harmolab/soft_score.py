@@ -50,10 +50,15 @@ def smoothed(curve: Tensor, mask: Tensor, sigma: float) -> Tensor:
     """
     if sigma == 0:
         return curve
-    radius = int(4 * sigma + 0.5)
     last = (frames_before_end(mask).sum(dim=1, keepdim=True).long() - 1).clamp(min=0)
-    frames = torch.arange(-radius, curve.shape[1] + radius, device=curve.device).clamp(min=0)
-    held = curve.gather(1, torch.minimum(frames, last))
+    return _smoothed_between(curve, torch.zeros_like(last), last, sigma)
+
+
+def _smoothed_between(curve: Tensor, first: Tensor, last: Tensor, sigma: float) -> Tensor:
+    """The (N, T) curve, held as it is at its first and last samples (N, 1), smoothed by a Gaussian of `sigma` ones."""
+    radius = int(4 * sigma + 0.5)
+    samples = torch.arange(-radius, curve.shape[1] + radius, device=curve.device)
+    held = curve.gather(1, torch.maximum(torch.minimum(samples, last), first))
     offsets = torch.arange(-radius, radius + 1, device=curve.device, dtype=curve.dtype)
     kernel = torch.exp(-0.5 * (offsets / sigma) ** 2)
     return conv1d(held[:, None], (kernel / kernel.sum())[None, None])[:, 0]
@@ -184,13 +189,11 @@ class SoftPlace:
     rank : mean rank of the beats among all moments, 0 to 1
     chance : mean rank at a random lag: 1/2, and more where the best of several places is taken
     harmony_above_chance : H, -1 to 1: the soft form of `PlaceTest.harmony_above_chance`, times the gate
-    pulse : SD of the speed without its drift, body sizes a second
     """
 
     rank: Tensor
     chance: Tensor
     harmony_above_chance: Tensor
-    pulse: Tensor
 
 
 def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: float) -> SoftShape:
@@ -331,7 +334,7 @@ def soft_place(
     speed = _on_the_beats(shape, beats, total)[:, : (beats.shape[1] - 1) // pattern.beats * pattern.beats * MOMENTS]
     if speed.shape[1] == 0:
         zero = shape.speed.sum(dim=1) * 0
-        return SoftPlace(zero + 0.5, zero + 0.5, zero, zero)
+        return SoftPlace(zero + 0.5, zero + 0.5, zero)
     size = MOMENTS * pattern.beats * ((total - 1).clamp(min=0) // pattern.beats)  # moments of whole cycles
     fits = soft_fits(speed, size, pattern)
     fits = fits / _spread(fits, size[..., None])
@@ -341,7 +344,7 @@ def soft_place(
     chance = torch.zeros_like(mean) if rows.shape[1] == 1 else _chance(fits, rows, size)
     pulse = _spread(speed, size)[:, 0]
     gate = pulse.square() / (pulse.square() + LEAST_PULSE**2) * (size[:, 0] > 0)
-    return SoftPlace((1 + mean) / 2, (1 + chance) / 2, gate * (mean - chance) / (1 - chance), pulse)
+    return SoftPlace((1 + mean) / 2, (1 + chance) / 2, gate * (mean - chance) / (1 - chance))
 
 
 def _on_the_beats(shape: SoftShape, beats: Tensor, total: Tensor) -> Tensor:
@@ -351,13 +354,8 @@ def _on_the_beats(shape: SoftShape, beats: Tensor, total: Tensor) -> Tensor:
     end = beats.gather(1, (total - 1).clamp(min=0))
     final = torch.minimum((end * rate + 1e-6).floor().long(), shape.last[:, None]).clamp(min=0)
     first = torch.minimum(first, final)
-    reach = int(4 * DRIFT * rate + 0.5)
-    samples = torch.arange(-reach, n_samples + reach, device=beats.device)
-    held = shape.speed.gather(1, torch.maximum(torch.minimum(samples, final), first))
-    offsets = torch.arange(-reach, reach + 1, device=beats.device, dtype=held.dtype)
-    kernel = torch.exp(-0.5 * (offsets / (DRIFT * rate)) ** 2)
-    rest = shape.speed - conv1d(held[:, None], (kernel / kernel.sum())[None, None])[:, 0]
-    parts = torch.arange(MOMENTS, device=beats.device, dtype=held.dtype) / MOMENTS
+    rest = shape.speed - _smoothed_between(shape.speed, first, final, DRIFT * rate)
+    parts = torch.arange(MOMENTS, device=beats.device, dtype=rest.dtype) / MOMENTS
     moments = (beats[:, :-1, None] + parts * beats.diff(dim=1)[..., None]).flatten(1)
     at = torch.maximum(torch.minimum(moments * rate, final), first)
     left = torch.minimum(at.floor().long(), (final - 1).clamp(min=0))
@@ -527,35 +525,31 @@ def soft_harmony(
     _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
+    beats, counted = beats.to(positions.dtype), beat_mask.bool()
+    if span is not None:
+        span = span.to(positions.dtype)
+        counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
     if params.measure == "shape":
         with torch.autocast(positions.device.type, enabled=False):
-            return _of_shape(
-                positions, beats.to(positions.dtype), beat_mask.bool(), mask, span, bar_places,
-                fps=fps, tau=tau, params=params,
-            )  # fmt: skip
+            return _of_shape(positions, beats, counted, mask, bar_places, fps=fps, tau=tau, params=params)
     curve = positions if positions.ndim == 2 else soft_speed(positions, fps, reading=params.speed)
     mask = mask.to(curve.dtype)
     with torch.autocast(curve.device.type, enabled=False):
         curve = smoothed(curve, mask, params.smoothing * fps)
     duration = frames_before_end(mask).sum(dim=1) / fps
-    limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span.to(curve.dtype)
+    limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span
     track = _visual_track(curve, mask, limits, fps=fps, tau=tau, params=params)
-    beats, counted = beats.to(curve.dtype), beat_mask.bool()
-    if span is not None:
-        counted = counted & (beats >= limits[:, :1]) & (beats < limits[:, 1:])
     return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), counted, params), counted, params)
 
 
 def _of_shape(
-    positions: Tensor, beats: Tensor, counted: Tensor, mask: Tensor, span: Tensor | None, bar_places: Tensor | None,
+    positions: Tensor, beats: Tensor, counted: Tensor, mask: Tensor, bar_places: Tensor | None,
     *, fps: float, tau: float, params: HarmonyParams,
 ) -> SoftHarmony:  # fmt: skip
     """The place test in the terms of the hits."""
     duration = frames_before_end(mask.to(beats.dtype)).sum(dim=1, keepdim=True) / fps
     late = beats + params.lag
     counted = counted & (late >= 0) & (late <= duration)
-    if span is not None:
-        counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
     pattern = params.pattern or HOW_PATTERNS["rest"]
     shape = soft_shape_speed(positions, mask, fps, smoothing=params.position_smoothing)
     place = soft_place(shape, late, counted, pattern, tau=tau, places=bar_places)

@@ -12,36 +12,15 @@ import numpy as np
 import pytest
 import torch
 
+from harmolab import score as scoring
 from harmolab.beats.audio import audio_beats, onset_envelope
 from harmolab.beats.flow import impact_envelope, local_peaks
 from harmolab.beats.meter import strong_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import direction_spread, joint_speed, step_signs, turning_points
 from harmolab.params import HarmonyParams
-from harmolab.score import (
-    audio_mask,
-    f_score,
-    harmony_from_hits,
-    hit_mask,
-    hitting_score,
-    interval_matrix,
-    nearest_intervals,
-    position_matrix,
-    score_harmony,
-    strength_steps,
-    visual_mask,
-)
 from harmolab.soft_score import SoftHarmony
-from harmolab.systems.harmogan.losses import (
-    adversarial_value,
-    charbonnier_mse,
-    discriminator_loss,
-    feature_loss,
-    generator_gan_loss,
-    harmony_loss,
-    kl_loss,
-    literal_harmony_loss,
-)
+from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.loop import total_loss
 from harmolab.systems.training.units import initial_poses, temporal_index
@@ -50,39 +29,14 @@ from harmolab.verdict.judge import score_clip
 from tests.builders import along_x, track
 
 EQUATIONS: dict[int, Callable[..., object]] = {
-    1: score_clip,
-    2: onset_envelope,
-    3: audio_beats,
-    4: impact_envelope,
-    5: local_peaks,
-    6: score_clip,
-    7: joint_speed,
-    8: step_signs,
-    9: turning_points,
-    10: score_harmony,
-    11: audio_mask,
-    12: strength_steps,
-    13: visual_mask,
-    14: score_harmony,
-    15: position_matrix,
-    16: interval_matrix,
-    17: nearest_intervals,
-    18: hit_mask,
-    19: hitting_score,
-    20: f_score,
-    21: harmony_from_hits,
-    22: strong_beats,
-    23: initial_poses,
-    24: kl_loss,
-    25: charbonnier_mse,
-    26: feature_loss,
-    27: harmony_loss,
-    28: adversarial_value,
-    29: discriminator_loss,
-    30: discriminator_loss,
-    31: generator_gan_loss,
-    32: total_loss,
-}
+    1: score_clip, 2: onset_envelope, 3: audio_beats, 4: impact_envelope, 5: local_peaks, 6: score_clip,
+    7: joint_speed, 8: step_signs, 9: turning_points, 10: scoring.score_harmony, 11: scoring.audio_mask,
+    12: scoring.strength_steps, 13: scoring.visual_mask, 14: scoring.score_harmony, 15: scoring.position_matrix,
+    16: scoring.interval_matrix, 17: scoring.nearest_intervals, 18: scoring.hit_mask, 19: scoring.hitting_score,
+    20: scoring.f_score, 21: scoring.harmony_from_hits, 22: strong_beats, 23: initial_poses, 24: losses.kl_loss,
+    25: losses.charbonnier_mse, 26: losses.feature_loss, 27: losses.harmony_loss, 28: losses.adversarial_value,
+    29: losses.discriminator_loss, 30: losses.discriminator_loss, 31: losses.generator_gan_loss, 32: total_loss,
+}  # fmt: skip
 
 NUMBERS = range(1, 33)
 CONVENTIONS = Path(__file__).resolve().parents[1] / "docs" / "conventions.md"
@@ -150,7 +104,8 @@ def test_equation_06_harmony_aligns_the_beats_of_both_sides():
     heard = BeatTrack([0.1, 0.3, 0.5], [1.0, 1.0, 1.0], 10.0, 0.6)
     clip = Clip("one stop", Audio(np.zeros(600), 1000), one_stop())
     score = score_clip(clip, EVERY_BEAT, tracker=lambda audio: heard)
-    assert score.harmony == score_harmony(heard, visual_beats(one_stop(), params=EVERY_BEAT), params=EVERY_BEAT).harmony
+    seen = visual_beats(one_stop(), params=EVERY_BEAT)
+    assert score.harmony == scoring.score_harmony(heard, seen, params=EVERY_BEAT).harmony
     assert score.harmony == pytest.approx(5 / 13)  # N = 3, M = 1, one hit
 
 
@@ -173,70 +128,70 @@ def test_equation_09_visual_beats_are_where_the_sign_changes():
 def test_equation_10_only_attentional_beats_are_aligned():
     # SD(s_a) = 0.45 drops the third music beat; R = 4, 4, 0.1 with SD 1.95 drops the third visual beat.
     music, motion = track([1.0, 2.0, 3.0], [1.0, 1.0, 0.05]), track([1.0, 2.0, 3.0], [1.0, 5.0, 4.9])
-    masked = score_harmony(music, motion, params=replace(EVERY_BEAT, audio_threshold=1.0, visual_threshold=1.0))
+    masked = scoring.score_harmony(music, motion, params=replace(EVERY_BEAT, audio_threshold=1.0, visual_threshold=1.0))
     assert (masked.n_audio, masked.n_visual, masked.harmony) == (2, 2, pytest.approx(5 * 2 / (2 * 4 + 2)))
-    unmasked = score_harmony(music, motion, params=EVERY_BEAT)
+    unmasked = scoring.score_harmony(music, motion, params=EVERY_BEAT)
     assert (unmasked.n_audio, unmasked.n_visual, unmasked.harmony) == (3, 3, pytest.approx(5 * 2.05 / (3 * 4 + 3)))
 
 
 def test_equation_11_audio_mask_keeps_beats_above_the_spread_of_strengths():
     # Mean 2, SD 1 (population): 3 > 1 * 1, 1 is not; 1 > 0.9 * 1 is.
     strengths = np.array([1.0, 3.0, 1.0, 3.0])
-    np.testing.assert_array_equal(audio_mask(strengths, 1.0), [False, True, False, True])
-    np.testing.assert_array_equal(audio_mask(strengths, 0.9), [True, True, True, True])
+    np.testing.assert_array_equal(scoring.audio_mask(strengths, 1.0), [False, True, False, True])
+    np.testing.assert_array_equal(scoring.audio_mask(strengths, 0.9), [True, True, True, True])
 
 
 def test_equation_12_peak_to_valley_difference():
     # |5 - 1|, |3 - 5|, |9 - 3|; the first takes the second's.
-    np.testing.assert_array_equal(strength_steps(np.array([1.0, 5.0, 3.0, 9.0])), [4, 4, 2, 6])
+    np.testing.assert_array_equal(scoring.strength_steps(np.array([1.0, 5.0, 3.0, 9.0])), [4, 4, 2, 6])
 
 
 def test_equation_13_visual_mask_keeps_beats_whose_difference_exceeds_the_spread():
     # R = 4, 4, 2, 6, SD over 4, 2, 6 = sqrt(8 / 3) = 1.633: 1.5 SD = 2.45 drops only the third beat.
-    np.testing.assert_array_equal(visual_mask(np.array([1.0, 5.0, 3.0, 9.0]), 1.5), [True, True, False, True])
+    np.testing.assert_array_equal(scoring.visual_mask(np.array([1.0, 5.0, 3.0, 9.0]), 1.5), [True, True, False, True])
 
 
 def test_equation_14_harmony_is_the_f_score_of_both_sides():
     # Two of four music beats of strength 1 hit, three visual beats: h_a = 2/4, h_v = 2/3.
-    score = score_harmony(track([1.0, 2.0, 3.0, 4.0]), track([1.0, 2.0, 7.0]), params=EVERY_BEAT)
+    score = scoring.score_harmony(track([1.0, 2.0, 3.0, 4.0]), track([1.0, 2.0, 7.0]), params=EVERY_BEAT)
     assert (score.audio_harmony, score.visual_harmony) == (pytest.approx(1 / 2), pytest.approx(2 / 3))
     # 5 * (1/2) * (2/3) / (4 * 2/3 + 1/2) = (5/3) / (19/6) = 10/19.
     assert score.harmony == pytest.approx(10 / 19)
 
 
 def test_equation_15_visual_positions_repeated_for_every_music_beat():
-    np.testing.assert_array_equal(position_matrix(np.array([1.0, 5.0]), 3), [[1, 5], [1, 5], [1, 5]])
+    np.testing.assert_array_equal(scoring.position_matrix(np.array([1.0, 5.0]), 3), [[1, 5], [1, 5], [1, 5]])
 
 
 def test_equation_16_distance_of_every_pair_of_beats():
-    intervals = interval_matrix(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0]))
+    intervals = scoring.interval_matrix(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0]))
     np.testing.assert_array_equal(intervals, [[1, 2.5, 8], [2, 0.5, 5]])
 
 
 def test_equation_17_distance_to_the_nearest_visual_beat():
-    np.testing.assert_array_equal(nearest_intervals(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0])), [1, 0.5])
+    np.testing.assert_array_equal(scoring.nearest_intervals(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0])), [1, 0.5])
 
 
 def test_equation_18_a_beat_is_hit_up_to_and_including_the_delay():
-    hits = hit_mask(np.array([1.0, 2.0, 3.0]), np.array([1.25, 2.26]), delay=0.25)
+    hits = scoring.hit_mask(np.array([1.0, 2.0, 3.0]), np.array([1.25, 2.26]), delay=0.25)
     np.testing.assert_array_equal(hits, [True, False, False])
 
 
 def test_equation_19_hitting_score_sums_the_strengths_of_hits():
-    assert hitting_score(np.array([True, False, True]), np.array([0.5, 1.0, 0.25])) == 0.75
+    assert scoring.hitting_score(np.array([True, False, True]), np.array([0.5, 1.0, 0.25])) == 0.75
 
 
 def test_equation_20_weighted_harmonic_mean_of_both_sides():
     # 5 * 0.75 * 0.3 / (4 * 0.3 + 0.75) = 1.125 / 1.95.
-    assert f_score(0.75, 0.3, 2.0) == pytest.approx(1.125 / 1.95)
+    assert scoring.f_score(0.75, 0.3, 2.0) == pytest.approx(1.125 / 1.95)
 
 
 def test_equation_21_harmony_from_the_hitting_score_at_fixed_numbers_of_beats():
     # The same numbers: h_s = 3, N = 4, M = 10: 5 * 3 / (4 * 4 + 10) = 15 / 26 = 1.125 / 1.95.
-    assert harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(15 / 26)
-    assert harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(f_score(3 / 4, 3 / 10, 2.0))
+    assert scoring.harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(15 / 26)
+    assert scoring.harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(scoring.f_score(3 / 4, 3 / 10, 2.0))
     # Lemma 3.1 holds at fixed N and M only: the same h_s with other numbers is another h.
-    assert harmony_from_hits(3.0, 4, 4, 2.0) == pytest.approx(15 / 20)
+    assert scoring.harmony_from_hits(3.0, 4, 4, 2.0) == pytest.approx(15 / 20)
 
 
 def test_equation_22_a_strong_beat_is_stronger_than_the_one_before():
@@ -254,51 +209,51 @@ def test_equation_24_divergence_of_the_distributions_of_flat_poses():
     # Two joints, 0.1 m and 0.2 m off, as Gaussians of 0.1 m: 0.01 / 0.02 = 0.5 and 0.04 / 0.02 = 2 nats; mean 1.25.
     target = torch.rand(1, 3, 2, 2)
     flat = target + torch.tensor([[0.1, 0.0], [0.0, -0.2]])
-    assert kl_loss(flat, target, torch.ones(1, 3)).item() == pytest.approx(1.25, rel=1e-4)
+    assert losses.kl_loss(flat, target, torch.ones(1, 3)).item() == pytest.approx(1.25, rel=1e-4)
 
 
 def test_equation_25_prior_frames_count_half_in_the_charbonnier_loss():
     # Both frames are (3, 4) away; the first is of the last meter: W = 1/2 and 1. sqrt(12.5 + 1) + sqrt(25 + 1).
     target = torch.zeros(1, 3, 2)
     motion, index, mask = target + torch.tensor([3.0, 4.0]), torch.tensor([[1.0, 0, 0]]), torch.tensor([[1.0, 1, 0]])
-    assert charbonnier_mse(motion, target, index, mask, epsilon=1.0).item() == pytest.approx(13.5**0.5 + 26**0.5)
+    assert losses.charbonnier_mse(motion, target, index, mask, epsilon=1.0).item() == pytest.approx(13.5**0.5 + 26**0.5)
 
 
 def test_equation_26_distance_of_features_added_up_over_time():
     # Two channels, two moments: mean of 1 and 49 is 25, sqrt(25 + 144) = 13; equal features leave epsilon = 12.
     maps = torch.tensor([[[1.0, 3.0], [7.0, 2.0]]])
     targets = torch.tensor([[[0.0, 3.0], [0.0, 2.0]]])
-    assert feature_loss([maps], [targets], epsilon=12.0).item() == pytest.approx(13 + 12)
+    assert losses.feature_loss([maps], [targets], epsilon=12.0).item() == pytest.approx(13 + 12)
 
 
 def test_equation_27_hits_are_rewarded_and_wrong_counts_punished():
     # Two of four music beats hit by three visual beats: -2 + sqrt|3 - 4| as printed.
-    hard = score_harmony(track([1.0, 2.0, 3.0, 4.0]), track([1.0, 2.0, 7.0]), params=EVERY_BEAT)
-    assert literal_harmony_loss(hard) == pytest.approx(-2 + 1)
+    hard = scoring.score_harmony(track([1.0, 2.0, 3.0, 4.0]), track([1.0, 2.0, 7.0]), params=EVERY_BEAT)
+    assert losses.literal_harmony_loss(hard) == pytest.approx(-2 + 1)
     # Relaxed, |M - N|^2 = 15: (15 + 1)^(1/4) - 1 = 1.
     zero, counts = torch.zeros(1), (torch.tensor([4.0 + 15**0.5]), torch.tensor([4.0]))
     soft = SoftHarmony(zero, torch.tensor([2.0]), zero, zero, zero, *counts)
-    assert harmony_loss(soft).item() == pytest.approx(-2 + 1)
+    assert losses.harmony_loss(soft).item() == pytest.approx(-2 + 1)
 
 
 def test_equation_28_value_that_the_discriminator_raises():
     # D = 3/4 and 1/2 on real, 1/4 and 1/2 on generated motion.
     real, fake = torch.tensor([np.log(3.0), 0.0]), torch.tensor([-np.log(3.0), 0.0])
     expected = (np.log(0.75) + np.log(0.5)) / 2 + (np.log(1 - 0.25) + np.log(1 - 0.5)) / 2
-    assert adversarial_value(real, fake).item() == pytest.approx(expected)
+    assert losses.adversarial_value(real, fake).item() == pytest.approx(expected)
 
 
 def test_equation_29_cross_domain_discriminator_maximises():
     # D_cd = 0.8 for the recorded pair (logit ln 4), 0.2 for the generated one: minimised is -(ln 0.8 + ln(1 - 0.2)).
     logit = torch.tensor([np.log(4.0)])
-    assert discriminator_loss(logit, -logit).item() == pytest.approx(-2 * np.log(0.8))
-    assert discriminator_loss(-logit, logit).item() == pytest.approx(-2 * np.log(0.2))
+    assert losses.discriminator_loss(logit, -logit).item() == pytest.approx(-2 * np.log(0.8))
+    assert losses.discriminator_loss(-logit, logit).item() == pytest.approx(-2 * np.log(0.2))
 
 
 def test_equation_30_spatial_temporal_discriminator_maximises():
     # D_st = 0.5 for recorded, 0.9 for generated motion (logit ln 9): -(ln 0.5 + ln 0.1); its gradient pulls both apart.
     real, fake = torch.zeros(1, requires_grad=True), torch.tensor([np.log(9.0)], requires_grad=True)
-    loss = discriminator_loss(real, fake)
+    loss = losses.discriminator_loss(real, fake)
     loss.backward()
     assert loss.item() == pytest.approx(-np.log(0.5) - np.log(0.1))
     assert (real.grad.item(), fake.grad.item()) == (pytest.approx(-0.5), pytest.approx(0.9))
@@ -306,14 +261,14 @@ def test_equation_30_spatial_temporal_discriminator_maximises():
 
 def test_equation_31_generator_wants_to_be_believed_by_both():
     # D_cd = 3/4, D_st = 1/4.
-    loss = generator_gan_loss(torch.tensor([np.log(3.0)]), torch.tensor([-np.log(3.0)]))
+    loss = losses.generator_gan_loss(torch.tensor([np.log(3.0)]), torch.tensor([-np.log(3.0)]))
     assert loss.item() == pytest.approx(-np.log(0.75) - np.log(0.25))
 
 
 def test_the_cross_domain_discriminator_may_have_no_say_in_equation_31():
     logits = torch.tensor([np.log(3.0)]), torch.tensor([-np.log(3.0)])
-    assert generator_gan_loss(*logits, cross_domain_weight=0.0).item() == pytest.approx(-np.log(0.25))
-    assert generator_gan_loss(None, logits[1]).item() == pytest.approx(-np.log(0.25))
+    assert losses.generator_gan_loss(*logits, cross_domain_weight=0.0).item() == pytest.approx(-np.log(0.25))
+    assert losses.generator_gan_loss(None, logits[1]).item() == pytest.approx(-np.log(0.25))
 
 
 def test_equation_32_weighted_sum_with_the_weights_of_section_5():

@@ -1,21 +1,28 @@
-"""Five levels in words: what each dancer is told, and what nobody may be told."""
+"""In time? where in the beat? The signal, its patterns, both tests, and five levels in words."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter1d
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_motion
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
-from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_speed
-from harmolab.types import BeatTrack, Motion
-from harmolab.verdict.evidence import PlaceTest, TimeTest, floor
+from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
+from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.verdict import bar_pattern
+from harmolab.verdict.evidence import MOMENTS, N_RATIOS, PlaceTest, TimeTest, floor, place_test, time_test
 from harmolab.verdict.judge import Judgement, judge, level_of, score_motion
-from tests.builders import cases
+from tests import builders
+from tests.builders import cases, refused
 
 SECONDS, PERIOD = 24.0, 0.5
 BEATS = BeatTrack(PERIOD * np.arange(1, 47), np.ones(46), 100.0, SECONDS)
@@ -32,54 +39,88 @@ def judged(motion: Motion, beats: BeatTrack = BEATS, pattern: BarPattern | None 
     return judge(shape_speed(motion), beats, pattern=pattern)
 
 
-def statue(size: float) -> Motion:
+def trembling(size: float) -> Motion:
     """A pose that trembles by so many metres, twice a beat."""
     pose = dancer().positions[:1]
     wave = np.cos(2 * np.pi * np.arange(720) / 30 / PERIOD)[:, None, None]
     return replace(dancer(), positions=pose + size * wave * np.random.default_rng(0).normal(size=pose.shape))
 
 
-def test_resting_on_the_beat_is_level_four() -> None:
-    judgement = judged(dancer())
-    assert judgement.level == 4
-    assert re.fullmatch(r"You are on the beat: slow on it, fastest \d+ ms after it\.", judgement.verdict)
-    assert judgement.harmony_above_chance > 0.4
-    assert judgement.p_value == max(judgement.p_time, judgement.p_place)
+def on_a_turntable() -> Motion:
+    """A statue that turns, now faster, now slower."""
+    pose, angle = dancer().positions[0], np.cumsum(1 - np.cos(2 * np.pi * np.arange(720) / 15)) / 20
+    return replace(dancer(), positions=turned_by(pose, angle))
 
 
-def test_a_hit_is_named_and_not_accepted_in_silence() -> None:
-    judgement = judged(dancer(0.5))
-    assert judgement.level == 3
-    assert judgement.verdict == (
-        "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat late."
+def wandering() -> Judgement:
+    """A dancer who rests on every second beat, and for eight of those .8 of a beat later."""
+    wander = np.array([0.0, 0.8])[np.arange(30) // 8 % 2]
+    motion = synthetic_motion(PERIOD * (2 * np.arange(30) + wander), seconds=SECONDS, fps=30.0, seed=4)
+    return judged(motion, replace(BEATS, bar_places=np.arange(1, 47) % 2), BarPattern(2, (-1.0,), (0.0,)))
+
+
+REST, HIT, HALF_TIME = HOW_PATTERNS["rest"], HOW_PATTERNS["hit"], HOW_PATTERNS["half time"]
+WALTZED = replace(REST, dance="waltz")
+UNSURE = replace(BEATS, quality=0.3, fit=0.5)
+MIDDLE = np.abs(np.arange(720) / 30 - SECONDS / 2) < 8.9
+TOO_LITTLE = r"Cannot tell: too little movement inside the body\."
+
+
+@cases(
+    "judgement, level, verdict",
+    (lambda: judged(dancer()), 4, r"You are on the beat: slow on it, fastest \d+ ms after it\."),
+    (lambda: judged(dancer(), BEATS.select(np.arange(46) < 16)), 4, "You are on the beat: slow .*"),
+    (lambda: judged(dancer(), UNSURE), 4, "You are on the beat: slow .*"),
+    (lambda: judged(dancer(every=2.0)), 3, r"In time: you move once in two beats \(half time\)\."),
+    (lambda: judged(dancer(every=2.0), pattern=HALF_TIME), 4, ".*you rest on every second one.*"),
+    (lambda: judged(dancer(0.5), pattern=HIT), 4, ".*you hit it.*"),
+    (lambda: judged(dancer(), pattern=WALTZED), 4, ".*you move as in a waltz.*"),
+    (lambda: judged(dancer(0.5)), 3, r"In time: .* on the beat \(a hit\)\. If you meant to rest .* half a beat late\."),
+    (
+        lambda: judged(dancer(0.25)),
+        3,
+        r"In time: .* fastest 3[5-9]\d ms after the beat, and stillest 1[0-4]\d ms after it\.",
+    ),
+    (lambda: judged(dancer(), pattern=HIT), 3, r".*for a hit on the beat\."),
+    (lambda: judged(dancer(0.25), pattern=REST), 3, r"You keep time, steadily \d+ ms late for a rest on the beat\."),
+    (lambda: judged(dancer(0.3), pattern=WALTZED), 3, r"You keep time, steadily \d+ ms late for a waltz\."),
+    (wandering, 2, r"You keep its tempo, but no steady place in the beat\."),
+    (lambda: judged(dancer(tempo=97.0)), 1, "No sign that you follow this beat.*"),
+    (lambda: judged(trembling(1e-3)), 0, TOO_LITTLE),
+    (lambda: judged(trembling(1e-9)), 0, TOO_LITTLE),
+    (lambda: judged(on_a_turntable()), 0, r"Cannot tell: you only turn and travel\."),
+    (
+        lambda: judged(dancer(), BEATS.select(np.arange(46) < 15)),
+        0,
+        r"Cannot tell: 15 beats are too few; 16 are needed\.",
+    ),
+    (lambda: judged(dancer(), BEATS.select(np.arange(46) < 1)), 0, r"Cannot tell: 1 beat is too few; 16 are needed\."),
+    (lambda: judged(replace(dancer(), valid=~MIDDLE)), 0, r"Cannot tell: 11 beats are too few; 16 are needed\."),
+    (lambda: judged(dancer(tempo=97.0), UNSURE), 0, "Cannot tell: the beats found in this music are unsure, .*"),
+)
+def test_each_dancer_is_told_what_was_seen(judgement: Callable[[], Judgement], level: int, verdict: str) -> None:
+    one = judgement()
+    words = " ".join([one.verdict, *one.remarks])
+    assert one.level == level
+    assert re.fullmatch(verdict, one.verdict), one.verdict
+    assert level > 2 or not MILLISECONDS.search(words)
+    assert level > 0 or (np.isnan(one.harmony_above_chance) and np.isnan(one.p_time))
+    assert (not one.beats.is_sure and level > 0) == ("unsure" in " ".join([*one.remarks, *one.details]))
+
+
+def test_harmony_is_a_number_where_the_place_is_asked_for() -> None:
+    rest, hit, told, wrong = (
+        judged(dancer(lag), pattern=how) for lag, how in ((0, None), (0.5, None), (0.5, HIT), (0, HIT))
     )
-    assert np.isnan(judgement.harmony_above_chance) and np.isnan(judgement.p_value)
-    assert any("--how hit" in remark for remark in judgement.remarks)
+    assert rest.harmony_above_chance > 0.4 and rest.p_value == max(rest.p_time, rest.p_place)
+    assert np.isnan(hit.harmony_above_chance) and np.isnan(hit.p_value)
+    assert any("--how hit" in remark for remark in hit.remarks)
+    assert told.reading == "hit" and wrong.harmony_above_chance < -0.4
+    assert judged(dancer(0.25), pattern=REST).lag_s == pytest.approx(0.125, abs=0.02)
 
 
-def test_a_hit_that_was_told_is_on_the_beat_and_a_rest_then_half_a_beat_away() -> None:
-    told = judged(dancer(0.5), pattern=HOW_PATTERNS["hit"])
-    assert (told.level, told.reading) == (4, "hit")
-    assert "you hit it" in told.verdict
-    rest = judged(dancer(), pattern=HOW_PATTERNS["hit"])
-    assert rest.level == 3 and rest.verdict.endswith("for a hit on the beat.")
-    assert rest.harmony_above_chance < -0.4
-
-
-def test_a_quarter_beat_late_is_told_what_is_seen_and_not_how_late() -> None:
-    judgement = judged(dancer(0.25))
-    assert judgement.level == 3
-    seen = re.fullmatch(
-        r"In time: you are fastest (\d+) ms after the beat, and stillest (\d+) ms after it\.", judgement.verdict
-    )
-    assert seen and float(seen[1]) == pytest.approx(375, abs=40) and float(seen[2]) == pytest.approx(125, abs=40)
-    told = judged(dancer(0.25), pattern=HOW_PATTERNS["rest"])
-    assert re.fullmatch(r"You keep time, steadily \d+ ms late for a rest on the beat\.", told.verdict)
-    assert told.lag_s == pytest.approx(0.125, abs=0.02)
-
-
-@pytest.mark.parametrize("tempo", [90.0, 120.0, 150.0])
-@pytest.mark.parametrize("seconds", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("tempo", [90.0, 150.0])
+@pytest.mark.parametrize("seconds", [0.1, 0.2, 0.3, 0.5])
 def test_who_arrives_on_the_beat_is_in_time_and_neither_early_nor_late(tempo: float, seconds: float) -> None:
     beats = np.arange(1, SECONDS * tempo / 60 - 1) * 60 / tempo
     judgement = judged(arriving(beats, seconds), BeatTrack(beats, np.ones(beats.size), 100.0, SECONDS))
@@ -107,30 +148,22 @@ def raising(height: np.ndarray) -> Motion:
     return Motion(positions, 60.0, Skeleton.unnamed(7))
 
 
-@pytest.mark.parametrize(("tempo", "told"), [(121.9, "121.9"), (128.4, "128.4"), (95.0, "95.0")])
-def test_another_tempo_is_level_one_and_is_told(tempo: float, told: str) -> None:
+@pytest.mark.parametrize("tempo", [121.9, 128.4, 95.0])
+def test_another_tempo_is_level_one_and_is_told(tempo: float) -> None:
     judgement = judged(dancer(tempo=tempo))
     assert judgement.level == 1
-    own = re.fullmatch(
-        r"No sign that you follow this beat\. Your own tempo is ([\d.]+) bpm, the music's 120\.0\.", judgement.verdict
-    )
-    assert own and float(own[1]) == pytest.approx(float(told), abs=0.3)
+    words = r"No sign that you follow this beat\. Your own tempo is ([\d.]+) bpm, the music's 120\.0\."
+    own = re.fullmatch(words, judgement.verdict)
+    assert own and float(own[1]) == pytest.approx(tempo, abs=0.3)
 
 
 @cases("rate, words", (2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats"))
-@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6])
 def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:
     times = np.arange(round(SECONDS * 60)) / 60
     judgement = judged(raising(0.5 - 0.5 * np.cos(np.pi * (times / PERIOD * rate + phase))))
     assert judgement.level in (1, 2, 3) and "on the beat" not in judgement.verdict
     assert words in judgement.verdict or f"Your own tempo is {120 * rate:.1f} bpm" in judgement.verdict
-
-
-def test_half_time_is_named_beside_the_beat() -> None:
-    judgement = judged(dancer(every=2.0))
-    assert any("half time" in text for text in (judgement.verdict, *judgement.remarks))
-    told = judged(dancer(every=2.0), pattern=HOW_PATTERNS["half time"])
-    assert told.level == 4 and "you rest on every second one" in told.verdict
 
 
 def test_a_waltz_is_seen_by_its_threes_without_being_told() -> None:
@@ -146,50 +179,6 @@ def waltz_speed(beats: np.ndarray) -> np.ndarray:
     """The course of the waltz's pattern."""
     waves, angle = DANCE_PATTERNS["waltz"], 2 * np.pi * beats[:, None] * np.arange(1, 4) / 3
     return np.cos(angle) @ np.array(waves.cosines) + np.sin(angle) @ np.array(waves.sines)
-
-
-@pytest.mark.parametrize("size", [1e-3, 1e-9])
-def test_a_tremor_is_too_little(size: float) -> None:
-    judgement = judged(statue(size))
-    assert (judgement.level, judgement.verdict) == (0, "Cannot tell: too little movement inside the body.")
-    assert np.isnan(judgement.harmony_above_chance)
-
-
-def test_a_statue_on_a_turntable_only_turns_and_travels() -> None:
-    pose, angle = dancer().positions[0], np.cumsum(1 - np.cos(2 * np.pi * np.arange(720) / 15)) / 20
-    x, y, z = pose.T
-    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    turned = np.stack([cos * x + sin * z, y + 0 * cos, cos * z - sin * x], axis=-1)
-    judgement = judged(replace(dancer(), positions=turned))
-    assert (judgement.level, judgement.verdict) == (0, "Cannot tell: you only turn and travel.")
-
-
-def test_fifteen_beats_are_too_few() -> None:
-    judgement = judged(dancer(), BEATS.select(np.arange(46) < 15))
-    assert judgement.verdict == "Cannot tell: 15 beats are too few; 16 are needed."
-    assert judged(dancer(), BEATS.select(np.arange(46) < 16)).level > 0
-    assert judged(dancer(), BEATS.select(np.arange(46) < 1)).level == 0
-
-
-def test_a_wandering_dancer_keeps_the_tempo_but_no_place() -> None:
-    wander = np.array([0.0, 0.8])[np.arange(30) // 8 % 2]  # beats, for a dancer who rests on every second one
-    wandering = synthetic_motion(PERIOD * (2 * np.arange(30) + wander), seconds=SECONDS, fps=30.0, seed=4)
-    judgement = judged(wandering, replace(BEATS, bar_places=np.arange(1, 47) % 2), BarPattern(2, (-1.0,), (0.0,)))
-    assert (judgement.level, judgement.verdict) == (2, "You keep its tempo, but no steady place in the beat.")
-
-
-def test_a_dance_is_named_where_its_pattern_is_asked_for() -> None:
-    rest = replace(BarPattern.stop_on_the_beat(), dance="waltz")
-    assert "you move as in a waltz" in judged(dancer(), pattern=rest).verdict
-    late = judged(dancer(0.3), pattern=rest)
-    assert re.fullmatch(r"You keep time, steadily \d+ ms late for a waltz\.", late.verdict)
-
-
-def test_no_level_below_three_says_late_early_or_milliseconds() -> None:
-    shorter = BEATS.select(np.arange(46) < 15)
-    for judgement in (judged(dancer(tempo=128.4)), judged(statue(1e-3)), judged(dancer(), shorter)):
-        assert judgement.level < 3
-        assert not any(MILLISECONDS.search(text) for text in (judgement.verdict, *judgement.remarks))
 
 
 def test_what_would_show_more_is_said() -> None:
@@ -222,32 +211,6 @@ def test_a_lag_that_is_expected_is_no_lag() -> None:
     assert score.judgement is not None and score.judgement.level == 4
 
 
-def test_a_statue_gets_no_number() -> None:
-    content = scored(statue(1e-3)).to_dict()
-    assert content["harmony_above_chance"] is None
-    assert content["level"] == 0
-
-
-def test_standing_still_behind_the_last_beat_changes_nothing() -> None:
-    motion = dancer()
-    longer = replace(
-        motion, positions=np.concatenate([motion.positions, motion.positions[-1:].repeat(900, axis=0)]), valid=None
-    )
-    assert judged(longer).harmony_above_chance == pytest.approx(judged(motion).harmony_above_chance, abs=1e-9)
-
-
-def test_one_beat_is_too_few_in_good_grammar() -> None:
-    judgement = judged(dancer(), BEATS.select(BEATS.times < 0.6))
-    assert judgement.verdict == "Cannot tell: 1 beat is too few; 16 are needed."
-
-
-def test_beats_at_which_the_body_is_not_seen_do_not_count() -> None:
-    motion = dancer()
-    seen = np.abs(np.arange(motion.n_frames) / motion.fps - SECONDS / 2) > 8.9
-    judgement = judged(replace(motion, valid=seen))
-    assert (judgement.level, judgement.verdict) == (0, "Cannot tell: 11 beats are too few; 16 are needed.")
-
-
 @pytest.mark.parametrize("dance", ["cha-cha", "waltz"])
 def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
     pattern = DANCE_PATTERNS[dance]
@@ -260,7 +223,7 @@ def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
 # Thresholds, a case on either side of each
 
 
-def evidence(
+def hand_made(
     *,
     p: float = 0.02,
     lag: float = 0.0,
@@ -303,13 +266,13 @@ class HandMade(PlaceTest):
 def test_each_threshold_parts_level_four_from_a_lower_one(
     inside: dict[str, float], outside: dict[str, float], level: int
 ) -> None:
-    assert evidence(**inside).level == 4
-    assert evidence(**outside).level == level
+    assert hand_made(**inside).level == 4
+    assert hand_made(**outside).level == level
 
 
 def test_harmony_at_chance_is_not_on_the_beat() -> None:
-    assert evidence(above=0.01, beside=3).level == 4
-    assert evidence(above=0.0, beside=3).level == 3
+    assert hand_made(above=0.01, beside=3).level == 4
+    assert hand_made(above=0.0, beside=3).level == 3
 
 
 def part(**changes: float) -> ShapeSignal:
@@ -329,7 +292,7 @@ def test_the_floor_lies_at_its_pulse_its_share_and_its_swing() -> None:
 
 
 def test_an_own_tempo_is_told_from_eight_deviations_on() -> None:
-    clear = evidence(p=0.5)
+    clear = hand_made(p=0.5)
     assert clear.time is not None
     for best, is_told in ((8.0, True), (7.9, False)):
         z = np.where(np.arange(241) == 130, best, 0.0)
@@ -369,7 +332,7 @@ def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:
 def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
     rng = np.random.default_rng(5)
     judged_4 = 0
-    for _ in range(60):
+    for _ in range(20):
         lag, jitter, every = rng.uniform(-0.3, 0.3), rng.uniform(0, 0.15), rng.choice([0.5, 0.75, 1.0, 2.0])
         ends = np.sort((np.arange(-2, 60) * every + lag + jitter * rng.normal(size=62)) * PERIOD)
         judgement = judged(synthetic_motion(ends[(ends >= 0) & (ends < SECONDS)], seconds=SECONDS, fps=30.0, seed=4))
@@ -378,16 +341,470 @@ def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
             assert judgement.p_time <= 0.05 and judgement.p_place <= 0.25
             assert float(re.findall(r"p = ([\d.]+);", " ".join(judgement.remarks))[0]) <= 0.05
             assert judgement.p_value <= 0.25 and judgement.harmony_above_chance > 0
-    assert judged_4 > 5
+    assert judged_4 > 2
 
 
-def test_nothing_is_judged_by_beats_that_the_sound_does_not_keep_to() -> None:
-    unsure = replace(BEATS, quality=0.3, fit=0.5)
-    lost = judged(dancer(tempo=97.0), unsure)
-    assert lost.level == 0 and np.isnan(lost.p_time)
-    assert (
-        lost.verdict == "Cannot tell: the beats found in this music are unsure, since its sound does not keep to them."
+beats_at = partial(builders.track, duration=30.0)
+WALTZ = BarPattern(3, (0.1, 0.2, 0.1), (0.4, -0.1, 0.2), dance="waltz")
+FAST_ON_EVEN_BEATS = BarPattern(2, (1.0,), (0.0,))
+
+
+def test_a_pattern_is_a_fourier_series_of_the_beat_position():
+    pattern = BarPattern(2, (1.0, 0.5), (0.0, 2.0))
+    # At 0: 1 + .5; half a beat on, a quarter of the cycle: cos(pi/2) + .5 cos(pi) + 2 sin(pi).
+    np.testing.assert_allclose(
+        bar_pattern.evaluate_pattern(pattern, np.array([0.0, 0.5, 2.0])), [1.5, -0.5, 1.5], atol=1e-12
     )
-    followed = judged(dancer(), unsure)
-    assert followed.level == 4
-    assert any("unsure" in text for text in (*followed.remarks, *followed.details))
+
+
+def test_positions_count_beats_from_their_place_in_the_bar_and_go_on_beyond_them():
+    times = np.array([0.0, 0.5, 1.0, 1.5, 3.0, 4.0, 5.0])
+    expected = np.array([-1, -0.5, 0, 0.5, 1.5, 2, 2.5])
+    for places, first in ((None, 0), ([3, 0, 1], 3)):
+        found = bar_pattern.beat_positions(times, beats_at([1.0, 2.0, 4.0], bar_places=places))
+        np.testing.assert_allclose(found, expected + first)
+    for few in ([], [1.0]):
+        message = f"a pattern needs two music beats at least, got {len(few)}"
+        refused(message, bar_pattern.beat_positions, np.array([0.0]), beats_at(few))
+
+
+def test_a_planted_pattern_is_learnt_back():
+    planted = BarPattern(3, (0.5, -0.25, 0.125), (1.0, 0.125, 0.0))  # harmonics up to one turn a beat
+    positions = np.arange(0, 30, 0.01)  # ten whole cycles
+    learnt = bar_pattern.fit_pattern(
+        [bar_pattern.pattern_sums(positions, bar_pattern.evaluate_pattern(planted, positions), 3)], source="a test"
+    )
+    np.testing.assert_allclose(learnt.cosines, planted.cosines, atol=1e-9)
+    np.testing.assert_allclose(learnt.sines, planted.sines, atol=1e-9)
+    assert (learnt.beats, learnt.source) == (3, "a test")
+
+
+def test_pieces_count_by_their_length():
+    positions = np.arange(0, 3, 0.01)
+    short = bar_pattern.pattern_sums(positions, np.cos(2 * np.pi * positions), 1)
+    long = bar_pattern.pattern_sums(np.tile(positions, 3), np.zeros(3 * positions.size), 1)
+    np.testing.assert_allclose(bar_pattern.fit_pattern([short, long]).cosines, [0.25], atol=1e-9)
+
+
+def test_a_pattern_of_nothing_is_refused():
+    refused("no motion to fit a bar pattern on", bar_pattern.fit_pattern, [])
+
+
+def test_pieces_of_different_cycles_are_refused():
+    pieces = [bar_pattern.pattern_sums(np.arange(10.0), np.ones(10), beats) for beats in (2, 3)]
+    refused(r"pieces with cycles of \[2, 3\] beats cannot share a pattern", bar_pattern.fit_pattern, pieces)
+
+
+@pytest.mark.parametrize("moments", [20, 24, 48])
+@pytest.mark.parametrize("pattern", [BarPattern.stop_on_the_beat(), FAST_ON_EVEN_BEATS, WALTZ])
+def test_a_fit_is_the_windowed_pattern_without_mean_times_the_speed_around_a_moment(
+    pattern: BarPattern, moments: int, rng: np.random.Generator
+):
+    speed = rng.normal(size=5 * pattern.beats * moments)
+    fits = bar_pattern.pattern_fits(speed, pattern, moments=moments)
+    offsets = np.arange(-(pattern.beats * moments // 2), pattern.beats * moments // 2 + 1)
+    window = np.cos(np.pi * offsets / moments / pattern.beats) ** 2
+    for place, moment in ((0, 7), (pattern.beats - 1, 4 * moments)):
+        expected = window * bar_pattern.evaluate_pattern(pattern, offsets / moments + place)
+        expected -= window * expected.sum() / window.sum()
+        around = speed[(moment + offsets) % speed.size]
+        np.testing.assert_allclose(bar_pattern.templates(pattern, moments)[place], expected, atol=1e-12)
+        assert fits[place, moment] == pytest.approx(expected @ around, abs=1e-9)
+
+
+def test_ranks_of_moments_are_spread_evenly_between_zero_and_one(rng: np.random.Generator):
+    np.testing.assert_allclose(np.sort(bar_pattern.moment_ranks(rng.normal(size=240))), (np.arange(240) + 0.5) / 240)
+
+
+def test_fits_that_differ_by_rounding_only_share_a_rank():
+    np.testing.assert_allclose(
+        bar_pattern.moment_ranks(np.array([1.0, 1 + 1e-10, 0.0, 1 - 1e-8])), [0.75, 0.75, 0.125, 0.375]
+    )
+
+
+def test_a_body_at_rest_ranks_in_the_middle():
+    times = np.arange(1200) / 100.0
+    ranks = bar_pattern.beat_ranks(times, np.zeros(times.size), beats_at(np.arange(1.0, 11.0, 0.5)), FAST_ON_EVEN_BEATS)
+    np.testing.assert_array_equal(ranks, np.full(20, 0.5))
+
+
+@cases("place, late, fits", (0, 0.0, True), (1, 0.0, False), (None, 0.0, True), (None, 0.5, False))
+def test_bar_places_tell_even_beats_from_odd_ones_and_without_them_the_first_beat_begins(place, late, fits):
+    # Beats every half second; fastest on whole seconds, slowest between.
+    times, beats = np.arange(1200) / 100.0, np.arange(1.0, 11.0, 0.5) + late
+    places = None if place is None else [(k + place) % 4 for k in range(beats.size)]
+    music = beats_at(beats, bar_places=places)
+    ranks = bar_pattern.beat_ranks(times, np.cos(2 * np.pi * times), music, FAST_ON_EVEN_BEATS)
+    assert ((ranks > 0.85) == fits).all() and ((ranks < 0.15) != fits).all()
+
+
+def test_beats_are_ranked_among_24_moments_a_beat_with_nothing_beyond_the_ends(rng: np.random.Generator):
+    # Twelve beats whose first is the second of a bar of two; the movement lasts from the first beat to the last.
+    times, speed = np.arange(265) / 48.0, rng.normal(size=265)
+    ranks = bar_pattern.beat_ranks(
+        times, speed, beats_at(0.5 * np.arange(12), bar_places=np.arange(1, 13) % 2), FAST_ON_EVEN_BEATS
+    )
+    kernels = bar_pattern.templates(FAST_ON_EVEN_BEATS, 24)
+    expected = [bar_pattern.moment_ranks(np.convolve(speed, kernel[::-1], mode="same")) for kernel in kernels]
+    np.testing.assert_allclose(ranks, [expected[(beat + 1) % 2][24 * beat] for beat in range(12)], atol=1e-12)
+
+
+def test_beats_beyond_the_movement_count_at_its_ends_and_nothing_moves_there():
+    # Two seconds of movement, slowest on each beat; beyond its ends half of the window sees nothing.
+    times = np.arange(201) / 100.0
+    ranks = bar_pattern.beat_ranks(
+        times, -np.cos(4 * np.pi * times), beats_at(np.arange(0.0, 4.0, 0.5)), BarPattern.stop_on_the_beat()
+    )
+    assert ranks[1:4].min() > 0.95
+    np.testing.assert_array_equal(ranks[4:], ranks[4])
+    assert ranks[4] < ranks[1:4].min()
+
+
+def test_the_curve_has_a_sample_a_moment_and_its_first_moment_a_number():
+    times = np.arange(301) / 100.0
+    curve, first = bar_pattern.beat_curve(times, times, beats_at([1.0, 1.5, 2.0]))
+    # Beat 0 is at 1 s: the movement begins two beats before it and ends four beats after.
+    assert (first, curve.size) == (-2 * bar_pattern.GRID, 6 * bar_pattern.GRID + 1)
+    np.testing.assert_allclose(curve[2 * bar_pattern.GRID], 1.0, atol=1e-12)
+
+
+def test_doubled_beats_are_refused_before_they_fill_the_memory():
+    times = np.arange(600) / 100.0
+    with pytest.raises(ValueError, match=r"music beats lie 1e-07 s apart: are there doubles among them\?"):
+        bar_pattern.beat_curve(times, np.cos(times), beats_at([1.0, 1.0000001]))
+
+
+PERIOD = 0.5
+PLACED = PERIOD * np.arange(41)
+
+
+def signal_of(speed: FloatArray) -> ShapeSignal:
+    times = np.arange(speed.size) / 100.0
+    return ShapeSignal(times, speed, np.ones(speed.size, bool), 0.4, 0.6, 0.6, 3)
+
+
+def resting(lag: float = 0.0, every: float = 1.0) -> ShapeSignal:
+    """Slowest `lag` beats after every so many beats."""
+    position = np.arange(2001) / 100.0 / PERIOD
+    return signal_of(-np.cos(2 * np.pi * (position - lag) / every))
+
+
+def waltz(lag: float = 0.0, first: int = 0) -> ShapeSignal:
+    """The pattern of a waltz whose bars begin on beat `first`, a constant lag later."""
+    position = np.arange(2001) / 100.0 / PERIOD - lag - first
+    angle = 2 * np.pi * position[:, None] * np.arange(1, 4) / 3
+    return signal_of(np.cos(angle) @ np.array(WALTZ.cosines) + np.sin(angle) @ np.array(WALTZ.sines))
+
+
+def placed(movement: ShapeSignal, pattern: BarPattern = REST, bars: int | None = None) -> PlaceTest:
+    places = None if bars is None else (np.arange(PLACED.size) - bars) % 3
+    return place_test(movement, PLACED, places, pattern)
+
+
+def test_one_reading_falls_in_a_straight_line_from_one_to_minus_one() -> None:
+    harmony = [placed(resting(lag)).harmony_above_chance for lag in (0.0, 0.125, 0.25, 0.375, 0.5)]
+    np.testing.assert_allclose(harmony, [1, 0.5, 0, -0.5, -1], atol=0.05)
+
+
+@pytest.mark.parametrize("lag", [-0.2, -0.1, 0.0, 0.1, 0.2])
+def test_a_lag_is_found_with_its_sign_late_is_positive(lag: float) -> None:
+    assert placed(resting(2 * lag)).lag == pytest.approx(2 * lag, abs=0.025)
+
+
+def test_harmony_is_never_below_minus_one_with_several_readings() -> None:
+    unknown = placed(waltz(), WALTZ)
+    for lag in range(MOMENTS):
+        turned = replace(unknown, ranks=np.roll(unknown.ranks, lag, axis=2))
+        assert -1.0 <= turned.harmony_above_chance <= 1.0
+        assert turned.spread()[0][0] >= -1.0
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_a_waltz_lies_on_its_bar(first: int) -> None:
+    known = placed(waltz(first=first), WALTZ, bars=first)
+    assert known.harmony_above_chance > 0.95
+    assert known.p_value == pytest.approx(1 / (3 * MOMENTS), abs=0.02)
+    assert abs(placed(waltz(first=first), WALTZ, bars=first + 1).lag) == pytest.approx(1.0, abs=0.05)
+
+
+def test_without_the_bar_every_place_is_a_reading_and_chance_knows_it() -> None:
+    unknown = placed(waltz(first=2), WALTZ)
+    assert len(unknown.ranks) == 3
+    assert unknown.chance > 0.5
+    assert unknown.lag == pytest.approx(0.0, abs=0.05)
+    assert unknown.harmony_above_chance > 0.9
+
+
+def test_chance_is_one_half_for_one_reading_and_the_mean_of_all_lags_for_several() -> None:
+    assert placed(resting()).chance == 0.5
+    several = placed(resting(), WALTZ)
+    assert several.chance == pytest.approx(several.curve.mean())
+
+
+def test_the_p_value_is_the_share_of_lags_that_do_as_well() -> None:
+    assert placed(resting()).p_value == pytest.approx(1 / MOMENTS)
+    assert placed(resting(0.25)).p_value == pytest.approx(0.5, abs=0.05)
+
+
+def test_random_phases_have_uniform_p_values_and_no_harmony_on_average() -> None:
+    tests = [placed(resting(phase)) for phase in (np.arange(40) + 0.5) / 40]
+    assert np.mean([test.p_value <= 0.05 for test in tests]) <= 0.1
+    assert np.mean([test.harmony_above_chance for test in tests]) == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_spread_is_narrow_for_a_steady_dancer_and_wide_for_a_wandering_one() -> None:
+    _, steady = placed(resting(0.1)).spread()
+    position = np.arange(2001) / 100.0 / PERIOD
+    _, wide = placed(signal_of(-np.cos(2 * np.pi * (position - 0.4 * np.round(position / 8 % 1))))).spread()
+    assert steady[1] - steady[0] < 0.05
+    assert steady[0] <= 0.13 and steady[1] >= 0.08
+    assert wide[1] - wide[0] > 0.3
+
+
+def test_too_few_beats_for_a_cycle_are_an_error() -> None:
+    refused("3 beats hold no whole cycle of 3", place_test, resting(), PLACED[:3], None, WALTZ)
+
+
+def ranked(heights: dict[int, float]) -> PlaceTest:
+    """One reading, one beat: its ranks are .5 at every lag but these (in 48ths of a beat)."""
+    ranks = np.full((1, 1, MOMENTS), 0.5)
+    for lag, height in heights.items():
+        ranks[0, 0, lag % MOMENTS] = height
+    return PlaceTest(REST, ranks, 0, 0.5)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("height", "lag"), [(0.889, 4), (0.887, 10), (0.9, 4)])
+def test_three_hundredths_of_the_range_are_a_tie_and_the_nearest_lag_has_it(height: float, lag: int, side: int) -> None:
+    # The range is .5 to .9: from .888 on a lag is as good as the best, 10.
+    assert ranked({10 * side: 0.9, 4 * side: height}).lag == pytest.approx(lag * side / MOMENTS)
+
+
+@pytest.mark.parametrize(("height", "lag"), [(0.889, 9.0), (0.887, 10.0)])
+def test_neighbours_in_a_tie_are_a_plateau_with_the_lag_in_its_middle(height: float, lag: float) -> None:
+    assert ranked({8: height, 9: height, 10: 0.9}).lag == pytest.approx(lag / MOMENTS)
+
+
+RATE = 100.0
+TIMED = 0.3 + 0.5 * np.arange(60)
+
+
+def timed_signal(values: FloatArray) -> ShapeSignal:
+    times = np.arange(values.size) / RATE
+    inside = (times >= TIMED[0] - 1e-9) & (times <= TIMED[-1] + 1e-9)
+    values = values[inside]
+    values = (values - values.mean()) / values.std()
+    return ShapeSignal(times[inside], values, np.ones(values.size, bool), 0.4, 0.6, 0.6, 3)
+
+
+def wave(tempo: float, phase: float = 0.0) -> FloatArray:
+    """A movement of so many beats a minute, with its own noise."""
+    times = np.arange(3200) / RATE
+    noise = gaussian_filter1d(np.random.default_rng(3).normal(size=times.size), 8)
+    return np.cos(2 * np.pi * (times * tempo / 60 - phase)) + 3 * noise
+
+
+def result(values: FloatArray) -> TimeTest:
+    return time_test(timed_signal(values), TIMED)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.2, 0.5, 0.9])
+def test_movement_of_the_musics_tempo_is_in_time_at_any_phase(phase: float) -> None:
+    test = result(wave(120.0, phase))
+    assert (test.p_value, test.own_ratio) == (pytest.approx(1 / N_RATIOS), pytest.approx(1.0, abs=0.001))
+
+
+@pytest.mark.parametrize("tempo", [95.0, 117.0, 122.0, 128.4, 150.0])
+def test_movement_of_another_tempo_is_not_and_its_tempo_is_found(tempo: float) -> None:
+    test = result(wave(tempo))
+    assert test.p_value > 0.05
+    assert 120 * test.own_ratio == pytest.approx(tempo, rel=0.002)
+
+
+def test_the_rate_is_the_number_of_movements_a_beat() -> None:
+    assert [result(wave(tempo)).rate for tempo in (60.0, 120.0, 240.0)] == [0.5, 1.0, 2.0]
+
+
+def test_noise_has_p_values_as_small_as_chance_allows() -> None:
+    rng = np.random.default_rng(7)
+    p = [result(gaussian_filter1d(rng.normal(size=3200), 12)).p_value for _ in range(12)]
+    assert np.mean(np.array(p) <= 0.05) < 0.2
+    assert 0.3 < np.mean(p) < 0.7
+
+
+def test_agreement_counts_different_blocks_only() -> None:
+    # One huge movement in one block agrees with itself alone.
+    values = gaussian_filter1d(np.random.default_rng(0).normal(size=3200), 8)
+    values[800:1000] += 50 * np.cos(2 * np.pi * np.arange(200) / 50)
+    assert result(values).own < 3
+
+
+def test_with_too_few_blocks_there_is_no_evidence() -> None:
+    test = time_test(timed_signal(wave(120.0)), np.append(TIMED[:8], TIMED[-1]), cycles=(3,))
+    assert (test.own, test.p_value) == (-np.inf, 1.0)
+
+
+def test_masked_samples_count_for_nothing() -> None:
+    clean = timed_signal(wave(120.0))
+    values, valid = clean.values.copy(), clean.valid.copy()
+    values[500:520], valid[500:520] = 1e3, False
+    masked = time_test(ShapeSignal(clean.times, values, valid, 0.4, 0.6, 0.6, 3), TIMED)
+    assert masked.own == pytest.approx(time_test(clean, TIMED).own, rel=0.1)
+
+
+@cases("amplitude, counts", (1.0, 1.0), (0.25, 1.0), (0.2, 0.2 / 0.22), (0.1, 0.1 / 0.21))
+def test_a_block_counts_less_below_three_tenths_of_the_mean_spread(amplitude: float, counts: float) -> None:
+    # Three blocks of four beats, the last moves so little. .3 of the mean is .225, .22 and .21 of the others' spread.
+    beats = 0.4 * np.arange(13)
+    times = np.arange(481) / RATE
+    values = np.cos(2 * np.pi * times / 0.4) * np.where(times < 3.2 - 1e-9, 1.0, amplitude)
+    test = time_test(ShapeSignal(times, values, np.ones(481, bool), 0.4, 0.6, 0.6, 3), beats, cycles=(1,))
+    # Vectors of sizes 1, 1 and w over sqrt(2): (|sum|^2 - sum of squares) / 3^2.
+    assert test.power[N_RATIOS // 2] == pytest.approx((2 + 4 * counts) / 18, rel=1e-6)
+
+
+JOINTS = np.random.default_rng(1).normal(0.0, 0.5, (12, 3))
+DANCE = synthetic_motion(np.arange(0.0, 8.5, 0.5), seconds=8.0, fps=30.0, seed=2)
+
+
+def turned_by(body: FloatArray, angle: FloatArray) -> FloatArray:
+    """(T, J, 3) positions of a body turned about the vertical by (T,) angles."""
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    x, y, z = np.moveaxis(np.broadcast_to(body, (angle.size, *body.shape[-2:])), -1, 0)
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
+
+
+def moving(positions: FloatArray, fps: float = 30.0) -> Motion:
+    return Motion(positions, fps, Skeleton.unnamed(positions.shape[1]))
+
+
+def numbers(motion: Motion) -> FloatArray:
+    signal = shape_signal(shape_speed(motion))
+    return np.array([*signal.values[::7], signal.pulse, signal.share, signal.joints])
+
+
+@given(st.floats(15.0, 120.0), st.integers(0, 10_000))
+def test_a_rigid_body_that_turns_and_travels_has_none(fps: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    angle, way = np.cumsum(rng.normal(0, 0.1, 60)), np.cumsum(rng.normal(0, 0.05, (60, 1, 3)), axis=0)
+    shape = shape_speed(moving(turned_by(JOINTS, angle) + way, fps))
+    assert shape.speed.max() < 1e-9 * np.sqrt(shape.room.max())
+
+
+def test_a_body_that_tumbles_has_next_to_none() -> None:
+    tumbling = turned_by(JOINTS, np.linspace(0, 6, 120))[..., [1, 0, 2]]
+    assert shape_signal(shape_speed(moving(tumbling))).share < 0.02
+
+
+@settings(max_examples=20)
+@given(st.floats(0.01, 100.0), st.floats(-3.0, 3.0), st.integers(0, 1000))
+def test_scale_yaw_mirror_place_and_joint_order_change_no_number(scale: float, yaw: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    positions = turned_by(DANCE.positions, np.full(DANCE.n_frames, yaw)) * [-scale, scale, scale] + rng.normal(0, 9, 3)
+    other = moving(positions[:, rng.permutation(positions.shape[1])])
+    np.testing.assert_allclose(numbers(other), numbers(DANCE), rtol=1e-6, atol=1e-6)
+
+
+def test_it_is_the_speed_of_the_joints_around_their_mean_when_nothing_turns() -> None:
+    swing = np.sin(2 * np.pi * np.arange(300) / 100)
+    positions = np.tile(np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]), (300, 1, 1))
+    positions[:, 2:, 1] *= (1 + 0.1 * swing)[:, None]  # two joints breathe in and out
+    shape = shape_speed(moving(positions, 100.0), smoothing=0.0)
+    expected = np.abs(np.gradient(0.1 * swing, 0.01)) * np.sqrt(2 / 4)
+    np.testing.assert_allclose(shape.speed[5:-5], expected[5:-5], atol=1e-9)
+
+
+def test_a_frozen_pose_on_a_dancers_path_loses_what_the_dancer_keeps() -> None:
+    angle = np.linspace(0, 9, DANCE.n_frames)
+    statue = moving(turned_by(DANCE.positions[:1], angle) + DANCE.positions.mean(axis=1, keepdims=True))
+    assert shape_signal(shape_speed(statue)).share < 1e-9
+    assert shape_signal(shape_speed(DANCE)).share > 0.4
+
+
+def test_the_share_of_joints_that_move_is_one_in_all_for_one_joint() -> None:
+    positions = np.tile(JOINTS, (300, 1, 1))
+    positions[:, 0] += 0.02 * np.random.default_rng(0).normal(size=(300, 3)).cumsum(axis=0)
+    assert 1 / 12 < shape_signal(shape_speed(moving(positions))).joints < 0.15
+
+
+def test_pan_roll_zoom_and_shear_of_a_camera_move_no_picture_of_a_still_body() -> None:
+    flat = JOINTS[:, :2]
+    time = np.arange(90)[:, None, None] / 30
+    matrix = np.array([[1.0, 0.3], [-0.2, 1.1]]) * (1 + 0.2 * np.sin(time)) + np.array([[0, 1], [-1, 0]]) * 0.3 * time
+    filmed = np.einsum("jd,tde->tje", flat, matrix) + 2 * time
+    shape = shape_speed(moving(filmed))
+    assert shape.dimensions == 2
+    assert shape.speed.max() < 1e-2 * np.sqrt(shape.room.max())
+
+
+def test_two_points_have_no_shape_and_keep_their_speed_in_the_room() -> None:
+    shape = shape_speed(moving(DANCE.positions[:, :2]))
+    assert shape.dimensions == 0
+    np.testing.assert_allclose(shape.speed, np.sqrt(shape.room))
+
+
+def test_a_line_of_joints_and_joints_in_one_place_have_finite_numbers() -> None:
+    wave = np.sin(np.arange(60) / 5)[:, None, None] * np.array([0.0, 0.1, 0.0])
+    for body in (np.linspace(0, 1, 5)[:, None] * np.ones(3), np.zeros((5, 3))):
+        assert np.isfinite(numbers(moving(body + wave))).all()
+
+
+def test_nothing_outside_the_span_has_a_part_in_the_signal() -> None:
+    still = np.concatenate([DANCE.positions, np.tile(DANCE.positions[-1], (900, 1, 1))])
+    ends = (1.0, 7.0)
+    alone, before_rest = (
+        shape_signal(shape_speed(each), *ends) for each in (DANCE, replace(DANCE, positions=still, valid=None))
+    )
+    np.testing.assert_allclose(before_rest.values, alone.values, atol=1e-9)
+    assert before_rest.pulse == pytest.approx(alone.pulse)
+
+
+def test_frames_that_are_filler_count_for_nothing() -> None:
+    valid = np.ones(DANCE.n_frames, bool)
+    valid[100:110] = False
+    jumped = DANCE.positions.copy()
+    jumped[100:110] *= 3
+    signal = shape_signal(shape_speed(replace(DANCE, positions=jumped, valid=valid)))
+    assert not signal.valid[(signal.times > 3.4) & (signal.times < 3.6)].any()
+    assert abs(signal.values[signal.valid].mean()) < 1e-12
+
+
+def test_a_span_without_movement_is_all_zero() -> None:
+    signal = shape_signal(shape_speed(DANCE), 90.0, 91.0)
+    assert (signal.values.size, signal.pulse) == (0, 0.0)
+    assert np.isnan(signal.share)
+
+
+def rigid(turn: FloatArray, body: FloatArray) -> Motion:
+    """A body (J, d) seen through matrices (T, d, d), one a frame, a hundred frames a second."""
+    return moving(np.einsum("tde,je->tjd", turn, body), 100.0)
+
+
+def test_the_ridge_leaves_three_millionths_of_a_round_body_that_tumbles() -> None:
+    # Six joints on the axes: (2/3 + 2 R) trace w = 2/3 trace w0, so 3 R of the rotation is left, with R = 1e-6.
+    angle = 0.01 * np.arange(100)
+    turn = np.tile(np.eye(3), (100, 1, 1))
+    turn[:, 1, 1] = turn[:, 2, 2] = np.cos(angle)
+    turn[:, 2, 1], turn[:, 1, 2] = np.sin(angle), -np.sin(angle)
+    shape = shape_speed(rigid(turn, np.concatenate([np.eye(3), -np.eye(3)])), smoothing=0.0)
+    np.testing.assert_allclose((shape.speed / np.sqrt(shape.room))[1:-1], 3e-6, rtol=1e-3)
+
+
+def test_the_ridge_leaves_two_millionths_of_a_round_picture_that_is_zoomed() -> None:
+    # Four joints on the axes: (1/2 + R) trace A = 1/2 trace A0.
+    zoom = (1 + 0.01 * np.arange(100))[:, None, None] * np.eye(2)
+    shape = shape_speed(rigid(zoom, np.concatenate([np.eye(2), -np.eye(2)])), smoothing=0.0)
+    np.testing.assert_allclose((shape.speed / np.sqrt(shape.room))[1:-1], 2e-6, rtol=1e-3)
+
+
+HALVED = np.pi / np.sqrt(0.5 * np.log(2))  # seconds: half of a wave of this period is within the SD of one second
+
+
+@pytest.mark.parametrize(("period", "left"), [(HALVED, 1 / 2), (HALVED / 2, 15 / 16), (2 * HALVED, 1 - 2**-0.25)])
+def test_a_gaussian_of_one_second_is_the_drift_that_is_taken_off(period: float, left: float) -> None:
+    # It keeps exp(-2 (pi SD / period)^2) of a wave.
+    fps, count = 10.0, round(200 * period * 10)
+    speed = 2 + np.sqrt(2) * np.sin(2 * np.pi * np.arange(count) / fps / period)  # SD 1
+    ones, valid = np.ones(count), np.ones(count, bool)
+    signal = shape_signal(ShapeSpeed(fps, speed, ones[:, None], ones, ones, valid, 3))
+    assert signal.pulse == pytest.approx(left, rel=0.01)

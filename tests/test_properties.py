@@ -21,7 +21,7 @@ from harmolab.verdict.judge import score_clip, score_motion
 
 DURATION = 10.0
 MODES = [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended()]
-often, seldom = settings(max_examples=100, deadline=None), settings(max_examples=15, deadline=None)
+often, seldom = settings(max_examples=50, deadline=None), settings(max_examples=8, deadline=None)
 
 # Times on a grid of 1/64 s, at least a second from both ends: sums and differences of them are exact.
 places = st.lists(st.integers(64, 8 * 64), unique=True, max_size=20).map(sorted)
@@ -135,18 +135,6 @@ def test_a_longer_delay_never_lowers_the_number_of_hits(music: BeatTrack, motion
 
 
 @often
-@given(tracks(), tracks(), delays, delays)
-def test_a_longer_delay_never_lowers_the_harmony(music: BeatTrack, motion: BeatTrack, one: float, other: float):
-    low, high = (
-        score_harmony(music, motion, params=HarmonyParams(reaction_delay=delay), n_rotations=0)
-        for delay in sorted((one, other))
-    )
-    assert (low.hits <= high.hits).all()
-    assert low.harmony <= high.harmony
-    assert low.chance <= high.chance
-
-
-@often
 @given(tracks(), tracks(), delays)
 def test_one_to_one_never_exceeds_many_to_one(music: BeatTrack, motion: BeatTrack, delay: float):
     many, nearest, most = (
@@ -165,13 +153,6 @@ def test_chance_is_the_share_of_a_fine_grid_of_times_that_is_hit(motion: BeatTra
     after = np.searchsorted(visual, times).clip(1, visual.size) - 1
     nearest = np.minimum(np.abs(times - visual[after]), np.abs(times - visual[np.minimum(after + 1, visual.size - 1)]))
     assert chance_level(visual, delay=delay, duration=DURATION) == pytest.approx((nearest <= delay).mean(), abs=0.003)
-
-
-@often
-@given(tracks(some_places), tracks(some_places), settings_of_scores(), st.integers(1, 30))
-def test_p_values_are_never_zero(music: BeatTrack, motion: BeatTrack, params: HarmonyParams, count: int):
-    value = score_harmony(music, motion, params=params, n_rotations=count).p_value
-    assert np.isnan(value) or 1 / (1 + count) <= value <= 1
 
 
 @often
@@ -196,32 +177,18 @@ def scores_of(motion: Motion) -> list[float]:
 
 
 @seldom
-@given(seeds, st.tuples(*[st.floats(-100, 100)] * 3))
-def test_where_the_dancer_stands_does_not_matter(seed: int, by: tuple[float, float, float]):
+@given(seeds, st.tuples(*[st.floats(-100, 100)] * 3), st.integers(0, 10_000), st.floats(0.001, 1000))
+def test_where_the_dancer_stands_and_looks_and_how_large_he_is_does_not_matter(
+    seed: int, by: tuple[float, float, float], turn: int, factor: float
+):
     motion = movement(seed, 30.0)
-    moved_away = replace(motion, positions=motion.positions + np.array(by))
-    np.testing.assert_allclose(scores_of(motion), scores_of(moved_away), atol=2e-3)
-
-
-@seldom
-@given(seeds, st.integers(0, 10_000))
-def test_where_the_dancer_looks_does_not_matter(seed: int, turn: int):
-    motion = movement(seed, 30.0)
-    matrix = Rotation.random(random_state=turn).as_matrix()
-    tilted = replace(motion, positions=motion.positions @ matrix.T)
+    own, tilt = scores_of(motion), Rotation.random(random_state=turn).as_matrix()
+    turned = motion.positions @ Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix().T
+    for positions in (motion.positions + np.array(by), factor * motion.positions, turned):
+        np.testing.assert_allclose(scores_of(replace(motion, positions=positions)), own, atol=2e-3)
     # The shape's turns are taken out about the vertical first, so a tilted room may move that score.
-    np.testing.assert_allclose(scores_of(motion)[:-1], scores_of(tilted)[:-1], atol=2e-3)
-    matrix = Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix()
-    turned = replace(motion, positions=motion.positions @ matrix.T)
-    np.testing.assert_allclose(scores_of(motion), scores_of(turned), atol=2e-3)
-
-
-@seldom
-@given(seeds, st.floats(0.001, 1000))
-def test_how_large_the_dancer_is_does_not_matter(seed: int, factor: float):
-    motion = movement(seed, 30.0)
-    scaled = replace(motion, positions=factor * motion.positions)
-    np.testing.assert_allclose(scores_of(motion), scores_of(scaled), atol=2e-3)
+    tilted = replace(motion, positions=motion.positions @ tilt.T)
+    np.testing.assert_allclose(scores_of(tilted)[:-1], own[:-1], atol=2e-3)
 
 
 RESTING = HarmonyParams.recommended(HOW_PATTERNS["rest"])
@@ -269,14 +236,6 @@ def test_valleys_lie_within_20_ms_of_the_stops_at_every_frame_rate(
     stops = fine[1:-1][forward[1:] != forward[:-1]]
     stops = stops[(stops > 0.3) & (stops < 7.7)]
     assert np.abs(stops[:, None] - valleys_of(hertz, share, phase, fps)).min(axis=1).max() <= 0.02
-
-
-@often
-@given(st.floats(0.5, 1.0), st.floats(0, 0.25), st.floats(0, 2 * np.pi), rates)
-def test_valleys_lie_at_the_same_times_at_every_frame_rate(hertz: float, share: float, phase: float, fps: float):
-    fast = valleys_of(hertz, share, phase, 120.0)
-    fast = fast[(fast > 0.3) & (fast < 7.7)]
-    assert np.abs(fast[:, None] - valleys_of(hertz, share, phase, fps)).min(axis=1).max() <= 0.005
 
 
 @seldom

@@ -1,16 +1,24 @@
-"""Motion to visual beats, on movements whose stops and turns are known."""
+"""Beats of movement: of joints whose stops are known, and of pictures, by optical flow, whose stops are planted."""
 
-from collections.abc import Callable
+import weakref
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from harmolab.beats import flow as flows
 from harmolab.beats.visual import curve_beats, curve_delay, motion_curve, visual_beats
 from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HarmonyParams
+from harmolab.readers.video import video_frames
 from harmolab.types import Motion
-from tests.builders import planted_dance, refused
+from study.figures.moving_box import moving_box
+from tests.builders import cases, planted_dance, refused
 
 PLAIN = HarmonyParams(fps=None, visual_threshold=None)
 Swing = Callable[..., Motion]
@@ -22,9 +30,9 @@ def stops(hertz: float, seconds: float) -> np.ndarray:
     return times[(times > 0.3) & (times < seconds - 0.3)]
 
 
-def farthest(wanted: np.ndarray, found: np.ndarray) -> float:
-    """The largest distance from a wanted time to the nearest one found."""
-    return float(np.abs(wanted[:, None] - found).min(axis=1).max())
+def farthest(times: np.ndarray, others: np.ndarray) -> float:
+    """The largest distance from one of `times` to the nearest of `others`."""
+    return float(np.abs(times[:, None] - others[None, :]).min(axis=1).max())
 
 
 @pytest.mark.parametrize("fps", [15.0, 25.0, 60.0, 120.0])
@@ -37,14 +45,6 @@ def test_peaks_lie_half_way_between_the_stops(swinging_arm: Swing):
     params = replace(HarmonyParams.valleys(), detector="peaks")
     beats = visual_beats(swinging_arm(1.0, 60.0), params=params).times
     assert farthest(stops(1.0, 5.5) + 0.25, beats) < 0.01
-
-
-def test_turns_are_the_valleys_and_the_peaks(swinging_arm: Swing):
-    motion = swinging_arm(1.3, 60.0)
-    tracks = {
-        name: visual_beats(motion, params=replace(PLAIN, detector=name)).times for name in ("turns", "valleys", "peaks")
-    }
-    np.testing.assert_array_equal(tracks["turns"], np.sort(np.concatenate([tracks["valleys"], tracks["peaks"]])))
 
 
 def test_paper_mode_places_beats_on_frames_of_15_per_second(swinging_arm: Swing):
@@ -61,20 +61,6 @@ def test_a_beats_strength_is_the_speed_there():
     np.testing.assert_allclose(track.times, [0.3])
     np.testing.assert_allclose(track.strengths, [0.0])
     np.testing.assert_allclose(curve_beats(np.array([1.0, 3.0, 2.0]), 10.0, PLAIN).strengths, [3.0])
-
-
-def test_speed_is_per_second_so_strengths_do_not_depend_on_the_frame_rate(swinging_arm: Swing):
-    # Wrist and elbow swing through a radian at 0.6 and 0.3 m: 0.9 m * 2 pi rad/s at the fastest moment.
-    for fps in (60.0, 120.0):
-        curve, rate = motion_curve(swinging_arm(1.0, fps), PLAIN)
-        assert curve.max() == pytest.approx(0.9 * 2 * np.pi, rel=0.01)
-        assert rate == fps
-
-
-def test_a_frozen_dancer_has_no_beats():
-    frozen = Motion(np.tile(np.array([[[0.1, 1.7, 0.3]]]), (60, 2, 1)), 25.0, Skeleton.unnamed(2))
-    for params in (HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended(), direction()):
-        assert len(visual_beats(frozen, params=params)) == 0
 
 
 def direction() -> HarmonyParams:
@@ -135,11 +121,6 @@ def test_smoothing_the_positions_takes_out_sensor_noise(swinging_arm: Swing, rng
     assert farthest(stops(1.0, 6.0), visual_beats(noisy, params=still).times) < 0.05
 
 
-def test_a_motion_too_short_for_the_rate_is_refused():
-    brief = Motion(np.zeros((2, 1, 3)), 60.0, Skeleton.unnamed(1))
-    refused(r"a motion of 0.033 s has no two frames at 15 fps", visual_beats, brief)
-
-
 @pytest.mark.parametrize("params", [HarmonyParams.valleys(), HarmonyParams.recommended()])
 def test_a_curve_drawn_with_its_delay_is_lowest_at_the_valley_beats(params: HarmonyParams):
     motion = planted_dance().motion
@@ -151,3 +132,255 @@ def test_a_curve_drawn_with_its_delay_is_lowest_at_the_valley_beats(params: Harm
     for beat in beats:
         near = np.abs(times - beat) < 2.5 / fps
         assert times[near][curve[near].argmin()] == pytest.approx(beat, abs=0.5 / fps + 1e-9)
+
+
+STOPS = (1.2, 2.1, 3.3, 4.2, 5.6)  # seconds
+TOLERANCE = 0.04  # seconds: one frame at 25 fps
+
+
+def texture(height: int, width: int, seed: int = 0) -> np.ndarray:
+    """A smooth random picture, so that every place of it can be told from its neighbours."""
+    coarse = np.random.default_rng(seed).integers(0, 255, (height // 8 + 2, width // 8 + 2)).astype(np.uint8)
+    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+def stopping_bar(fps: float, *, seconds: float = 7.0, height: int = 120) -> Iterator[np.ndarray]:
+    """A textured bar that slides to the right or back for 0.4 s, stops dead at each of STOPS, and rests."""
+    bar = texture(height // 2, height // 6)
+    width = height * 4 // 3
+    for time in np.arange(round(seconds * fps)) / fps:
+        moves = [
+            sign * np.clip((time - stop + 0.4) / 0.4, 0, 1) for stop, sign in zip(STOPS, (1, -1) * 3, strict=False)
+        ]
+        shift = np.array([[1, 0, (0.2 + 0.35 * sum(moves)) * height], [0, 1, height / 4]])
+        frame = np.full((height, width), 200, np.uint8)
+        yield cv2.warpAffine(bar, shift, (width, height), dst=frame, borderMode=cv2.BORDER_TRANSPARENT)
+
+
+@pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 50.0])
+def test_each_sudden_stop_is_one_beat_within_a_frame(fps: float) -> None:
+    track = flows.flow_beats(stopping_bar(fps), fps)
+    assert len(track) == len(STOPS)
+    np.testing.assert_allclose(track.times, STOPS, atol=TOLERANCE)
+    assert 0 < track.strengths.min() <= track.strengths.max() == 1.0
+    assert (track.fps, track.duration) == (fps, round(7.0 * fps) / fps)
+
+
+def test_every_other_frame_of_a_dance_gives_the_same_clear_beats() -> None:
+    frames = list(render_skeleton(synthetic_clip("jive", seconds=6.0, fps=50.0, seed=1).motion, height=120))
+    full, half = flows.flow_beats(frames, 50.0), flows.flow_beats(frames[::2], 25.0)
+    clear_full, clear_half = (track.times[track.strengths > 0.3] for track in (full, half))  # not those near c_2
+    assert len(clear_half) >= 8
+    assert farthest(clear_half, full.times) <= TOLERANCE
+    assert farthest(clear_full, half.times) <= TOLERANCE
+
+
+@cases("right, down, bin_", (3, 0, 0), (2, 2, 2), (0, 3, 4), (-3, 0, 8), (0, -3, 12), (3, -3, 14))
+def test_a_uniform_translation_is_in_the_bin_of_its_angle_with_y_down(right: int, down: int, bin_: int) -> None:
+    flow = np.broadcast_to(np.array([right, down], np.float32), (40, 60, 2))
+    expected = np.zeros(16)
+    expected[bin_] = np.hypot(right, down)
+    np.testing.assert_allclose(flows.directogram(flow, n_bins=16), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("right", "down", "bin_"), [(3, 0, 0), (0, 3, 4), (-3, 0, 8), (0, -3, 12)])
+def test_the_flow_of_a_shifted_picture_is_the_shift(right: int, down: int, bin_: int) -> None:
+    scene = texture(140, 180)
+    before, after = scene[10:130, 10:170], scene[10 - down : 130 - down, 10 - right : 170 - right]
+    weights = flows.directogram(flows.optical_flow(before, after), n_bins=16)
+    assert weights[bin_] == pytest.approx(3.0, rel=0.1)
+    assert weights[bin_] >= 0.95 * weights.sum()
+
+
+def test_the_plain_wall_around_a_limb_does_not_move_with_it() -> None:
+    frames = list(stopping_bar(25.0, seconds=1.2))
+    moving = np.linalg.norm(flows.optical_flow(frames[24], frames[25]), axis=2) > 0.5
+    bar_share = (60 * 20) / (120 * 160)
+    assert bar_share <= moving.mean() <= 2.5 * bar_share
+
+
+def test_displacements_up_to_still_do_not_count() -> None:
+    flow = np.zeros((10, 10, 2), np.float32)
+    flow[..., 0] = 0.5
+    assert flows.directogram(flow, still=0.5).sum() == 0
+    assert flows.directogram(flow, still=0.4).sum() == pytest.approx(0.5)
+
+
+def test_speeds_are_picture_heights_per_second() -> None:
+    scene = texture(120, 400)
+    frames = [scene[:, 200 - 3 * i : 360 - 3 * i] for i in range(8)]  # 3 pixels to the right at 20 fps: half a height
+    columns = flows.flow_directograms(frames, 20.0)
+    assert columns.shape == (8, 16)
+    assert columns[0].sum() == 0
+    np.testing.assert_allclose(columns[1:, 0], 0.5, rtol=0.1)
+
+
+def test_a_lag_of_two_frames_finds_the_same_stop() -> None:
+    columns = np.zeros((14, 8))
+    columns[2:8, 3] = 2.0  # moved from frame 0 to frame 7 (rows are measured over two frames)
+    columns[8, 3] = 1.0
+    assert flows.impact_envelope(columns, lag_frames=2).argmax() == 7
+
+
+def test_turning_into_the_next_direction_counts_half_of_stopping() -> None:
+    columns = np.zeros((9, 8))
+    columns[:5, 3] = 1.0
+    columns[5:, 4] = 1.0
+    assert flows.impact_envelope(columns).max() == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("odd_one", [0.0, 50.0], ids=["a frame shown twice", "a cut between scenes"])
+def test_one_odd_frame_is_no_impact(odd_one: float) -> None:
+    columns = np.zeros((12, 8))
+    columns[:, 3] = 1.0
+    columns[6, 3] = odd_one
+    assert flows.impact_envelope(columns).max() == 0
+
+
+@pytest.mark.parametrize("count", range(6))
+def test_too_few_frames_for_an_impact_give_as_many_zeros(count: int) -> None:
+    np.testing.assert_array_equal(flows.impact_envelope(np.ones((count, 4)), lag_frames=3), np.zeros(count))
+
+
+def test_peaks_are_highest_within_the_radius() -> None:
+    envelope = np.array([0, 5, 0, 9, 0, 0, 0, 4, 0.0])
+    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=1, threshold=0.5), [1, 3, 7])
+    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=2, threshold=0.5), [3, 7])
+    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=4, threshold=0.5), [3])
+
+
+def test_a_peak_exceeds_the_mean_around_it_by_more_than_the_threshold() -> None:
+    envelope = np.array([0, 0, 3, 0, 0.0])  # the mean over the three frames in the middle is 1
+    assert flows.local_peaks(envelope, radius_frames=1, threshold=1.9, mean_frames=1).tolist() == [2]
+    assert flows.local_peaks(envelope, radius_frames=1, threshold=2.0, mean_frames=1).tolist() == []
+
+
+def test_a_flat_top_is_one_peak_in_its_middle_and_equal_peaks_give_one() -> None:
+    flat = np.array([0, 1, 1, 1, 0, 0.0])
+    assert flows.local_peaks(flat, radius_frames=2, threshold=0.1, mean_frames=2).tolist() == [2]
+    assert len(flows.local_peaks(np.array([0, 1, 0, 1, 0, 0.0]), radius_frames=3, threshold=0.1)) == 1
+
+
+def test_an_envelope_that_is_zero_or_empty_has_no_peaks() -> None:
+    assert flows.local_peaks(np.zeros(20), radius_frames=2, threshold=0.0).size == 0
+    assert flows.local_peaks(np.zeros(0), radius_frames=2, threshold=0.0).size == 0
+
+
+def test_the_normalised_envelope_clips_outlying_peaks_at_one() -> None:
+    envelope = np.zeros(210)
+    envelope[5::10] = 2.0  # 21 peaks
+    envelope[105] = 100.0
+    np.testing.assert_allclose(flows.normalise_envelope(envelope, radius_frames=3)[5::10], 1.0)
+
+
+def test_an_envelope_below_the_floor_is_zero() -> None:
+    envelope = np.array([0, 1e-5, 0, 2e-5, 0])
+    np.testing.assert_array_equal(flows.normalise_envelope(envelope, radius_frames=1, floor=1e-4), np.zeros(5))
+
+
+def test_beats_lie_between_frames_where_the_envelope_does() -> None:
+    envelope = np.array([0, 0, 0.5, 1.0, 1.0, 0.5, 0, 0, 0, 0.0])
+    assert flows.envelope_beats(envelope, 10.0, around=0.2).times.tolist() == pytest.approx([0.35])
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0, 8.0])
+def test_a_frozen_video_has_no_beats_even_with_sensor_noise(noise: float, rng: np.random.Generator) -> None:
+    scene = texture(120, 160).astype(float)
+    frames = [np.clip(scene + rng.normal(0, noise, scene.shape), 0, 255).astype(np.uint8) for _ in range(60)]
+    assert len(flows.flow_beats(frames, 25.0)) == 0
+    assert flows.flow_envelope(frames, 25.0).max() == 0
+
+
+def test_a_scene_that_slowly_grows_darker_and_lighter_has_no_beats() -> None:
+    scene = texture(120, 160)
+    frames = [(scene * (0.65 + 0.35 * np.sin(0.06 * i))).astype(np.uint8) for i in range(150)]
+    assert len(flows.flow_beats(frames, 25.0)) == 0
+
+
+def test_a_camera_that_stops_panning_makes_a_beat() -> None:
+    scene = texture(120, 400)
+    offsets = [4 * min(i, 30) for i in range(60)]  # four pixels a frame up to frame 30
+    track = flows.flow_beats([scene[:, x : x + 160] for x in offsets], 25.0)
+    np.testing.assert_allclose(track.times, [30 / 25], atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_few_frames_have_no_beats_and_their_own_duration(count: int) -> None:
+    track = flows.flow_beats(list(stopping_bar(25.0))[:count], 25.0)
+    assert len(track) == 0
+    assert track.duration == pytest.approx(count / 25)
+
+
+def test_colour_frames_give_the_beats_of_grey_ones() -> None:
+    colour = (np.repeat(frame[..., None], 3, axis=2) for frame in stopping_bar(25.0))
+    np.testing.assert_allclose(flows.flow_beats(colour, 25.0).times, flows.flow_beats(stopping_bar(25.0), 25.0).times)
+
+
+def test_frames_drawn_into_the_same_memory_are_told_apart() -> None:
+    def reused() -> Iterator[np.ndarray]:
+        memory = np.zeros((120, 160), np.uint8)
+        for frame in stopping_bar(25.0):
+            memory[:] = frame
+            yield memory
+
+    assert len(flows.flow_beats(reused(), 25.0)) == len(STOPS)
+
+
+def test_frames_are_forgotten_once_read() -> None:
+    alive: list[weakref.ref[np.ndarray]] = []
+    most = 0
+
+    def watched() -> Iterator[np.ndarray]:
+        nonlocal most
+        for _ in range(40):
+            frame = np.zeros((32, 32), np.uint8)
+            alive.append(weakref.ref(frame))
+            most = max(most, sum(one() is not None for one in alive))
+            yield frame
+
+    flows.flow_beats(watched(), 25.0)
+    assert most <= 3
+
+
+def test_progress_sees_every_frame() -> None:
+    shapes: list[tuple[int, ...]] = []
+    watched = lambda frames, label: (shapes.append(frame.shape) or frame for frame in frames)  # noqa: E731
+    flows.flow_beats(stopping_bar(25.0, seconds=0.4), 25.0, progress=watched)
+    assert len(shapes) == 10
+
+
+BLACK = np.zeros((32, 32), np.uint8)
+
+
+@cases(
+    "frames, fps, message",
+    ([BLACK, np.zeros((32, 40), np.uint8)], 25.0, r"frame 1 has shape \(32, 40\), the first has \(32, 32\)"),
+    ([np.zeros((32, 32))], 25.0, "frame 0 must be .* uint8"),
+    ([np.zeros((32, 32, 4), np.uint8)], 25.0, "frame 0 must be"),
+    ([np.zeros(32, np.uint8)], 25.0, "frame 0 must be"),
+    ([np.zeros((8, 32), np.uint8)], 25.0, "at least 16 x 16 pixels"),
+    ([], 25.0, "at least one frame"),
+    *(([BLACK], fps, "fps must be positive") for fps in (0.0, -25.0, float("nan"), float("inf"))),
+)
+def test_what_is_no_video_is_refused(frames: list[np.ndarray], fps: float, message: str) -> None:
+    refused(message, flows.flow_beats, frames, fps)
+    refused("lag must lie between 0 and 1 seconds, got 2", flows.flow_beats, [BLACK], 25.0, lag=2)
+
+
+def test_a_wandering_box_changes_the_beats_of_the_flow() -> None:
+    dance = synthetic_clip("rumba", seconds=8.0, fps=25.0, seed=1).motion
+    alone = flows.flow_beats(render_skeleton(dance, height=120), 25.0)
+    boxed = flows.flow_beats(moving_box(render_skeleton(dance, height=120), 25.0, seed=0), 25.0)
+    distance = np.abs(alone.times[:, None] - boxed.times[None, :]).min(axis=1)
+    assert len(alone) >= 8
+    assert (distance > 0.1).mean() >= 0.2  # the beats of the skeleton do not see the box at all
+
+
+@pytest.mark.data
+def test_a_recorded_dance_has_about_one_to_three_beats_a_second(data_root: Path) -> None:
+    path = data_root / "extra" / "video" / "d2mgan_motivation_gt.mp4"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    video = video_frames(path)
+    track = flows.flow_beats(video, video.fps)
+    assert 1.0 <= len(track) / track.duration <= 3.0

@@ -68,13 +68,11 @@ def impact_envelope(directograms: ArrayLike, *, lag_frames: int = 1, smoothing_f
     return np.pad(lost, lag_frames, mode="edge")
 
 
-def normalise_envelope(
-    envelope: FloatArray, *, radius_frames: int, floor: float = 0.0, percentile: float = 95.0
-) -> FloatArray:
+def normalise_envelope(envelope: FloatArray, *, radius_frames: int, floor: float = 0.0) -> FloatArray:
     """The envelope in units of its high peaks, clipped at 1.
 
     Davis and Agrawala clip at a percentile of all frames, which also cuts down the few true impacts of a quiet
-    video; here the percentile is taken over the peaks.
+    video; here the 95th percentile is taken over the peaks above the floor.
 
     Parameters
     ----------
@@ -83,7 +81,6 @@ def normalise_envelope(
         Distance within which a peak is the highest.
     floor : float
         If no peak is higher than this, nothing happens in the video and the result is 0 throughout.
-    percentile : float, of the heights of the peaks above the floor
 
     Returns
     -------
@@ -93,7 +90,7 @@ def normalise_envelope(
     heights = heights[heights > floor]
     if heights.size == 0:
         return np.zeros_like(envelope)
-    return np.minimum(envelope / np.percentile(heights, percentile), 1.0)
+    return np.minimum(envelope / np.percentile(heights, 95.0), 1.0)
 
 
 def local_peaks(
@@ -158,6 +155,7 @@ def envelope_beats(
 
 Frame = NDArray[np.uint8]
 
+N_BINS = 16  # directions
 SMALLEST_SIDE = 16  # pixels; the coarse grid of the flow has nothing to hold on to below
 CHANGED = 2  # grey levels of 255, mean over 5 x 5 pixels
 STILL = 0.02  # picture heights per second; slower is the noise of the camera and of the flow itself
@@ -198,7 +196,7 @@ def _changed(before: Frame, after: Frame) -> Frame:
     return cv2.dilate(mask, np.ones((5, 5), np.uint8)).view(np.uint8)
 
 
-def directogram(flow: NDArray[np.float32], *, n_bins: int = 16, still: float = 0.0) -> FloatArray:
+def directogram(flow: NDArray[np.float32], *, n_bins: int = N_BINS, still: float = 0.0) -> FloatArray:
     """Movement in each direction: one column D(t, theta) of the directogram.
 
     Parameters
@@ -226,8 +224,6 @@ def flow_directograms(
     fps: float,
     *,
     lag: float = LAG,
-    n_bins: int = 16,
-    still: float = STILL,
     watch: Callable[[NDArray[np.float32]], None] | None = None,
     progress: Progress = silent,
 ) -> FloatArray:
@@ -242,14 +238,13 @@ def flow_directograms(
     fps : float, hertz
     lag : float, seconds
         t_1 of Eq. 4: flow is measured over this time (at least one frame), so that 25 and 50 fps see the same.
-    n_bins : int, directions (see `directogram`)
-    still : float, picture heights per second; what moves slower counts as still
     watch : function(speed), called with the speed of every pixel, (H, W) picture heights per second, of each flow
     progress : function(iterable, label) -> iterable
 
     Returns
     -------
-    (T, n_bins) array, picture heights per second, mean over the picture. Row t tells the movement from t / fps - lag
+    (T, 16) array, picture heights per second, mean over the picture; what moves slower than `STILL` does not count.
+    Row t tells the movement from t / fps - lag
     to t / fps; the rows before the first lag are 0.
 
     Raises
@@ -264,11 +259,11 @@ def flow_directograms(
     rows = []
     for frame in _grey(progress(frames, "reading the pictures")):
         recent.append(frame)
-        row = np.zeros(n_bins)
+        row = np.zeros(N_BINS)
         if len(recent) > lag_frames:
             height = frame.shape[0]
             flow = optical_flow(recent[0], frame)
-            row = directogram(flow, n_bins=n_bins, still=still * height / per_second) * (per_second / height)
+            row = directogram(flow, still=STILL * height / per_second) * (per_second / height)
             if watch is not None:
                 watch(np.hypot(flow[..., 0], flow[..., 1]) * np.float32(per_second / height))
         rows.append(row)
@@ -336,25 +331,14 @@ def flow_envelope(
     return normalise_envelope(impacts, radius_frames=max(1, round(radius * fps)), floor=floor)
 
 
-def flow_beats(
-    frames: Iterable[Frame],
-    fps: float,
-    *,
-    lag: float = LAG,
-    smoothing: float = SMOOTHING,
-    radius: float = RADIUS,
-    around: float = AROUND,
-    threshold: float = THRESHOLD,
-    floor: float = FLOOR,
-    progress: Progress = silent,
-) -> BeatTrack:
+def flow_beats(frames: Iterable[Frame], fps: float, *, lag: float = LAG, progress: Progress = silent) -> BeatTrack:
     """Visual beats of a video: sudden stops of anything in the picture (Eq. 4-5; Davis & Agrawala 2018).
 
-    A video in which nothing stops has no beats. The parameters are those of `flow_envelope` and `envelope_beats`.
+    A video in which nothing stops has no beats. The parameters are those of `flow_envelope`; for other settings take
+    that and `envelope_beats` one after the other.
 
     Returns
     -------
     BeatTrack of T / fps seconds; strengths are in (0, 1]
     """
-    envelope = flow_envelope(frames, fps, lag=lag, smoothing=smoothing, radius=radius, floor=floor, progress=progress)
-    return envelope_beats(envelope, fps, radius=radius, around=around, threshold=threshold)
+    return envelope_beats(flow_envelope(frames, fps, lag=lag, progress=progress), fps)

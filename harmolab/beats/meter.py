@@ -51,9 +51,7 @@ def strong_beats(strengths: NDArray[np.float64]) -> BoolArray:
     >>> strong_beats(np.array([1.0, 3.0, 2.0, 2.5]))
     array([False,  True, False,  True])
     """
-    if len(strengths) == 0:
-        return np.zeros(0, dtype=bool)
-    return np.concatenate([[False], np.diff(strengths) > 0])
+    return np.diff(strengths, prepend=np.inf) > 0
 
 
 def cycle_of_meter(meter: int | None) -> int:

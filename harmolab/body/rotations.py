@@ -39,8 +39,7 @@ class Body:
     @property
     def lengths(self) -> FloatArray:
         """(J,) metres, 0 for the root."""
-        lengths: FloatArray = np.linalg.norm(self.offsets, axis=1)
-        return lengths
+        return np.asarray(np.linalg.norm(self.offsets, axis=1))
 
     def resized(self, lengths: FloatArray) -> "Body":
         """The same directions with bones of other lengths (J,), metres."""
@@ -134,8 +133,7 @@ def alignment(shape: FloatArray, vectors: FloatArray) -> FloatArray:
     left, _, right = np.linalg.svd(product + REST * weight[:, None, None] * np.eye(3))
     # No mirror images: where the product of both is one, the weakest axis is turned round.
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    turns: FloatArray = left @ right
-    return turns
+    return np.asarray(left @ right)
 
 
 def two_bones(

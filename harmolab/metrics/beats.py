@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from harmolab.params import HarmonyParams
+from harmolab.score import hit_mask, nearest_intervals
 from harmolab.types import BeatTrack, FloatArray
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
@@ -54,8 +55,7 @@ def beat_align(queries: FloatArray, targets: FloatArray, *, sigma: float = AIST_
     """
     if len(queries) == 0 or len(targets) == 0:
         return 0.0
-    distance = np.abs(np.subtract.outer(queries, targets)).min(axis=1)
-    return float(np.exp(-(distance**2) / (2 * sigma**2)).mean())
+    return float(np.exp(-(nearest_intervals(queries, targets) ** 2) / (2 * sigma**2)).mean())
 
 
 def beat_coverage(n_visual: int, n_audio: int) -> float:
@@ -68,10 +68,7 @@ def beat_hit_rate(visual_times: FloatArray, audio_times: FloatArray, *, delay: f
 
     The source gives no tolerance; the faster the music, the easier a hit.
     """
-    if len(visual_times) == 0 or len(audio_times) == 0:
-        return 0.0
-    distance = np.abs(np.subtract.outer(visual_times, audio_times)).min(axis=1)
-    return float((distance <= delay + 1e-9).mean())
+    return float(hit_mask(visual_times, audio_times, delay=delay).mean()) if len(visual_times) else 0.0
 
 
 def _p_score(music: FloatArray, motion: FloatArray) -> float:

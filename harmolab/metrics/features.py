@@ -15,14 +15,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
-from harmolab.body.kinematics import upsample_motion
 from harmolab.body.skeletons import Skeleton, named_joints
+from harmolab.metrics.quality import Sampled, sampled
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 # Kinetic features of a motion, one vector a clip: how much energy each joint has and spends (Onuma et al. 2008).
@@ -31,29 +31,9 @@ AIST_FPS = 60.0  # hertz; windows and differences of AIST++ are so many frames o
 _BEFORE, _AFTER = 3, 2  # sixtieths before and after a moment that its window of five steps reaches
 
 
-class DenseMotion(NamedTuple):
-    """A motion at a multiple of 60 frames per second: (T, J, 3) positions, (T,) validity, frames to a sixtieth."""
-
-    positions: FloatArray
-    valid: BoolArray
-    stride: int
-
-
-def dense_motion(motion: Motion) -> DenseMotion:
-    """`motion` at the lowest multiple of 60 frames per second that loses no frames, by cubic splines.
-
-    Raises
-    ------
-    ValueError
-        If it is two-dimensional, or shorter than two sixtieths of a second.
-    """
-    if motion.positions.shape[2] != 3:
-        raise ValueError("a three-dimensional motion is needed: metres, y up")
-    stride = max(1, math.ceil(motion.fps / AIST_FPS - 1e-6))
-    dense = upsample_motion(motion, stride * AIST_FPS - 1e-6)
-    if dense.n_frames <= 2 * stride:
-        raise ValueError(f"the motion lasts {motion.duration:.3f} s, too short for features, which need 1/30 s")
-    return DenseMotion(dense.positions, dense.valid, stride)
+def _dense(motion: Motion) -> Sampled:
+    """`motion` at the lowest multiple of 60 frames per second that loses no frames; errors of `sampled`."""
+    return sampled(motion, 1 / AIST_FPS, steps=2)
 
 
 def kinetic_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixed") -> FloatArray:
@@ -87,7 +67,7 @@ def kinetic_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixe
     """
     if form not in ("fixed", "aist++"):
         raise ValueError(f"form must be fixed or aist++, got {form!r}")
-    dense = dense_motion(motion)
+    dense = _dense(motion)
     positions, stride = dense.positions, dense.stride
     weights = _weights(dense)
     step = 1 / AIST_FPS
@@ -134,10 +114,8 @@ def _mean_places(positions: FloatArray, stride: int) -> FloatArray:
     return (total[last + 1] - total[first + stride]) / (last + 1 - first - stride)[:, None, None]
 
 
-def _weights(dense: DenseMotion) -> FloatArray:
+def _weights(dense: Sampled) -> FloatArray:
     """Weight of each frame from `stride` on in means over time: those whose window is valid share 1."""
-    if dense.valid.all():
-        return np.full(len(dense.valid) - dense.stride, 1 / (len(dense.valid) - dense.stride))
     first, last = _window_ends(len(dense.valid), dense.stride, 0, len(dense.valid) - 1 - dense.stride)
     invalid = np.concatenate([[0], np.cumsum(~dense.valid)])
     # A second difference needs one more step than a first one.
@@ -387,49 +365,29 @@ GEOMETRIC_FEATURES = (
 )
 
 # Direction: from one point to another, or the normal (b - a) x (c - a) of a plane through three points. Then a vector
-# between two points. True where the part of the vector along the direction, or of its change in a second where the
-# feature moves, is beyond the threshold, in upper arms, shoulder widths or hip widths of the dancer.
+# between two points. True where the part of the vector along the direction is beyond the threshold, in upper arms,
+# shoulder widths or hip widths of the dancer.
 LINES = (
     ("right hand above neck", "chest neck", "neck rwrist", 0.2, "humerus"),
     ("left hand above neck", "chest neck", "neck lwrist", 0.2, "humerus"),
     ("hands far apart sideways", "lshoulder rshoulder", "lwrist rwrist", 2.5, "shoulders"),
     ("feet far apart sideways", "lhip rhip", "lankle rankle", 2.1, "hips"),
 )
-PLANES = MappingProxyType(
-    {
-        "fixed": (
-            ("right foot behind left leg", "root lhip ltoes", "root rankle", 0.38, "humerus"),
-            ("left foot behind right leg", "root rtoes rhip", "root lankle", 0.38, "humerus"),
-            ("root behind frontal plane", "rankle neck lankle", "rankle root", 0.5, "humerus"),
-        ),
-        "aist++": (
-            ("right foot behind left leg", "root ltoes lhip", "root rankle", 0.38, "humerus"),
-            ("left foot behind right leg", "root rtoes rhip", "root lankle", 0.38, "humerus"),
-            ("root behind frontal plane", "rankle lankle neck", "rankle root", 0.5, "humerus"),
-        ),
-    }
+# The same with a direction and a vector of each form, "fixed" and "aist++", and thresholds in upper arms. What moves
+# is compared by the change of the vector in a second.
+PLANES = (
+    ("right foot behind left leg", ("root lhip ltoes", "root rankle"), ("root ltoes lhip", "root rankle"), 0.38),
+    ("left foot behind right leg", ("root rtoes rhip", "root lankle"), ("root rtoes rhip", "root lankle"), 0.38),
+    ("root behind frontal plane", ("rankle neck lankle", "rankle root"), ("rankle lankle neck", "rankle root"), 0.5),
 )
-MOVING = MappingProxyType(
-    {
-        "fixed": (
-            ("right hand moves forward", "neck rhip lhip", "neck rwrist", 1.8, "humerus"),
-            ("left hand moves forward", "neck rhip lhip", "neck lwrist", 1.8, "humerus"),
-            ("right hand moves up", "belly chest", "chest rwrist", 1.8, "humerus"),
-            ("left hand moves up", "belly chest", "chest lwrist", 1.8, "humerus"),
-            ("hands approach each other", "lwrist rwrist", "rwrist lwrist", 1.4, "humerus"),
-            ("right hand leaves root", "rwrist root", "rwrist root", 1.4, "humerus"),
-            ("left hand leaves root", "lwrist root", "lwrist root", 1.4, "humerus"),
-        ),
-        "aist++": (
-            ("right hand moves forward", "neck lhip rhip", "neck rwrist", 1.8, "humerus"),
-            ("left hand moves forward", "neck rhip lhip", "neck lwrist", 1.8, "humerus"),
-            ("right hand moves up", "belly chest", "belly chest", 1.8, "humerus"),
-            ("left hand moves up", "belly chest", "belly chest", 1.8, "humerus"),
-            ("hands approach each other", "lwrist rwrist", "lwrist rwrist", 1.4, "humerus"),
-            ("right hand leaves root", "rwrist root", "rwrist lwrist", 1.4, "humerus"),
-            ("left hand leaves root", "lwrist root", "lwrist rwrist", 1.4, "humerus"),
-        ),
-    }
+MOVING = (
+    ("right hand moves forward", ("neck rhip lhip", "neck rwrist"), ("neck lhip rhip", "neck rwrist"), 1.8),
+    ("left hand moves forward", ("neck rhip lhip", "neck lwrist"), ("neck rhip lhip", "neck lwrist"), 1.8),
+    ("right hand moves up", ("belly chest", "chest rwrist"), ("belly chest", "belly chest"), 1.8),
+    ("left hand moves up", ("belly chest", "chest lwrist"), ("belly chest", "belly chest"), 1.8),
+    ("hands approach each other", ("lwrist rwrist", "rwrist lwrist"), ("lwrist rwrist", "lwrist rwrist"), 1.4),
+    ("right hand leaves root", ("rwrist root", "rwrist root"), ("rwrist root", "rwrist lwrist"), 1.4),
+    ("left hand leaves root", ("lwrist root", "lwrist root"), ("lwrist root", "lwrist rwrist"), 1.4),
 )
 # Two vectors, and what the angle between them is above, or, with a minus, below: degrees.
 ANGLES = (
@@ -498,7 +456,7 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
     if form not in ("fixed", "aist++"):
         raise ValueError(f"form must be fixed or aist++, got {form!r}")
     weights = body_points(motion.skeleton)
-    dense = dense_motion(motion)
+    dense = _dense(motion)
     # Joints first and frames last, so that all that follows runs along neighbouring numbers.
     joints = np.ascontiguousarray(dense.positions.transpose(1, 2, 0))
     places = (weights @ joints.reshape(len(joints), -1)).reshape(len(weights), 3, -1)
@@ -527,12 +485,16 @@ def _projections(
     now: Points, before: Points, sizes: Mapping[str, float], rate: float, form: str
 ) -> dict[str, BoolArray]:
     """The features of `LINES`, `PLANES` and `MOVING`, (T',) each; velocities are differences over a sixtieth."""
-    true = {}
-    for name, direction, vector, threshold, size in (*LINES, *PLANES[form]):
+    true, is_published = {}, int(form == "aist++")
+    for name, direction, vector, threshold, size in LINES:
         true[name] = _beyond(_vector(now, vector), _vector(now, direction), threshold * sizes[size])
-    for name, direction, vector, threshold, size in MOVING[form]:
+    for name, *forms, threshold in PLANES:
+        direction, vector = forms[is_published]
+        true[name] = _beyond(_vector(now, vector), _vector(now, direction), threshold * sizes["humerus"])
+    for name, *forms, threshold in MOVING:
+        direction, vector = forms[is_published]
         change = _vector(now, vector) - _vector(before, vector)
-        true[name] = _beyond(change, _vector(now, direction), threshold * sizes[size] / rate)
+        true[name] = _beyond(change, _vector(now, direction), threshold * sizes["humerus"] / rate)
     return true
 
 
@@ -566,11 +528,9 @@ def _measured(points: Points) -> dict[str, float]:
     return {"humerus": (left + right) / 2, "shoulders": shoulders, "hips": hips}
 
 
-def _mean_over_time(true: BoolArray, dense: DenseMotion) -> FloatArray:
+def _mean_over_time(true: BoolArray, dense: Sampled) -> FloatArray:
     """Share of the usable moments at which each row of (32, T') is true."""
     usable = dense.valid[dense.stride :] & dense.valid[: -dense.stride]
-    if not usable.any():
-        raise ValueError("the motion is nowhere valid for 1/60 s, the step of its features")
     return true[:, usable].mean(axis=1) if not usable.all() else true.mean(axis=1)
 
 

@@ -106,20 +106,16 @@ def body_measures(motion: Motion) -> dict[str, float]:
         raise ValueError("no frame of the motion is valid")
     steady = resample_motion(motion, RATE)
     body = body_frame(steady.positions, RATE, steady.skeleton)
-    values = _amounts(body, steady) | _legs(body, steady) | _turns(steady)
-    values["hands"] = _hand_range(body[steady.valid], steady.skeleton)
+    values = _legs(body, steady) | _turns(steady)
+    values |= {
+        "spread": 100 * _spread(body[steady.valid]),
+        "poorest": 100 * _poorest(body, steady.valid),
+        "nearest": 100 * _nearest(body, steady.valid),
+        "inside": _inside(body, steady),
+        "hands": _hand_range(body[steady.valid], steady.skeleton),
+    }
     values |= {name: or_nan(measure, motion) for name, measure in (("jerk", jerk), ("skating", foot_skating))}
     return {name: float(values[name]) for name in MEASURES if np.isfinite(values.get(name, np.nan))}
-
-
-def _amounts(body: FloatArray, motion: Motion) -> dict[str, float]:
-    """Amount and variety of movement, from the places (T, J, 3) of the joints in the body."""
-    return {
-        "spread": 100 * _spread(body[motion.valid]),
-        "poorest": 100 * _poorest(body, motion.valid),
-        "nearest": 100 * _nearest(body, motion.valid),
-        "inside": _inside(body, motion),
-    }
 
 
 def _spread(places: FloatArray) -> float:
@@ -255,8 +251,9 @@ class LikenessLimits:
     windows: int = 0
 
     def __post_init__(self) -> None:
-        for ranges in (self.pooled, *self.dances.values()):
-            _check_ranges(ranges)
+        for name, numbers in (item for ranges in (self.pooled, *self.dances.values()) for item in ranges.items()):
+            if name not in MEASURES or len(numbers) != 3 or not 0 <= numbers[0] <= numbers[1] <= numbers[2] < math.inf:
+                raise ValueError(f"limits of likeness: {name} must be minimum, median and maximum, got {numbers}")
 
     @classmethod
     def of(cls, motions: Iterable[Motion], dances: Sequence[str] | None = None) -> "LikenessLimits":
@@ -281,21 +278,12 @@ class LikenessLimits:
         """`of` recordings whose `window_measures` are known already; errors as there."""
         if len(recordings) != len(dances):
             raise ValueError(f"there are {len(recordings)} recordings and {len(dances)} names of dances")
-        windows = [window for recording in recordings for window in recording]
+        windows = [(dance, window) for dance, parts in zip(dances, recordings, strict=True) for window in parts]
         if not windows:
             raise ValueError(f"no recording has {SHORTEST:g} s of movement")
-        by_dance = {
-            dance: [
-                window
-                for recording, name in zip(recordings, dances, strict=True)
-                if name == dance
-                for window in recording
-            ]
-            for dance in sorted(set(dances) - {""})
-        }
-        return cls(
-            _ranges(windows), {dance: _ranges(parts) for dance, parts in by_dance.items() if parts}, len(windows)
-        )
+        names = sorted({dance for dance, _ in windows} - {""})
+        by_dance = {dance: _ranges([window for name, window in windows if name == dance]) for dance in names}
+        return cls(_ranges([window for _, window in windows]), by_dance, len(windows))
 
     @classmethod
     @cache
@@ -384,12 +372,6 @@ class Likeness:
         words = _TOO_LITTLE[measure] if value < self.least.get(measure, -math.inf) else _TOO_MUCH[measure]
         return f"{words} ({value:.3g}{UNITS.get(measure, '')}, recorded {low:.3g} to {high:.3g})"
 
-    def harmony_text(self, score: float) -> str:
-        """The words to print for the harmony of this dance, without the number where the dance fails."""
-        if self.passed is False:
-            return self.verdict
-        return f"{score:.2f} ({self.verdict})"
-
     def _unasked(self) -> str:
         return f"; not asked: {', '.join(self.missing)}" if self.missing else ""
 
@@ -415,14 +397,14 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
     >>> likeness(Motion(np.zeros((60, 1, 3)), 15.0, Skeleton.unnamed(1))).verdict
     'cannot be judged: no joints are named left and right hip, or shoulder'
     """
-    if reason := _unjudgeable(motion):
-        return Likeness(cannot=reason)
+    if motion.positions.shape[2] != 3:
+        return Likeness(cannot="cannot be judged: places in a picture do not show how far the body moves")
+    if not side_pairs(motion.skeleton):
+        return Likeness(cannot="cannot be judged: no joints are named left and right hip, or shoulder")
     limits, windows = limits or LikenessLimits.recorded(), window_measures(motion)
     if not windows:
-        seconds = motion.valid.sum() / motion.fps
-        return Likeness(
-            cannot=f"too short to be judged: {SHORTEST:g} s of movement are needed, these are {seconds:.3g} s"
-        )
+        needed, seconds = f"{SHORTEST:g} s of movement are needed", motion.valid.sum() / motion.fps
+        return Likeness(cannot=f"too short to be judged: {needed}, these are {seconds:.3g} s")
     measured = {name: [window[name] for window in windows if name in window] for name in MEASURES}
     recorded = {name: reference for name in MEASURES if measured[name] and (reference := limits.reference(name, dance))}
     least = {name: recorded[name][0] / MARGIN for name in recorded if name in LOWER}
@@ -449,15 +431,6 @@ def window_measures(motion: Motion) -> tuple[dict[str, float], ...]:
     return tuple(map(body_measures, motion_windows(motion)))
 
 
-def _unjudgeable(motion: Motion) -> str:
-    """The reason that a motion cannot be judged, whatever its length; empty otherwise."""
-    if motion.positions.shape[2] != 3:
-        return "cannot be judged: places in a picture do not show how far the body moves"
-    if not side_pairs(motion.skeleton):
-        return "cannot be judged: no joints are named left and right hip, or shoulder"
-    return ""
-
-
 def _excess(name: str, least: Mapping[str, float], most: Mapping[str, float], value: float) -> float:
     """The factor by which a value is below its lower or above its upper limit; more than 1 is a failure."""
     below = _times(least[name], value) if name in least else 0.0
@@ -482,13 +455,6 @@ def _as_ranges(content: Mapping[str, Any]) -> dict[str, Range]:
     if unknown := set(content) - set(MEASURES):
         raise ValueError(f"unknown measures of likeness: {', '.join(sorted(map(str, unknown)))}")
     return {name: tuple(content[name]) for name in MEASURES if name in content}
-
-
-def _check_ranges(ranges: Mapping[str, Range]) -> None:
-    """ValueError where a range is not three ordered numbers from 0 on."""
-    for name, numbers in ranges.items():
-        if name not in MEASURES or len(numbers) != 3 or not 0 <= numbers[0] <= numbers[1] <= numbers[2] < math.inf:
-            raise ValueError(f"limits of likeness: {name} must be minimum, median and maximum, got {numbers}")
 
 
 def _rounded(ranges: Mapping[str, Range]) -> dict[str, list[float]]:

@@ -330,8 +330,7 @@ def _above(curves: FloatArray, n_readings: int) -> FloatArray:
     """H of curves (..., U)."""
     chance = 0.5 if n_readings == 1 else curves.mean(axis=-1)
     # With several readings chance lies above 1/2, and the worst moment would lie below -1.
-    above: FloatArray = np.maximum((curves[..., 0] - chance) / (1 - chance), -1.0)
-    return above
+    return np.asarray(np.maximum((curves[..., 0] - chance) / (1 - chance), -1.0))
 
 
 def _lags(curves: FloatArray, reach: float) -> FloatArray:

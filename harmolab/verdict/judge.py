@@ -36,7 +36,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
-from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
+from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
 from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
 from harmolab.verdict import evidence, sentences
 
@@ -96,7 +96,8 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     if nothing.n_beats < evidence.FEWEST_BEATS or evidence.floor(signal):
         return nothing
     time = evidence.time_test(signal, beats.times, cycles=cycles_of(beats, pattern))
-    place = placed(signal, beats, pattern or own_reading(time), is_told=pattern is not None)
+    bars = beats.bar_places if pattern else None  # a bar counts only where the dance was told
+    place = evidence.place_test(signal, beats.times, bars, pattern or own_reading(time))
     interval, lags = place.spread(seed=seed)
     level = level_of(time, place, interval, lags)
     if level == 1 and not beats.is_sure:
@@ -116,11 +117,6 @@ def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
 def own_reading(time: evidence.TimeTest) -> BarPattern:
     """The pattern that is asked for when nothing is told: the waltz's curve in three, else a rest on each beat."""
     return DANCE_PATTERNS["waltz"] if time.metre == 3 else HOW_PATTERNS["rest"]
-
-
-def placed(signal: ShapeSignal, beats: BeatTrack, pattern: BarPattern, *, is_told: bool) -> evidence.PlaceTest:
-    """The place test of a pattern; a bar counts only where the dance was told."""
-    return evidence.place_test(signal, beats.times, beats.bar_places if is_told else None, pattern)
 
 
 def level_of(
@@ -167,14 +163,13 @@ def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: Bea
     shape = shape_speed(motion, smoothing=params.position_smoothing)
     judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
     pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
-    place = judgement.place
-    if place is None:
-        score = score_of_shares(params, music, visual, pairs, np.full(len(music), np.nan), np.nan, np.nan)
-        return replace(score, harmony_above_chance=np.nan, judgement=judgement)
-    curve = place.curve
-    score = score_of_shares(params, music, visual, pairs, place.shares(len(music)), float(curve[0]), place.chance)
+    if place := judgement.place:
+        shares, share, chance, null = place.shares(len(music)), float(place.curve[0]), place.chance, place.curve
+    else:
+        shares, share, chance, null = np.full(len(music), np.nan), np.nan, np.nan, np.zeros(0)
+    score = score_of_shares(params, music, visual, pairs, shares, share, chance)
     return replace(
-        score, null=curve, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
+        score, null=null, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
         harmony_above_chance=judgement.harmony_above_chance,
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ an arrival, a hit and a rest are places of their own, and what is said is when t
 """
 
 from fractions import Fraction
+from typing import Literal
 
 import numpy as np
 
@@ -56,7 +57,8 @@ def _in_time(evidence: Evidence) -> str:
     if not evidence.has_own_rate:
         return _other_rate(evidence)
     if evidence.pattern is None:
-        return HIT if evidence.is_hit else f"In time: you are {_fastest(evidence)}, and {_stillest(evidence)}."
+        fastest, stillest = _moment_of(evidence, "fastest", "the beat"), _moment_of(evidence, "stillest", "it")
+        return HIT if evidence.is_hit else f"In time: you are {fastest}, and {stillest}."
     if evidence.is_near:
         return "In time. Whether you are on the beat cannot be told: other places in it fit as well."
     return f"You keep time, steadily {_late_or_early(evidence)} for {_danced(evidence)}."
@@ -68,25 +70,18 @@ def _on_the_beat(evidence: Evidence) -> str:
             return "You are on the beat: you move in threes, as in a waltz."
         rate = evidence.time.rate if evidence.time else Fraction(1)
         moving = f", moving {_times(rate)}" if rate in NAMED else ""
-        return f"You are on the beat{moving}: slow on it, {_fastest(evidence, 'it')}."
+        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}."
     movement = TOLD.get(evidence.reading, f"you move as in {_danced(evidence)}")
     return f"You are on the beat: {movement} ({_late_or_early(evidence)})."
 
 
-def _fastest(evidence: Evidence, beat: str = "the beat") -> str:
-    return f"fastest {_after(evidence, evidence.course.fastest if evidence.course else 0.0, beat)}"
-
-
-def _stillest(evidence: Evidence) -> str:
-    return f"stillest {_after(evidence, evidence.course.stillest if evidence.course else 0.0, 'it')}"
-
-
-def _after(evidence: Evidence, place: float, beat: str) -> str:
-    """When in the beat something happens: on it, to the nearest 24th of a beat, or after it."""
+def _moment_of(evidence: Evidence, extreme: Literal["fastest", "stillest"], beat: str) -> str:
+    """When in the beat the body is fastest or stillest: on it, to the nearest 24th of a beat, or before or after it."""
+    place = getattr(evidence.course, extreme, 0.0)
     if min(place, 1 - place) < 1 / 24:
-        return f"on {beat}"
+        return f"{extreme} on {beat}"
     away, side = (1 - place, "before") if place > 0.75 else (place, "after")
-    return f"{away * 60000 / evidence.tempo:.0f} ms {side} {beat}"
+    return f"{extreme} {away * 60000 / evidence.tempo:.0f} ms {side} {beat}"
 
 
 def _late_or_early(evidence: Evidence) -> str:
