@@ -2,9 +2,10 @@
 
 import hashlib
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,7 +31,7 @@ from harmolab.systems.choreographer.takes import (
 )
 from harmolab.systems.training.about import json_file, weights_stem
 from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
-from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import Audio, BeatTrack, BoolArray, IntArray, Motion
 
 # A dance and what it is made of: which recordings, what seams, how much of it is new, what to be warned of.
 
@@ -146,11 +147,6 @@ def recording_shares(moves: Moves, path: IntArray) -> dict[str, float]:
     counts = np.bincount(moves.course[path], minlength=len(moves.courses)) / path.size
     order = np.argsort(-counts, kind="stable")
     return {moves.courses[number].take.name: float(counts[number]) for number in order.tolist() if counts[number]}
-
-
-def stretches(moves: Moves, path: IntArray, music: MusicBeats) -> FloatArray:
-    """Logarithm (M,) of how much longer each beat is danced than it was recorded."""
-    return np.log(np.diff(music.times) / moves.lengths[path])
 
 
 def warnings_of(
@@ -380,7 +376,7 @@ class Choreographer(DanceSystem):
             longest_stretch=stretch,
             seen_before=repeated,
             shares=recording_shares(moves, path),
-            stretch=float(np.abs(stretches(moves, path, music)).mean()),
+            stretch=float(np.abs(np.log(np.diff(music.times) / moves.lengths[path])).mean()),
             warnings=(*notes, *about),
         )
 
@@ -453,21 +449,14 @@ def load_corpus(corpus: PathLike, *, scale: float | None = None, progress: Progr
 
 def _place(corpus: Path, scale: float | None) -> Path | None:
     """The folder in the cache for a corpus as it is now; None where nothing is kept."""
-    folder = cache_folder()
-    files = [] if folder is None else list(_files(corpus))
-    if folder is None or not files or len(files) > MOST_FILES:
+    if (folder := cache_folder()) is None:
+        return None
+    paths = [corpus] if corpus.is_file() else corpus.rglob("*")
+    files = list(islice((path for path in paths if path.is_file()), MOST_FILES + 1))
+    if not 0 < len(files) <= MOST_FILES:
         return None
     lines = [f"{path.relative_to(corpus)} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files]
     return folder / "corpora" / f"{_digest(str(corpus.resolve()))}_{_digest(f'{SIGNATURE} {scale} {sorted(lines)}')}"
-
-
-def _files(corpus: Path) -> Iterator[Path]:
-    """The corpus itself, or the files below it, as many as are looked at."""
-    paths = [corpus] if corpus.is_file() else corpus.rglob("*")
-    for number, path in enumerate(path for path in paths if path.is_file()):
-        if number > MOST_FILES:
-            return
-        yield path
 
 
 def _digest(text: str) -> str:

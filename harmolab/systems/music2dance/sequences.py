@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from torch import Tensor
 from harmolab.body.kinematics import resample_motion
 from harmolab.data.recordings import Recording
 from harmolab.files import PathLike, Progress, silent
-from harmolab.systems.music2dance.codes import PositionCode, RotationCode
+from harmolab.systems.music2dance.codes import MotionCode, PositionCode, RotationCode
 from harmolab.systems.music2dance.music_features import mel_features, music_features, usual_meter
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.training.features import FeatureParams
@@ -81,7 +81,7 @@ class SequenceSet:
     """
 
     sequences: tuple[DanceSequence, ...]
-    code: PositionCode | RotationCode
+    code: MotionCode
     params: Music2DanceParams
     units: UnitSet
 
@@ -139,7 +139,7 @@ def load_sequences(
     return SequenceSet(tuple(sequences), code, params, units)
 
 
-def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> PositionCode | RotationCode:
+def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> MotionCode:
     """The code of motions of one skeleton; ValueError where they have several, or rotations cannot be fitted."""
     if other := next((motion for motion in motions if motion.skeleton != motions[0].skeleton), None):
         counts = len(motions[0].skeleton.joints), len(other.skeleton.joints)
@@ -160,7 +160,7 @@ def _read(recording: Recording, params: Music2DanceParams, step: int) -> _Read:
     return _Read(cut, clip.offset, song_features(clip.audio, cut.track, params.song, clip.dance), motion, contacts)
 
 
-def _coded(item: _Read, code: PositionCode | RotationCode, segments: tuple[Segment, ...]) -> DanceSequence:
+def _coded(item: _Read, code: MotionCode, segments: tuple[Segment, ...]) -> DanceSequence:
     motion, about = item.motion, item.cut.outline
     poses = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-PATH_CHANNELS]
     return DanceSequence(
@@ -260,14 +260,9 @@ class WindowSource:
     ) -> Self:
         """The windows of which a share lies in some motion groups; ValueError where there is none."""
         params = sequences.params
-        places = np.array(
-            [
-                (number, start)
-                for number, sequence in enumerate(sequences.sequences)
-                for start in window_starts(sequence, groups, params, share=share)
-            ],
-            np.int64,
-        ).reshape(-1, 2)
+        starts = [window_starts(sequence, groups, params, share=share) for sequence in sequences.sequences]
+        numbers = np.repeat(np.arange(len(starts)), [own.size for own in starts])
+        places = np.column_stack([numbers, np.concatenate(starts)])
         if not len(places):
             longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
             raise ValueError(
@@ -281,15 +276,10 @@ class WindowSource:
 
     def __len__(self) -> int:
         """Windows of an epoch: as many as fit into the recordings without overlap."""
-        length = self.sequences.params.n_frames
-        covered = 0
-        for number in np.unique(self.places[:, 0]):
-            mask = np.zeros(self.sequences.sequences[number].n_frames + 1, np.int64)
-            starts = self.places[self.places[:, 0] == number, 1]
-            np.add.at(mask, starts, 1)
-            np.add.at(mask, np.minimum(starts + length, mask.size - 1), -1)
-            covered += int((np.cumsum(mask) > 0).sum())
-        return max(1, covered // length)
+        length, (numbers, starts) = self.sequences.params.n_frames, self.places.T
+        # Places rise: each window covers what lies before the next one, the last of a recording all of its own.
+        new = np.where(np.diff(numbers) > 0, length, np.minimum(np.diff(starts), length))
+        return max(1, int(new.sum() + length) // length)
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Windows:
         """A batch of as many windows as there are `indices` for process `rank`, drawn anew for these indices.
@@ -311,13 +301,11 @@ class WindowSource:
         motion, music = (motion - scale[2]) / scale[3], (music - scale[0]) / scale[1]
         return Windows(motion, contacts, music, moments, dance, valid)
 
-    def raw(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def raw(self, row: int) -> tuple[NDArray[Any], ...]:
         """Motion (T, C), not standardised, and contacts (T, 2) of the window of a row of `places`."""
-        number, start = self.places[row]
-        frames = slice(start, start + self.sequences.params.n_frames)
-        return self.sequences.sequences[number].motion[frames], self.sequences.sequences[number].contacts[frames]
+        return self._window(*self.places[row])[:2]
 
-    def _window(self, number: int, start: int) -> tuple[NDArray[np.generic], ...]:
+    def _window(self, number: int, start: int) -> tuple[NDArray[Any], ...]:
         """The arrays of one window."""
         sequence, params = self.sequences.sequences[number], self.sequences.params
         frames = slice(start, start + params.n_frames)
@@ -409,12 +397,10 @@ def cluster_weights(
     sample = poses(places[rng.permutation(len(places))[:FITTED]]).astype(np.float64)
     mean = sample.mean(axis=0)
     axes = np.linalg.svd(sample - mean, full_matrices=False)[2][:N_COMPONENTS].T
-    reduced = np.concatenate(
-        [(poses(part) - mean) @ axes for part in np.array_split(places, -(-len(places) // FITTED))]
-    )
+    parts = np.array_split(places, -(-len(places) // FITTED))
+    reduced = np.concatenate([(poses(part) - mean) @ axes for part in parts])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a cluster may be empty
         _, labels = kmeans2(reduced, count, minit="++", seed=rng)
-    sizes = np.bincount(labels, minlength=count)
-    weights = 1 / sizes[labels]
+    weights = 1 / np.bincount(labels, minlength=count)[labels]
     return weights / weights.sum()

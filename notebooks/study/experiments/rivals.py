@@ -10,16 +10,18 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import torch
+from torch import Tensor
 
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.lee2019.networks import DancingToMusic
+from harmolab.systems.lee2019.networks import Code, DancingToMusic
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.lee2019.train import (
+    CHUNK,
     Lee2019,
     code_error,
     critic_accuracy,
-    drawn_movements,
-    movement_nats,
+    divergence,
     rebuilt,
     speed,
     split_pieces,
@@ -28,7 +30,7 @@ from harmolab.systems.lee2019.train import (
 )
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.systems.ren2020.train import Ren2020, danced_units, pose_loss, speed_ratio, train_ren2020
+from harmolab.systems.ren2020.train import Ren2020, pose_loss, speed_ratio, train_ren2020
 from harmolab.systems.training.checkpoints import HISTORY
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.loop import Tensors
@@ -138,6 +140,22 @@ def entry_lee2019(network: DancingToMusic, split: Split) -> Asked:
     return _asked(values)
 
 
+@torch.no_grad()
+def drawn_movements(network: DancingToMusic, pieces: Tensor, seed: int = 0) -> Tensor:
+    """Units (N, 32, C) from the first poses of pieces and movements drawn from the standard normal."""
+    generator = torch.Generator().manual_seed(seed)
+    z_move = torch.randn(len(pieces), network.params.latent, generator=generator).to(pieces)
+    pairs = zip(pieces.split(CHUNK), z_move.split(CHUNK), strict=True)
+    return torch.cat([network.unit_decoder(network.poses(part[:, 0]).mean, code) for part, code in pairs])
+
+
+@torch.no_grad()
+def movement_nats(network: DancingToMusic, pieces: Tensor) -> float:
+    """Mean divergence of z_move from the standard normal, nats a piece."""
+    codes = [network.movements(part) for part in pieces.split(CHUNK)]
+    return float(divergence(Code(*(torch.cat(parts) for parts in zip(*codes, strict=True)))))
+
+
 def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) -> Asked:
     """The entry tests: for each its value, the range asked for, and whether the value lies in it.
 
@@ -153,7 +171,7 @@ def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) ->
     """
     train, test = Tensors.of(split.train), Tensors.of(split.test)
     target = network.motion_scale(train.motion)
-    one, other = (danced_units(network, train, seed=seed) for seed in (0, 1))
+    one, other = (network.drawn(train.audio, train.mask, seed) for seed in (0, 1))
     mean_pose = float(pose_loss(target * 0, target, train.mask))
     rows = history[history["phase"] == "adversarial"]
     features = network.params.perceptual_weight * rows["perceptual"] + network.params.feature_weight * rows["feature"]
@@ -165,11 +183,9 @@ def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) ->
         "losses that are not finite": (float((~np.isfinite(losses)).sum()), 0, 0),
         "difference between two seeds (SD)": (float(pose_loss(one, other, train.mask)), 1e-6, np.inf),
         "speed on test units over recorded": (
-            speed_ratio(network, danced_units(network, test, seed=0), test),
-            0,
-            np.inf,
+            speed_ratio(network, network.drawn(test.audio, test.mask, 0), test), 0, np.inf,
         ),
-    }
+    }  # fmt: skip
     return _asked(values)
 
 
