@@ -131,16 +131,10 @@ def pulse(signal: ShapeSignal, period: float) -> FloatArray:
         worth[number] += gain[best]
         before[number] = first[number] + best
     at_end = moments >= moments[-1] - LONGEST * period
-    return _traced(moments, before, int(np.where(at_end, worth, -np.inf).argmax()))
-
-
-def _traced(moments: FloatArray, before: np.ndarray, number: int) -> FloatArray:
-    """The beats up to one of the moments, by the moment before each."""
-    beats = []
-    while number >= 0:
-        beats.append(float(moments[number]))
-        number = int(before[number])
-    return np.array(beats[::-1]) if len(beats) > 1 else np.zeros(0)
+    beats = [int(np.where(at_end, worth, -np.inf).argmax())]
+    while before[beats[-1]] >= 0:
+        beats.append(int(before[beats[-1]]))
+    return moments[beats[::-1]] if len(beats) > 1 else np.zeros(0)
 
 
 Complex64 = NDArray[np.complex64]

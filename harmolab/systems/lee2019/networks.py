@@ -329,14 +329,9 @@ class DancingToMusic(DancerNetwork):
     features: FeatureParams
 
     def __init__(
-        self,
-        params: LeeParams,
-        skeleton: Skeleton,
-        bone_lengths: Tensor,
-        *,
-        features: FeatureParams,
+        self, params: LeeParams, skeleton: Skeleton, bone_lengths: Tensor, *, features: FeatureParams,
         dances: Sequence[str],
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(params, features.n_audio, skeleton, bone_lengths, fps=features.fps, features=features)
         self.dances, self.pose_scale = tuple(dances), Normaliser(self.n_motion)
         self.root = skeleton.parents.index(-1) if -1 in skeleton.parents else 0
@@ -382,23 +377,15 @@ class DancingToMusic(DancerNetwork):
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
-        return {
-            "params": asdict(self.params),
-            "features": asdict(self.features),
-            "skeleton": asdict(self.skeleton),
-            "dances": list(self.dances),
-        }
+        records = {name: asdict(getattr(self, name)) for name in ("params", "features", "skeleton")}
+        return {**records, "dances": list(self.dances)}
 
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """The networks as their description says; ValueError for sizes that cannot be."""
-        return cls(
-            stored_record(LeeParams, build["params"]),
-            stored_skeleton(build),
-            tensors["bone_lengths"],
-            features=FeatureParams(**build["features"]),
-            dances=[str(dance) for dance in build["dances"]],
-        )
+        params, features = stored_record(LeeParams, build["params"]), FeatureParams(**build["features"])
+        dances, lengths = [str(dance) for dance in build["dances"]], tensors["bone_lengths"]
+        return cls(params, stored_skeleton(build), lengths, features=features, dances=dances)
 
 
 def from_root(code: Tensor, root: int, *, backwards: bool = False) -> Tensor:

@@ -212,7 +212,7 @@ def train_attributes(
 ) -> AttributeClassifier:
     """Train a classifier on the songs of a split's training side, and keep everything about it in `options.out`.
 
-    "meta" of its weights has the outcome on the songs of the test side (`Outcome`).
+    "meta" of its weights has the outcome on the songs of the test side (`outcome`).
 
     Raises
     ------
@@ -230,8 +230,8 @@ def train_attributes(
         run.fit([_phase(classifier, params)], windows)
         rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
         classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
-        test = outcome(classifier, selected, held_out)._asdict()
-        run.save(classifier.eval(), {"songs": len(selected), "windows": len(windows), "test": test})
+        about = {"songs": len(selected), "windows": len(windows), "test": outcome(classifier, selected, held_out)}
+        run.save(classifier.eval(), about)
     return classifier
 
 
@@ -248,19 +248,14 @@ def side_songs(songs: Sequence[Song], split: SongSplit) -> tuple[list[Song], lis
     return train, test
 
 
-class Outcome(NamedTuple):
-    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training."""
+def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> dict[str, int]:
+    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training.
 
-    songs: int
-    right: int
-    majority: int
-
-
-def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> Outcome:
-    """A classifier's outcome on test songs; the class of a song is that of the mean over its windows (R13)."""
-    right = [int(classifier.probabilities(song.music).argmax()) == song.label for song in test]
+    The class of a song is that of the mean over its windows (R13).
+    """
+    right = sum(int(classifier.probabilities(song.music).argmax()) == song.label for song in test)
     most_frequent = int(np.bincount([song.label for song in train]).argmax())
-    return Outcome(len(test), sum(right), sum(song.label == most_frequent for song in test))
+    return {"songs": len(test), "right": right, "majority": sum(song.label == most_frequent for song in test)}
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:

@@ -217,7 +217,7 @@ def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, para
     fabric = make_fabric(accelerator=options.accelerator)
     source = training_windows(split, sequences, fabric.device)
     batching = Batching(params.batch_size, 1, params.seed)
-    settings = {"feet": params, "data": sequences.source, "code": sequences.params}
+    settings = {"feet": params, "data": sequences.units.source, "code": sequences.params}
     with open_run(fabric, options, split, settings, batching, len(source)) as run:
         with drawn_by(params.seed):
             model = FootModel(params, sequences.code)
@@ -225,7 +225,7 @@ def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, para
         model.to(fabric.device)
         run.fit([_phase(model, sequences.params.fps)], source)
         updates = params.epochs * len(epoch_order(len(source), 0, batching))
-        run.save(model.eval(), {"source": sequences.source, "updates": updates})
+        run.save(model.eval(), {"source": sequences.units.source, "updates": updates})
     return model
 
 

@@ -19,8 +19,9 @@ from torch import Tensor
 from harmolab.body.kinematics import resample_motion
 from harmolab.data.recordings import Recording
 from harmolab.files import PathLike, Progress, silent
+from harmolab.params import DANCES
 from harmolab.systems.music2dance.codes import MotionCode, PositionCode, RotationCode
-from harmolab.systems.music2dance.music_features import mel_features, music_features, usual_meter
+from harmolab.systems.music2dance.music_features import mel_features, music_features
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.feet import foot_contacts
@@ -86,11 +87,6 @@ class SequenceSet:
     units: UnitSet
 
     @property
-    def source(self) -> str:
-        """Names of the corpora."""
-        return self.units.source
-
-    @property
     def dances(self) -> tuple[str, ...]:
         """Names of the dances, sorted."""
         return tuple(sorted({sequence.dance for sequence in self.sequences}))
@@ -100,7 +96,8 @@ def song_features(audio: Audio, beats: BeatTrack, params: SongParams, dance: str
     """Features of a song, (M, F): attributes, with bars as long as those of `dance`, or a mel spectrogram."""
     if params.features == "mel":
         return mel_features(audio, rate=params.rate, bands=params.mels)
-    return music_features(audio, beats, meter=usual_meter(dance), rate=params.rate)
+    meter = DANCES[dance].meter if dance in DANCES else 4
+    return music_features(audio, beats, meter=meter, rate=params.rate)
 
 
 class _Read(NamedTuple):
@@ -265,11 +262,10 @@ class WindowSource:
         places = np.column_stack([numbers, np.concatenate(starts)])
         if not len(places):
             longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
-            raise ValueError(
-                f"{sequences.source}: a side of the split has no {params.window:g} s of recorded movement in a row; "
-                f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s. Add longer ones, or try "
-                "another --split-seed"
-            )
+            fault = f"a side of the split has no {params.window:g} s of recorded movement in a row"
+            about = f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s"
+            remedy = "Add longer ones, or try another --split-seed"
+            raise ValueError(f"{sequences.units.source}: {fault}; {about}. {remedy}")
         weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
         return cls(sequences, dances, statistics, places, weights, counted, device)
@@ -361,10 +357,8 @@ def check_leaks(source: WindowSource, groups: Mapping[str, Sequence[str]]) -> No
         held_out = side_frames(sequence, groups[side], params.fps)
         if (leaking := starts[frames_from(held_out, params.n_frames)[starts] > 0]).size:
             frame = leaking[0] + int(held_out[leaking[0] :].argmax())
-            raise ValueError(
-                f"{sequence.name}: the training window at frame {leaking[0]} holds frame {frame}, which is in a "
-                f"figure of the {side} side"
-            )
+            fault = f"the training window at frame {leaking[0]} holds frame {frame}"
+            raise ValueError(f"{sequence.name}: {fault}, which is in a figure of the {side} side")
 
 
 def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statistics:

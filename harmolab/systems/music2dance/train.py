@@ -107,7 +107,7 @@ def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOption
         device=fabric.device,
     )  # fmt: skip
     batching = Batching(params.batch_size, params.shards, params.seed)
-    settings = {"music2dance": params, "data": sequences.source}
+    settings = {"music2dance": params, "data": sequences.units.source}
     with open_run(fabric, options, split, settings, batching, len(source)) as run:
         run.save_movements(lambda: movements(source, seed=params.seed))
         with drawn_by(params.seed):
@@ -116,7 +116,7 @@ def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOption
         fabric.to_device(network)
         run.fit([_phase(network, source, held_out, params, second=second) for second in (False, True)], source)
         settle(network, source)
-        run.save(network, {"settings": run.settings, "source": sequences.source})
+        run.save(network, {"settings": run.settings, "source": sequences.units.source})
     return network
 
 

@@ -68,15 +68,9 @@ class RenGenerator(DancerNetwork):
     params: RenParams
 
     def __init__(
-        self,
-        params: RenParams,
-        n_audio: int,
-        skeleton: Skeleton,
-        bone_lengths: Tensor,
-        *,
-        fps: float,
+        self, params: RenParams, n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float,
         features: FeatureParams | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
         self.hearing = MusicEncoder(params, n_audio)
         self.chance = nn.GRU(params.noise, params.noise, batch_first=True)

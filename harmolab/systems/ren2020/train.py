@@ -269,15 +269,10 @@ def _networks(units: UnitSet, train: Tensors, st_gcn: STGCN, params: RenParams) 
 def adversarial(networks: Networks, train: Tensors, validation: Tensors, params: RenParams) -> Phase:
     """Generator first, then the two discriminators, one step each on every batch; all learn from the same dances."""
     return Phase(
-        "adversarial",
-        params.epochs,
-        rate=lambda number: params.generator_rate,
-        modules=networks.modules(),
-        players=players(networks, params),
-        forward=lambda shard, last: danced(networks.generator, shard),
-        validate=lambda: validate(networks.generator, train, validation, params),
-        validate_every=VALIDATE_EVERY,
-    )
+        "adversarial", params.epochs, lambda number: params.generator_rate, networks.modules(),
+        players(networks, params), forward=lambda shard, last: danced(networks.generator, shard),
+        validate=lambda: validate(networks.generator, train, validation, params), validate_every=VALIDATE_EVERY,
+    )  # fmt: skip
 
 
 def players(networks: Networks, params: RenParams) -> list[Player]:
