@@ -1,6 +1,6 @@
-"""Dancing with Music2Dance: its foot model and classifier on disk, feet, temperature, the dance that music sounds like.
+"""Dancing with Music2Dance: parts on disk, feet, temperature, the dance that music sounds like; weights given away.
 
-All networks are untrained, with answers planted in their last layers.
+All networks but the shipped ones are untrained, with answers planted in their last layers.
 """
 
 import hashlib
@@ -18,11 +18,13 @@ import safetensors.torch
 import torch
 from typer.testing import Result
 
+import harmolab
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
 from harmolab.data.recordings import TANG_23
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.readers.motion import load_motion
 from harmolab.systems import load
 from harmolab.systems.music2dance import music_features
@@ -35,10 +37,15 @@ from harmolab.systems.music2dance.params import MOST_TEMPERATURE, Music2DancePar
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.feet import foot_contacts
-from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.systems.training.weights import save_weights
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import called, cases, planted_dance, refused, still, write_song
+from tests.notebook_cells import notebook_cells
+from tests.tiny_music2dance import TINY as SMALL
+from tests.tiny_music2dance import TINY_ATTRIBUTES as SMALL_ATTRIBUTES
+from tools.ship import ENDING_SECONDS
+from tools.ship import ship_music2dance as ship
 
 DANCES = ("cha-cha", "waltz")
 CLASSES = {"rumba": 0.25, "waltz": 0.5, "cha-cha": 0.15, "tango": 0.1}  # planted: what every song sounds like
@@ -655,3 +662,73 @@ def test_a_song_of_one_second_is_danced_to(bare_run: Path, tmp_path: Path):
     assert result.exit_code == 0, result.output
     assert load_motion(tmp_path / "dance.npz").n_frames == 25
     assert "Too short to be judged" in result.stdout
+
+
+OF_RUN = ("rumba", "waltz")
+SHIPPED = Path(harmolab.__file__).parent / "systems" / "music2dance" / "weights"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished training of an untrained dancer with two recorded movements, a classifier and a foot model."""
+    recorded = [synthetic_clip(dance, seed=2, seconds=8.0).motion for dance in OF_RUN]
+    motions = [resample_motion(motion, SMALL.fps) for motion in recorded if isinstance(motion, Motion)]
+    code = PositionCode.of(motions)
+    torch.manual_seed(0)
+    network = DanceNetwork(replace(SMALL, temperature=0.1), code, OF_RUN).eval()
+    clips = [np.column_stack([code.encode(motion)[:25], np.ones((25, 2))]) for motion in motions]
+    system = Music2Dance(
+        network, PoseBank(np.stack(clips), OF_RUN), {"note": "kept"}, feet=FootModel(FootParams(), code),
+        attributes=AttributeClassifier(SMALL_ATTRIBUTES, OF_RUN),
+    )  # fmt: skip
+    folder = tmp_path_factory.mktemp("run")
+    system.save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def given_away(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("weights")
+    ship(run, folder, per_dance=2)
+    return folder
+
+
+def test_all_that_a_run_has_is_in_it_in_half_the_size(run: Path, given_away: Path):
+    one, other = Music2Dance.load(run), Music2Dance.load(given_away)
+    assert other.meta == {"note": "kept"} and other.feet is not None and other.attributes is not None
+    assert other.generator.params == one.generator.params
+    for name in ("model", "feet/model", "attributes/model"):
+        sizes = [(folder / f"{name}.safetensors").stat().st_size for folder in (given_away, run)]
+        assert sizes[0] < 0.7 * sizes[1]
+
+
+def test_no_recorded_movement_is_in_it(run: Path, given_away: Path):
+    recorded, own = load_poses(run / "model"), load_poses(given_away / "model")
+    assert own.dances == ("rumba", "rumba", "waltz", "waltz") and own.poses.shape == (4, *recorded.poses.shape[1:])
+    assert np.abs(own.poses[:, None] - recorded.poses[None]).max(axis=(2, 3)).min() > 0.01
+
+
+def test_a_dance_begins_with_a_movement_of_the_dance_and_lasts(given_away: Path):
+    clip = synthetic_clip("waltz", seconds=ENDING_SECONDS / 4, seed=3)
+    motion = Music2Dance.load(given_away).generate(clip.audio, clip.beats, dance="waltz", seed=1)
+    assert motion.duration == pytest.approx(ENDING_SECONDS / 4, abs=0.05) and np.isfinite(motion.positions).all()
+
+
+def test_a_run_without_movements_cannot_be_given_away(run: Path, tmp_path: Path):
+    Music2Dance(Music2Dance.load(run).generator).save(tmp_path / "bare")
+    refused("no bank of movements", ship, tmp_path / "bare", tmp_path / "out")
+
+
+def test_shipped_weights_are_small():
+    sizes = [path.stat().st_size for path in SHIPPED.rglob("*.safetensors")]
+    assert len(sizes) == 4 and max(sizes) < 2e6
+    assert (SHIPPED / "MODEL_CARD.md").is_file()
+
+
+@pytest.mark.parametrize("dance", ["cha-cha", "rumba", "tango", "waltz"])
+def test_the_shipped_network_dances_for_half_a_minute_without_rest_or_shaking(dance: str):
+    clip = synthetic_clip(dance, seconds=30.0, seed=77)
+    motion = Music2Dance.load(SHIPPED).generate(clip.audio, clip.beats, dance=dance, seed=1)
+    measures = notebook_cells("16_music2dance").endurance(motion)
+    assert measures["slowest 10 s"] > 0.12 and measures["still"] <= 0.1 and measures["jerk"] < 150
+    assert measures["bones"] < 1e-3 and measures["lowest joint"] > -1e-3
