@@ -28,24 +28,11 @@ from harmolab.metrics.quality import STEP, bone_error, foot_skating, sampled, ve
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import save_motion
 from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.banks import FOLDER, puppets, shipped_bank
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
 from harmolab.systems.choreographer.generate import TOO_LITTLE, Choreographer, Choreography, warnings_of
 from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
-from harmolab.systems.choreographer.moves import (
-    TOO_LONG,
-    TOO_SHORT,
-    ChoreographerParams,
-    Clouds,
-    Course,
-    Distances,
-    Moves,
-    clouds_of,
-    distances,
-    moves_of,
-    pattern_shares,
-    pulse,
-)
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.systems.training.motion_code import fixed_bones
 from harmolab.types import Audio, BeatTrack, Clip, Motion
@@ -83,9 +70,9 @@ def beats(bpm: float = 88.0, *, first: float = 0.31, meter: int = 3) -> BeatTrac
 # Seams
 
 
-def clouds(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, Clouds]:
+def clouds(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, mv.Clouds]:
     positions, weights = rng.normal(size=(count, 3, 4, 3)), np.array([0.1, 0.2, 0.3, 0.4])
-    return positions, weights, clouds_of(positions, weights)
+    return positions, weights, mv.clouds_of(positions, weights)
 
 
 def test_a_distance_is_what_is_left_after_the_best_turn_and_shift(rng: np.random.Generator):
@@ -98,26 +85,26 @@ def test_a_distance_is_what_is_left_after_the_best_turn_and_shift(rng: np.random
 
     for first, second in ((0, 1), (1, 2), (2, 0)):
         tried = [minimize(left, [angle, 0.0, 0.0], (positions[first], positions[second])).fun for angle in (0, 2, 4)]
-        assert distances(made, made)[first, second] == pytest.approx(100 * min(tried), rel=1e-4)
+        assert mv.distances(made, made)[first, second] == pytest.approx(100 * min(tried), rel=1e-4)
 
 
 def test_a_cloud_that_was_only_turned_and_shifted_is_at_no_distance_and_fits(rng: np.random.Generator):
     positions, weights, made = clouds(rng, 1)
     floor = (positions[..., 0] + 1j * positions[..., 2]) * np.exp(0.7j) + 5 - 3j
-    moved = clouds_of(np.stack([floor.real, positions[..., 1], floor.imag], axis=-1), weights)
-    assert distances(made, moved)[0, 0] == pytest.approx(0.0, abs=0.05)
+    moved = mv.clouds_of(np.stack([floor.real, positions[..., 1], floor.imag], axis=-1), weights)
+    assert mv.distances(made, moved)[0, 0] == pytest.approx(0.0, abs=0.05)
     turn, shift = fit(moved, made)
     assert turn == pytest.approx(np.exp(0.7j), abs=1e-6) and shift == pytest.approx(5 - 3j, abs=1e-5)
 
 
 def test_of_many_clouds_the_nearest_alone_are_kept(rng: np.random.Generator):
     _, _, made = clouds(rng, 40)
-    made = Clouds(made.floor / 5, made.heights / 5, made.middles)
-    every = Distances(made, ChoreographerParams())
-    few = Distances(made, ChoreographerParams(dense=39, nearest=5))
+    made = mv.Clouds(made.floor / 5, made.heights / 5, made.middles)
+    every = mv.Distances(made, mv.ChoreographerParams())
+    few = mv.Distances(made, mv.ChoreographerParams(dense=39, nearest=5))
     rows = np.arange(40)
     full, kept = every.rows(rows), few.rows(rows)
-    assert ((kept < TOO_LONG).sum(axis=1) == 5).all()
+    assert ((kept < mv.TOO_LONG).sum(axis=1) == 5).all()
     np.testing.assert_allclose(np.sort(kept, axis=1)[:, :5], np.sort(full, axis=1)[:, :5], atol=1e-3)
     np.testing.assert_allclose(few.pairs(rows, kept.argmin(axis=1)), kept.min(axis=1), atol=1e-3)
 
@@ -136,12 +123,12 @@ def wandering_take(name: str, rng: np.random.Generator, *, count: int = 8, meter
     return take_of(clip)
 
 
-PLAIN = ChoreographerParams(variety=0.0, noise=0.0, unplaced_run=1, harmony=0.0)
+PLAIN = mv.ChoreographerParams(variety=0.0, noise=0.0, unplaced_run=1, harmony=0.0)
 
 
 def test_the_path_is_the_best_of_all_there_are(rng: np.random.Generator):
     takes = [wandering_take(name, rng, count=4) for name in "ab"]
-    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    moves = mv.moves_of([mv.Course(take, take.beats) for take in takes], PLAIN)
     music = MusicBeats(np.cumsum([0.0, 0.5, 0.6, 0.4, 0.5, 0.5]), np.zeros(0, int), 0)
     _, step = moves.seam_rows(np.arange(len(moves)), PLAIN)
     for node, following in enumerate(moves.following):
@@ -160,17 +147,17 @@ def test_the_path_is_the_best_of_all_there_are(rng: np.random.Generator):
 @pytest.mark.parametrize("paths", [2, 3, 500])
 def test_every_path_that_is_followed_has_its_own_memory_and_its_own_run(paths: int):
     costs = {"seam": 1.0, "variety": 60.0, "alike": 20.0, "noise": 0.0}
-    params = ChoreographerParams(**costs, unplaced_run=2, longest_run=3, paths=paths)
+    params = mv.ChoreographerParams(**costs, unplaced_run=2, longest_run=3, paths=paths)
     for seed in range(20):
         rng = np.random.default_rng(seed)
         takes = [wandering_take(name, rng, count=7) for name in "ab"]
         shares = [rng.uniform(size=7) for _ in takes]
-        moves = moves_of([Course(take, take.beats) for take in takes], params, shares)
+        moves = mv.moves_of([mv.Course(take, take.beats) for take in takes], params, shares)
         music = MusicBeats(np.cumsum(rng.uniform(0.4, 0.6, 10)), np.zeros(0, int), 0)
         assert choose(moves, music, params).tolist() == followed(moves, music, params), seed
 
 
-def followed(moves: Moves, music: MusicBeats, params: ChoreographerParams) -> list[int]:
+def followed(moves: mv.Moves, music: MusicBeats, params: mv.ChoreographerParams) -> list[int]:
     """The best path where to each beat and node the best way is kept, all of each path's costs counted from itself."""
     every = np.arange(len(moves))
     cost, likeness = moves.seam_rows(every, params)[1], np.exp(-((moves.alike.rows(every) / params.alike) ** 2))
@@ -184,8 +171,8 @@ def followed(moves: Moves, music: MusicBeats, params: ChoreographerParams) -> li
         ages = np.arange(len(path))[::-1]
         seen = (likeness[path, node] * np.exp(-ages / params.forgetting)).max() * params.variety / 4
         if moves.following[path[-1]] == node:
-            return float(seen + TOO_LONG * (run >= params.longest_run))
-        return float(seen + cost[path[-1], node] + TOO_SHORT * (run < params.unplaced_run))
+            return float(seen + mv.TOO_LONG * (run >= params.longest_run))
+        return float(seen + cost[path[-1], node] + mv.TOO_SHORT * (run < params.unplaced_run))
 
     paths = [(float(own[0, node]), [node]) for node in every.tolist()]
     for beat in range(1, len(own)):
@@ -200,9 +187,9 @@ def followed(moves: Moves, music: MusicBeats, params: ChoreographerParams) -> li
 def test_of_two_recordings_alike_the_one_that_fits_its_dance_better_is_danced(rng: np.random.Generator):
     params = replace(PLAIN, harmony=6.0)
     take, music = wandering_take("a", rng, count=6), MusicBeats(np.arange(6) / 2, np.zeros(0, int), 0)
-    courses = [Course(take, take.beats)] * 2
+    courses = [mv.Course(take, take.beats)] * 2
     for shares, danced in (((0.9, 0.1), 0), ((0.1, 0.9), 1), ((0.45, 0.55), 1)):
-        moves = moves_of(courses, params, [np.full(6, share) for share in shares])
+        moves = mv.moves_of(courses, params, [np.full(6, share) for share in shares])
         assert moves.course[choose(moves, music, params)].tolist() == [danced] * 5
         costs = node_costs(moves, music, params, 0)
         np.testing.assert_allclose(costs[:, [0, 5]], np.tile(6.0 * (1 - np.array(shares)), (5, 1)), atol=1e-6)
@@ -215,7 +202,7 @@ def test_each_beat_is_ranked_as_the_beat_of_the_bar_that_it_is(first: int):
     numbers = np.arange(0.0, count - 1, 1 / 15) + first
     phase = np.floor((numbers + 0.5) / 3) + np.clip((numbers + 0.5) % 3, 0, 1)
     places = (np.arange(count) + first) % 3
-    (shares,) = pattern_shares([Take("waltz", waving(phase), "waltz", np.arange(count) / 2, places, 3)])
+    (shares,) = mv.pattern_shares([Take("waltz", waving(phase), "waltz", np.arange(count) / 2, places, 3)])
     for place in range(3):
         assert shares[2:-2][places[2:-2] == place].min() > 0.9
 
@@ -237,14 +224,14 @@ def test_each_beat_is_danced_at_its_place_in_the_bar(dancer: Choreographer):
 
 
 def test_without_variety_the_dance_repeats_itself_more(dancer: Choreographer):
-    again = Choreographer(dancer.takes, params=ChoreographerParams(variety=0.0, noise=0.0))
+    again = Choreographer(dancer.takes, params=mv.ChoreographerParams(variety=0.0, noise=0.0))
     seen = [each.choreograph(SILENCE, beats(), seconds=40.0).seen_before for each in (again, dancer)]
     assert seen[0] > seen[1] + 0.1
 
 
 @pytest.mark.parametrize(("name", "value"), [("seam", -1.0), ("nearest", 0), ("alike", 0.0), ("samples", 2.5)])
 def test_impossible_settings_are_refused(name: str, value: float):
-    refused(name, ChoreographerParams, **{name: value})
+    refused(name, mv.ChoreographerParams, **{name: value})
 
 
 # The music's beats
@@ -289,7 +276,7 @@ def walked(name: str, turn: complex = 1.0, shift: complex = 0.0, height: float =
 
 def test_one_walk_recorded_in_three_places_and_directions_is_danced_as_one():
     takes = [walked("a"), walked("b", np.exp(0.7j), 5 - 3j), walked("c", np.exp(-2.1j), -2 + 1j)]
-    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    moves = mv.moves_of([mv.Course(take, take.beats) for take in takes], PLAIN)
     runs = runs_of(moves, np.array([0, 1, 9, 10, 11, 19, 20]), PLAIN)  # seven nodes a recording
     assert [(run.course, run.beat, run.first, run.last) for run in runs] == [(0, 0, 0, 2), (1, 2, 2, 5), (2, 5, 5, 7)]
     numbers = np.linspace(0.0, 6.9, 80)
@@ -298,7 +285,7 @@ def test_one_walk_recorded_in_three_places_and_directions_is_danced_as_one():
 
 def test_a_dance_that_begins_turned_and_moved_is_turned_and_moved_as_a_whole(rng: np.random.Generator):
     takes = [wandering_take(name, rng) for name in "abc"]
-    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    moves = mv.moves_of([mv.Course(take, take.beats) for take in takes], PLAIN)
     path, numbers = np.array([0, 1, 9, 10, 18, 19]), np.linspace(0.0, 5.9, 80)
     usual, other = (
         faded(moves, runs_of(moves, path, PLAIN, turn=turn, shift=shift), numbers)
@@ -312,7 +299,7 @@ def test_a_dance_that_begins_turned_and_moved_is_turned_and_moved_as_a_whole(rng
 def test_a_fade_is_slow_at_its_ends_and_fast_in_its_middle():
     # From a body to the same one a metre higher. With s from 0 to 1: s^3 (10 - 15 s + 6 s^2), 53 / 512 at s = 1 / 4.
     takes = [walked("a"), walked("b", height=1.0)]
-    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    moves = mv.moves_of([mv.Course(take, take.beats) for take in takes], PLAIN)
     runs = runs_of(moves, np.array([0, 1, 9, 10]), PLAIN)
     numbers = 2 + np.array([-0.6, -0.5, -0.25, 0.0, 0.25, 0.5, 0.6])
     risen = faded(moves, runs, numbers) - moves.courses[0].positions(numbers)
@@ -411,7 +398,7 @@ def test_a_motion_without_beats_rests_on_the_beats_of_the_song():
 
 
 def test_the_pulse_of_a_motion_is_where_it_rests():
-    rests = pulse(shape_signal(shape_speed(waving(np.arange(0.0, 40.0, 1 / 30.0 / 0.55)))), 0.6)
+    rests = mv.pulse(shape_signal(shape_speed(waving(np.arange(0.0, 40.0, 1 / 30.0 / 0.55)))), 0.6)
     assert np.abs(np.diff(rests) - 0.55).max() < 0.06
     assert np.abs(rests[2:-2] / 0.55 - np.round(rests[2:-2] / 0.55)).max() < 0.1
 
@@ -718,34 +705,12 @@ def test_a_change_of_stance_before_the_dance_does_not_begin_it():
     assert dancing_span(replace(standing, positions=positions))[0] == pytest.approx(6.0, abs=0.7)
 
 
-def test_a_motion_that_never_dances_is_kept_whole():
-    motion = with_standing(dance(1, seconds=2.0), 0.0, 0.0)
-    still = replace(motion, positions=np.zeros_like(motion.positions))
-    assert dancing_span(still) == (0.0, still.duration)
-
-
 def test_holes_split_a_take_and_short_parts_are_left_out():
     motion = dance(2)
     parts = danced_parts("take", motion, [(5.0, 6.0)])
     assert [part.name for part in parts] == ["take, part 1", "take, part 2"]
     assert sum(part.motion.duration for part in parts) == pytest.approx(13.0, abs=1.2)
     assert [part.name for part in danced_parts("take", motion, [(1.5, 6.0)])] == ["take"]
-
-
-def test_a_bank_comes_back_to_the_half_millimetre_with_limits_of_its_own(tmp_path: Path):
-    takes = {f"take_{seed}": dance(seed) for seed in (1, 2)}
-    bank = write_bank(takes, tmp_path / "bank", style="shuffle")
-    back = Choreographer.load(tmp_path / "bank")
-    assert [take.name for take in back.takes] == ["take_1", "take_2"]
-    assert back.dances == ("shuffle",)
-    for before, after in zip(bank.takes, back.takes, strict=True):
-        assert np.abs(before.motion.positions - after.motion.positions).max() < 5e-4
-    original = danced_parts("take_1", takes["take_1"])[0].motion.positions
-    assert np.abs(np.diff(original - back.takes[0].motion.positions, axis=0)).max() <= 1e-3
-    assert back.limits is not None
-    assert back.limits.windows == 2
-    assert likeness(bank.takes[0].motion, limits=back.limits).passed
-    assert (tmp_path / "bank" / "model.npz").stat().st_size < 0.3 * takes["take_1"].positions.nbytes
 
 
 @pytest.mark.parametrize(("style", "minutes", "kilobytes"), [("salsa", 5.3, 520), ("indian", 1.9, 210)])

@@ -15,15 +15,8 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
 from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems.ren2020 import networks as nets
 from harmolab.systems.ren2020 import train as ren
-from harmolab.systems.ren2020.networks import (
-    GlobalDiscriminator,
-    LocalDiscriminator,
-    RenGenerator,
-    settle,
-    windows,
-    with_differences,
-)
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.st_gcn import STGCN, GraphBlock, partitions
 from harmolab.systems.ren2020.train import danced, players
@@ -59,16 +52,19 @@ def units(split: Split) -> Tensors:
     return Tensors.of(split.train)
 
 
-def generator_of(params: RenParams = TINY, seed: int = 0) -> RenGenerator:
+def generator_of(params: RenParams = TINY, seed: int = 0) -> nets.RenGenerator:
     torch.manual_seed(seed)
     lengths = torch.full((5,), 0.5)
-    return RenGenerator(params, FEATURES.n_audio, tiny.DANCER, lengths, fps=tiny.FPS, features=FEATURES)
+    return nets.RenGenerator(params, FEATURES.n_audio, tiny.DANCER, lengths, fps=tiny.FPS, features=FEATURES)
 
 
 def networks_of(params: RenParams = TINY) -> ren.Networks:
-    generator = generator_of(params)
+    generator, local = generator_of(params), nets.LocalDiscriminator(params, N_MOTION)
     net = STGCN(tiny.DANCER, params.graph, fps=tiny.FPS, frames=params.graph_frames).eval().requires_grad_(False)
-    local, overall = LocalDiscriminator(params, N_MOTION), GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION)
+    local, overall = (
+        nets.LocalDiscriminator(params, N_MOTION),
+        nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION),
+    )
     return ren.Networks(generator, local, overall, net)
 
 
@@ -85,14 +81,14 @@ def clips(*lengths: int, frames: int, seed: int = 0) -> tuple[Tensor, Tensor, Te
 
 def test_the_paper_generator_is_as_large_as_the_released_one_but_for_its_audio_front():
     joints = Skeleton(tuple("abcdefghijk"), (-1, *range(10)))  # 36 numbers a pose, as 18 points in a picture
-    generator = RenGenerator(RenParams.paper(), 20, joints, torch.ones(11), fps=15.0)
+    generator = nets.RenGenerator(RenParams.paper(), 20, joints, torch.ones(11), fps=15.0)
     assert generator.n_motion == 36
     assert parameter_count(generator) == pytest.approx(8.98e6 - 0.26e6, abs=0.02e6)
 
 
 def test_the_small_generator_has_a_million_parameters():
     joints = Skeleton(tuple("abcdefghijklmnopqrstuvw"), (-1, *range(22)))
-    assert parameter_count(RenGenerator(RenParams.small(), 20, joints, torch.ones(23), fps=15.0)) == 1_112_828
+    assert parameter_count(nets.RenGenerator(RenParams.small(), 20, joints, torch.ones(23), fps=15.0)) == 1_112_828
 
 
 def test_the_paper_st_gcn_is_as_large_as_the_released_one():
@@ -190,7 +186,7 @@ def test_after_settling_statistics_depend_on_no_earlier_batch(units: Tensors):
         generator = generator_of()
         few = units.take(rows)
         generator.train()(few.audio, few.mask, generator.noise(*few.mask.shape))
-        settle(generator, units.audio, units.mask, seed=1)
+        nets.settle(generator, units.audio, units.mask, seed=1)
         assert not generator.training
         kept.append({name: value.clone() for name, value in generator.named_buffers()})
     for name in kept[0]:
@@ -203,7 +199,7 @@ def test_after_settling_statistics_depend_on_no_earlier_batch(units: Tensors):
 def test_the_local_windows_are_eight_frames_every_five():
     values, mask = torch.arange(40.0).view(1, 20, 2), torch.ones(1, 20)
     mask[:, 15:] = 0
-    pieces, masks = windows(values, mask, size=8, step=5)
+    pieces, masks = nets.windows(values, mask, size=8, step=5)
     assert pieces.shape == (1, 3, 8, 2)
     assert pieces[0, :, 0, 0].tolist() == [0.0, 10.0, 20.0] and pieces[0, 1, :, 1].tolist() == [*range(11, 27, 2)]
     assert masks[0].sum(dim=1).tolist() == [8, 8, 5]
@@ -218,11 +214,11 @@ def test_windows_that_are_partly_padding_do_not_count():
 
 def test_clips_shorter_than_a_window_are_refused():
     fault = "clips of 7 frames are shorter than a window of 8"
-    refused(fault, windows, torch.zeros(1, 7, 2), torch.ones(1, 7), size=8, step=5)
+    refused(fault, nets.windows, torch.zeros(1, 7, 2), torch.ones(1, 7), size=8, step=5)
 
 
 def test_the_second_stream_is_the_steps():
-    both = with_differences(torch.tensor([[[1.0], [4.0], [2.0]]]))
+    both = nets.with_differences(torch.tensor([[[1.0], [4.0], [2.0]]]))
     assert both.tolist() == [[[1.0, 0.0], [4.0, 3.0], [2.0, -2.0]]]
 
 
@@ -442,7 +438,7 @@ def test_one_batch_is_learnt_by_heart(units: Tensors):
         loss.backward()
         optimiser.step()
         losses.append(float(loss.detach()))
-    settle(generator, few.audio, few.mask, seed=0)
+    nets.settle(generator, few.audio, few.mask, seed=0)
     assert losses[-1] < 0.5 * losses[0]
     assert float(ren.pose_loss(generator.drawn(few.audio, few.mask, 5), target, few.mask)) < 0.35 * losses[0]
 
@@ -481,7 +477,7 @@ def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
 # Training
 
 
-Train = Callable[..., RenGenerator]
+Train = Callable[..., nets.RenGenerator]
 
 
 class Stopped(Exception):
@@ -490,7 +486,7 @@ class Stopped(Exception):
 
 @pytest.fixture(scope="module")
 def train(split: Split) -> Train:
-    def run(folder: Path, *, stop_after: int | None = None, params: RenParams = TINY, **more: Any) -> RenGenerator:
+    def run(folder: Path, *, stop_after: int | None = None, params: RenParams = TINY, **more: Any) -> nets.RenGenerator:
         def report(row: dict[str, Any], end: int) -> None:
             if row["phase"] == "adversarial" and row["epoch"] == stop_after:
                 raise Stopped
@@ -571,7 +567,7 @@ def test_noise_is_drawn_once_a_song_by_its_seed():
 
 def test_nothing_is_left_out_when_dancing_even_in_training_mode():
     generator = generator_of().train()
-    settle(generator, torch.randn(2, 30, 4), torch.ones(2, 30), seed=0)
+    nets.settle(generator, torch.randn(2, 30, 4), torch.ones(2, 30), seed=0)
     first = generator.code(dance_input(40), 1)
     np.testing.assert_array_equal(generator.train().code(dance_input(40), 1), first)
     assert generator.training
@@ -590,7 +586,7 @@ def test_a_description_that_cannot_be_is_refused(sizes: dict[str, int], message:
     generator = generator_of()
     about = generator.description()
     about["params"] |= sizes
-    refused(message, RenGenerator.built, about, generator.state_dict())
+    refused(message, nets.RenGenerator.built, about, generator.state_dict())
 
 
 # Commands and entry tests
@@ -618,33 +614,30 @@ def test_the_commands_train_resume_and_dance(
     assert dance.is_file()
 
 
-def history(**columns: list[float]) -> pd.DataFrame:
+def asked(split: Split, **columns: list[float]) -> dict[str, Any]:
+    """The entry tests of an untrained generator with a history whose features fall, but for these columns."""
     falling = [*np.linspace(2.0, 1.0, 20)]
-    return pd.DataFrame({"phase": ["adversarial"] * 20, "perceptual": falling, "feature": falling} | columns)
+    rows = pd.DataFrame({"phase": ["adversarial"] * 20, "perceptual": falling, "feature": falling} | columns)
+    return entry_ren2020(generator_of().eval(), split, rows)
 
 
-def test_an_untrained_network_fails_the_entry_tests(split: Split):
-    results = entry_ren2020(generator_of().eval(), split, history())
+def test_an_untrained_network_fails_the_entry_tests_and_its_speed_is_no_condition(split: Split):
+    results = asked(split)
     assert not results["L1 of training units over the mean pose's"][2]
     assert results["feature terms, last tenth of epochs over first"] == (pytest.approx(0.52, abs=1e-9), (0, 1), True)
     assert results["difference between two seeds (SD)"][0] > 0
+    value, wanted, passed = results["speed on test units over recorded"]
+    assert value > 0 and wanted == (0.0, np.inf) and passed
 
 
 def test_feature_matching_alone_may_rise_but_not_all_features(split: Split):
-    rising, falling = [*np.linspace(1.0, 2.0, 20)], [*np.linspace(20.0, 8.0, 20)]
-    results = entry_ren2020(generator_of().eval(), split, history(feature=rising, perceptual=falling))
+    results = asked(split, feature=[*np.linspace(1.0, 2.0, 20)], perceptual=[*np.linspace(20.0, 8.0, 20)])
     assert results["feature terms, last tenth of epochs over first"][2]
     value, _, passed = results["of these, feature matching alone"]
     assert value == pytest.approx(1.975 / 1.025, abs=0.02) and passed
 
 
 def test_rising_features_and_lost_numbers_fail_the_entry_tests(split: Split):
-    rows = history(perceptual=[*np.linspace(1.0, 4.0, 20)], pose=[*np.ones(19), np.nan])
-    results = entry_ren2020(generator_of().eval(), split, rows)
+    results = asked(split, perceptual=[*np.linspace(1.0, 4.0, 20)], pose=[*np.ones(19), np.nan])
     failed = [name for name, (_, _, passed) in results.items() if not passed]
     assert failed[1:] == ["feature terms, last tenth of epochs over first", "losses that are not finite"]
-
-
-def test_the_speed_on_other_units_is_no_condition(split: Split):
-    value, asked, passed = entry_ren2020(generator_of().eval(), split, history())["speed on test units over recorded"]
-    assert value > 0 and asked == (0.0, np.inf) and passed
