@@ -784,7 +784,7 @@ def test_the_shipped_salsa_is_what_its_takes_give(data_root: Path, tmp_path: Pat
     for take, other in zip(made.takes, shipped.takes, strict=True):
         np.testing.assert_allclose(take.motion.positions, other.motion.positions, atol=1e-9)
         assert take.name == other.name
-    assert isinstance(shipped.limits, LikenessLimits)
+    assert isinstance(shipped.limits, LikenessLimits) and made.dances == shipped.dances == ("salsa",)
 
 
 default_dances = notebook_cells("11_frame_by_frame").default_dances

@@ -129,8 +129,10 @@ def refusal(corpus: Path, out: Path) -> str:
     return line
 
 
-def test_one_song_is_too_few(small: Path, tmp_path: Path):
-    told = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 1, of cha-cha"
+def test_songs_of_one_dance_are_too_few(small: Path, corpus: Path, tmp_path: Path):
+    for folder in corpus.glob("clip_*_cha-cha"):
+        shutil.copytree(folder, small / folder.name, dirs_exist_ok=True)
+    told = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 2, of cha-cha"
     assert refusal(small, tmp_path / "run") == told
 
 
