@@ -61,10 +61,8 @@ def generator_of(params: RenParams = TINY, seed: int = 0) -> nets.RenGenerator:
 def networks_of(params: RenParams = TINY) -> ren.Networks:
     generator, local = generator_of(params), nets.LocalDiscriminator(params, N_MOTION)
     net = STGCN(tiny.DANCER, params.graph, fps=tiny.FPS, frames=params.graph_frames).eval().requires_grad_(False)
-    local, overall = (
-        nets.LocalDiscriminator(params, N_MOTION),
-        nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION),
-    )
+    local = nets.LocalDiscriminator(params, N_MOTION)
+    overall = nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION)
     return ren.Networks(generator, local, overall, net)
 
 
@@ -234,17 +232,15 @@ def test_every_dance_is_judged_with_its_own_song():
     torch.testing.assert_close(own[0], changed[0])
     assert (own[1:] - changed[1:]).abs().min() > 1e-4
     order = torch.tensor([2, 0, 1])
-    torch.testing.assert_close(
-        networks.overall.music(audio[order], mask[order]), networks.overall.music(audio, mask)[order]
-    )
+    heard = networks.overall.music(audio, mask)[order]
+    torch.testing.assert_close(networks.overall.music(audio[order], mask[order]), heard)
 
 
 def test_attention_is_an_average_over_time():
     overall = networks_of().overall
     frame = torch.randn(1, 1, 4)
-    torch.testing.assert_close(
-        overall.music(frame.repeat(1, 30, 1), torch.ones(1, 30)), torch.tanh(overall.hearing(frame))[:, 0]
-    )
+    heard = overall.music(frame.repeat(1, 30, 1), torch.ones(1, 30))
+    torch.testing.assert_close(heard, torch.tanh(overall.hearing(frame))[:, 0])
 
 
 def test_noise_is_a_third_of_a_standard_normal():
@@ -340,9 +336,8 @@ def test_matching_loss_adds_the_maps_up():
 def test_cross_entropies():
     log3 = float(np.log(3))  # logit of three quarters
     assert float(ren.deceiving_loss(torch.tensor([log3]))) == pytest.approx(-np.log(0.75))
-    assert float(ren.discriminator_loss(torch.tensor([log3]), torch.tensor([log3]))) == pytest.approx(
-        -np.log(0.75) - np.log(0.25)
-    )
+    both = ren.discriminator_loss(torch.tensor([log3]), torch.tensor([log3]))
+    assert float(both) == pytest.approx(-np.log(0.75) - np.log(0.25))
     logits, counted = torch.tensor([[log3, 0.0], [log3, 99.0]]), torch.tensor([[1.0, 1.0], [1.0, 0.0]])
     expected = (-(np.log(0.75) + np.log(0.5)) / 2 - np.log(0.75)) / 2
     assert float(ren.deceiving_loss(logits, counted)) == pytest.approx(expected)
@@ -538,9 +533,8 @@ def test_shards_change_no_more_than_batch_statistics(run: Path, train: Train, tm
 def dance_input(frames: int, *, first: int = 0, seed: int = 0, prior: float = 0.0) -> DanceInput:
     audio = np.random.default_rng(seed).normal(size=(frames - first, 4)).astype(np.float32)
     meters = [MeterFrames(first, first + 8, frames, 1.0)]
-    return DanceInput(
-        audio, lambda: audio, np.arange(0.0, frames, 8), meters, np.full((-first, N_MOTION), prior), frames
-    )
+    before = np.full((-first, N_MOTION), prior)
+    return DanceInput(audio, lambda: audio, np.arange(0.0, frames, 8), meters, before, frames)
 
 
 def test_a_song_of_any_length_is_danced_in_one_pass():
