@@ -348,6 +348,11 @@ def test_music_of_a_window_lies_where_its_motion_does(sequences: SequenceSet, tr
     assert place - int(place) == pytest.approx(at - np.floor(at), abs=1e-4)
 
 
+def test_an_epoch_has_as_many_windows_as_fit_without_overlap(train: seq.WindowSource):
+    places = np.array([(0, 0), (0, 20), (0, 90), (1, 0)])  # of 50 frames: 70 and 50 of one recording, 50 of another
+    assert len(replace(train, places=places)) == 170 // 50
+
+
 def test_rare_movement_is_drawn_as_often(sequences: SequenceSet, train: seq.WindowSource):
     weights = seq.cluster_weights(sequences.sequences, train.places, replace(TINY, clusters=4))
     assert weights.sum() == pytest.approx(1.0)
