@@ -95,7 +95,7 @@ ROWS = [
 
 
 def test_each_way_has_its_mark_filled_where_it_was_trained():
-    ax = draw_ways(Figure().subplots(), ROWS, measure="sliding (cm/s)")
+    ax = draw_ways(Figure().subplots(), pd.DataFrame(ROWS), measure="sliding (cm/s)")
     marks = {line.get_xdata()[0]: line for line in ax.lines if len(line.get_xdata()) == 1}
     assert set(marks) == {3.0, 7.0}
     assert marks[3.0].get_markerfacecolor() == "white" != marks[7.0].get_markerfacecolor()
@@ -106,13 +106,13 @@ def test_each_way_has_its_mark_filled_where_it_was_trained():
 
 
 def test_the_error_on_figures_learnt_is_a_cross_beside_the_mark():
-    ax = draw_ways(Figure().subplots(), [{**row, "MSE, figures learnt": 1.5} for row in ROWS], measure="MSE")
+    ax = draw_ways(Figure().subplots(), pd.DataFrame(ROWS).assign(**{"MSE, figures learnt": 1.5}), measure="MSE")
     crosses = [tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == "x"]
     assert crosses == [(1.5, 0.0)]  # of what was trained alone
 
 
 def test_every_corpus_and_code_has_a_row_of_panels():
-    figure = ways_figure([*ROWS, *(record(row["feet"], 0, 1.0, code="positions") for row in ROWS)])
+    figure = ways_figure(pd.DataFrame([*ROWS, *(record(row["feet"], 0, 1.0, code="positions") for row in ROWS)]))
     assert len(figure.axes) == 2 * len(MEASURES)
     titles = [ax.get_title(loc="left") for ax in figure.axes[:: len(MEASURES)]]
     assert titles == ["Made up, code of rotations", "Made up, code of positions"]

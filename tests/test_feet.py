@@ -1,5 +1,6 @@
-"""The foot model and its trials: planted slides are measured, one draw serves all, dances are corrected or planted."""
+"""Feet: the foot model and its trials; a foot put elsewhere, the knee follows, no bone changes."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,28 +12,25 @@ import pandas as pd
 import pytest
 import torch
 
-from harmolab.data.synthetic import synthetic_clip, write_corpus
-from harmolab.systems.music2dance.codes import POINTS, PositionCode, RotationCode
-from harmolab.systems.music2dance.feet import (
-    FootModel,
-    FootParams,
-    simulated_sliding,
-    smoothed,
-    standing_speed,
-    train_feet,
-)
+from harmolab.body.skeletons import Skeleton, foot_joints
+from harmolab.data.synthetic import write_corpus
+from harmolab.metrics.quality import foot_skating
+from harmolab.systems.music2dance import feet as foot_parts
+from harmolab.systems.music2dance.codes import POINTS, MotionCode, PositionCode, RotationCode
 from harmolab.systems.music2dance.generate import Danced
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import SequenceSet, Windows, load_sequences
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.feet import Leg, find_leg, moved_feet, planted_feet
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import Clip, FloatArray, Motion
 from study.experiments.contests import Contest
 from study.experiments.sliding import SlidWindows, slid_windows
 from study.profile import RunProfile
+from tests.builders import cases, planted_dance
 from tests.notebook_cells import notebook_cells
 from tests.test_music2dance_dancing import foot_model, sound, system
 
@@ -43,14 +41,12 @@ ERROR, RECORDED = "MSE", "recorded"
 
 FPS = 25.0
 TINY = replace(Music2DanceParams.recommended(), window=2.0, clusters=3, song=SongParams(window=2.0, hop=1.0))
-QUICK = FootParams(channels=16, epochs=12, batch_size=8)
+QUICK = foot_parts.FootParams(channels=16, epochs=12, batch_size=8)
 
 
 @pytest.fixture(scope="module")
 def danced() -> Motion:
-    motion = synthetic_clip("rumba", seconds=6.0, fps=FPS, seed=4).motion
-    assert motion is not None
-    return motion
+    return planted_dance("rumba", fps=FPS, seed=4).motion
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +66,15 @@ def sequences(corpus: Path, request: pytest.FixtureRequest) -> SequenceSet:
     return load_sequences([corpus], replace(TINY, representation=request.param))
 
 
-def untrained(code: PositionCode | RotationCode, values: FloatArray, params: FootParams = QUICK) -> FootModel:
+def untrained(code: MotionCode, values: FloatArray, params: foot_parts.FootParams = QUICK) -> foot_parts.FootModel:
     """A model that knows the scale of its channels from values (T, C)."""
-    model = FootModel(params, code).eval()
+    model = foot_parts.FootModel(params, code).eval()
     spread = torch.from_numpy(values.std(axis=0)).float().clamp(min=1e-3)
     model.motion_scale.set(torch.from_numpy(values.mean(axis=0)).float(), spread)
     return model
 
 
-def of_motion(model: FootModel, values: FloatArray, contacts: FloatArray | None = None) -> Windows:
+def of_motion(model: foot_parts.FootModel, values: FloatArray, contacts: FloatArray | None = None) -> Windows:
     """A window of motion (T, C), without music."""
     motion = model.motion_scale(torch.from_numpy(values).float())[None]
     stands = torch.ones(1, len(values), 2) if contacts is None else torch.from_numpy(contacts).float()[None]
@@ -134,7 +130,7 @@ def test_distance_of_the_lower_body_is_seen_from_the_root_and_leaves_the_arms_ou
     np.testing.assert_allclose(away, 0.05 / 10, atol=1e-6)  # one of ten joints
 
 
-def slid(code: PositionCode | RotationCode, values: FloatArray, model: FootModel) -> SlidWindows:
+def slid(code: MotionCode, values: FloatArray, model: foot_parts.FootModel) -> SlidWindows:
     """One window, of which the first half counts, and nothing slides."""
     rotations = isinstance(code, RotationCode)
     channels = model.lower[4:] if rotations else model.lower
@@ -165,7 +161,7 @@ def test_smoothing_keeps_what_is_constant_and_spreads_a_stroke_as_wide_as_it_say
     values = torch.zeros(2, 81, 1)
     values[:, 40] = 1.0
     values[..., 0] += 3.0
-    out = smoothed(values, torch.tensor([[1.0], [4.0]]))[..., 0] - 3.0
+    out = foot_parts.smoothed(values, torch.tensor([[1.0], [4.0]]))[..., 0] - 3.0
     frames = torch.arange(81.0) - 40
     torch.testing.assert_close((out * frames.square()).sum(dim=1).sqrt(), torch.tensor([1.0, 4.0]), atol=0.02, rtol=0)
     torch.testing.assert_close(out.sum(dim=1), torch.ones(2), atol=1e-4, rtol=0)
@@ -176,7 +172,7 @@ def test_one_seed_draws_one_sliding_and_a_tenth_of_the_contacts_are_wrong(danced
     values = np.tile(code.encode(danced), (8, 1))
     model = untrained(code, values)
     windows = of_motion(model, values)
-    one, same, other = (simulated_sliding(model, windows, FPS, seed) for seed in (3, 3, 4))
+    one, same, other = (foot_parts.simulated_sliding(model, windows, FPS, seed) for seed in (3, 3, 4))
     assert torch.equal(one[0], same[0]) and torch.equal(one[1], same[1]) and not torch.equal(one[0], other[0])
     assert float(one[1].mean()) == pytest.approx(0.9, abs=0.03)
     rest = sorted({*range(code.n_motion)} - {*model.lower})
@@ -188,7 +184,7 @@ def test_feet_of_slid_rotations_are_where_the_rotations_put_them(danced: Motion)
     code = RotationCode.of([danced])
     values = code.encode(danced)
     model = untrained(code, values)
-    motion, _ = simulated_sliding(model, of_motion(model, values), FPS, 1)
+    motion, _ = foot_parts.simulated_sliding(model, of_motion(model, values), FPS, 1)
     out = (motion[0] * model.motion_scale.std + model.motion_scale.mean).double().numpy()
     np.testing.assert_allclose(out, code.refreshed(out, FPS), atol=1e-4)
     assert np.abs(out - code.refreshed(values, FPS))[:, model.feet].max() > 0.005
@@ -217,7 +213,7 @@ def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_sp
 
     def cost(positions: FloatArray) -> float:
         windows = of_motion(model, encode_motion(positions, FPS, danced.skeleton).astype(np.float64))
-        return float(standing_speed(model, windows.motion, windows, FPS))
+        return float(foot_parts.standing_speed(model, windows.motion, windows, FPS))
 
     assert cost(still) == pytest.approx(0.0, abs=1e-6)
     assert cost(rolling) == pytest.approx(0.0, abs=1e-6)
@@ -225,8 +221,8 @@ def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_sp
 
 
 def test_it_learns_what_slides(split: Split, sequences: SequenceSet, tmp_path: Path):
-    train_feet(split, sequences, TrainOptions(tmp_path / "run"), QUICK)
-    model = load_weights(tmp_path / "run", FootModel)
+    foot_parts.train_feet(split, sequences, TrainOptions(tmp_path / "run"), QUICK)
+    model = load_weights(tmp_path / "run", foot_parts.FootModel)
     learnt = slid_windows(split, sequences, side="train", most=16)
     assert learnt.squared_error(learnt.corrected(model)) < 0.97 * learnt.squared_error(learnt.slid)
     epochs = len((tmp_path / "run" / "history.csv").read_text().splitlines()) - 1
@@ -274,11 +270,8 @@ def test_the_table_has_means_over_trainings_beside_no_correction_and_the_recorde
 
 
 def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_alone():
-    rows = [
-        trial(feet, 1, 0.5, 1.0, code)
-        for code in ("rotations", "positions")
-        for feet in (RECORDED, UNTOUCHED, CONVOLUTION, LSTM)
-    ]
+    pairs = itertools.product((RECORDED, UNTOUCHED, CONVOLUTION, LSTM), ("rotations", "positions"))
+    rows = [trial(feet, 1, 0.5, 1.0, code) for feet, code in pairs]
     table = CELLS.foot_table(pd.DataFrame(rows))
     printed = table.dropna(subset="MSE, paper (other data)").set_index(["code", "feet"])["MSE, paper (other data)"]
     assert printed.to_dict() == {("rotations", CONVOLUTION): 0.0010, ("rotations", LSTM): 0.0028}
@@ -292,26 +285,17 @@ def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_
 def planted(danced: Motion) -> SimpleNamespace:
     """Cells with dancers that were never trained, a foot model without increments, and one dancer who was recorded."""
     clip = Clip("recorded", sound(), danced, dance="cha-cha")
-    history = pd.DataFrame(
-        {
-            "val_contacts": [0.5, 0.8, np.nan],
-            "val_contacts_as_before": [0.9, 0.93, np.nan],
-            "val_contacts_majority": [0.6, 0.63, np.nan],
-        }
-    )
+    columns = ("val_contacts", "val_contacts_as_before", "val_contacts_majority")
+    history = pd.DataFrame([(0.5, 0.9, 0.6), (0.8, 0.93, 0.63), (np.nan,) * 3], columns=columns)
 
     def run(*about: Any) -> Any:
         settings = next((each for each in about if isinstance(each, Music2DanceParams)), Music2DanceParams.paper())
         return SimpleNamespace(system=system(settings.representation), history=history)
 
     return notebook_cells(
-        "17_feet",
-        trained_dancer=run,
-        ablated_dancers=lambda contest, name: [run(), run()],
-        recorded_dancers=lambda contest: {"cha-cha": [clip]},
-        foot_model=lambda *about: (foot_model(about[2]), 0),
-        FROM=1.0,
-    )
+        "17_feet", trained_dancer=run, ablated_dancers=lambda contest, name: [run(), run()], FROM=1.0,
+        recorded_dancers=lambda contest: {"cha-cha": [clip]}, foot_model=lambda *about: (foot_model(about[2]), 0),
+    )  # fmt: skip
 
 
 CONTEST = Contest(RunProfile.quick(), "made up", "planted", (), (), 1)
@@ -334,10 +318,8 @@ def test_contacts_stand_beside_the_frame_before_and_the_majority(planted: Simple
     table = planted.contact_table(CONTEST).set_index("dancer")
     assert table["predicted"].to_dict() == {"paper": 0.8, "recommended": 0.8}
     assert (table["as in the frame before"] == 0.93).all() and (table["majority"] == 0.63).all()
-    assert (table["frames per second"] == 25.0).all() and table["weight"].to_dict() == {
-        "paper": 0.1,
-        "recommended": 2.0,
-    }
+    assert (table["frames per second"] == 25.0).all()
+    assert table["weight"].to_dict() == {"paper": 0.1, "recommended": 2.0}
 
 
 def test_heights_are_those_of_the_toes_as_the_network_gives_them(danced: Motion):
@@ -372,9 +354,8 @@ def test_variety_is_that_of_the_heights_and_chance_adds_to_it(planted: SimpleNam
         assert table.loc[(name, "all of the spread"), "SD (cm)"] > table.loc[(name, "a tenth of the spread"), "SD (cm)"]
     wave = 5.0 * np.sin(np.linspace(0, 20 * np.pi, 1001))[:, None] * [1.0, 0.0]
     numbers = CELLS.height_variety(wave)
-    assert numbers["SD (cm)"] == pytest.approx(
-        5 / np.sqrt(2) / 2, rel=1e-2
-    )  # mean of a toe that waves and one that rests
+    # Mean of a toe that waves and one that rests.
+    assert numbers["SD (cm)"] == pytest.approx(5 / np.sqrt(2) / 2, rel=1e-2)
     assert numbers["range (cm)"] == pytest.approx(5 * np.sin(0.45 * np.pi), rel=1e-2)
 
 
@@ -382,6 +363,96 @@ def test_the_speed_of_a_foot_is_that_of_its_slowest_point():
     positions = points(9)
     positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += 0.02 * np.arange(9)[:, None]
     positions[:, joint("heel R"), 0] += 0.02 * np.arange(9)
-    np.testing.assert_allclose(
-        CELLS.foot_speeds(Motion(positions, FPS, POINTS)), np.tile([0.0, 0.5], (9, 1)), atol=1e-9
-    )
+    speeds = CELLS.foot_speeds(Motion(positions, FPS, POINTS))
+    np.testing.assert_allclose(speeds, np.tile([0.0, 0.5], (9, 1)), atol=1e-9)
+
+
+# Legs
+
+
+SLOW = 15.0  # frames a second
+WALKER = Skeleton(
+    ("torso", "head", *(f"{part} {side}" for side in "LR" for part in ("hip", "knee", "ankle", "toe"))),
+    (-1, 0, 0, 2, 3, 4, 0, 6, 7, 8),
+)
+LEFT, RIGHT = Leg(2, 3, 4, (4, 5)), Leg(6, 7, 8, (8, 9))
+
+
+def standing(frames: int = 90) -> np.ndarray:
+    """A dancer at rest with knees a little bent forwards (+z); ankles 5 cm high."""
+    leg, aside = np.array([[0, 0.9, 0], [0, 0.48, 0.08], [0, 0.05, 0], [0, 0.0, 0.15]]), np.array([0.1, 0, 0])
+    rest = np.concatenate([[[0, 1.0, 0], [0, 1.6, 0]], leg + aside, leg - aside])
+    return np.tile(rest, (frames, 1, 1))
+
+
+def test_legs_are_found_by_the_names_of_feet():
+    assert [find_leg(WALKER, foot) for foot in foot_joints(WALKER)] == [LEFT, RIGHT]
+
+
+@cases(
+    "joints, parents",
+    (("hip", "toe L"), (-1, 0)),  # no knee
+    (("hip", "knee L", "toe L"), (-1, -1, 1)),  # no hip above the knee
+    (("hip", "knee L", "heel L", "toe L"), (-1, 0, 1, 1)),  # which one is the ankle?
+    (("hip", "knee L", "ankle L", "tail"), (-1, 0, 1, 1)),  # the knee carries something else
+)
+def test_what_is_no_leg_of_two_bones_is_none(joints: tuple[str, ...], parents: tuple[int, ...]):
+    skeleton = Skeleton(joints, parents)
+    assert find_leg(skeleton, foot_joints(skeleton)[0]) is None
+
+
+def test_what_hangs_on_the_ankle_goes_with_it():
+    skeleton = Skeleton(("hip", "knee L", "ankle L", "ball L", "toe L"), (-1, 0, 1, 2, 3))
+    assert find_leg(skeleton, (2,)).foot == (2, 3, 4)
+
+
+def test_a_moved_foot_arrives_and_no_bone_changes():
+    positions = standing(50)
+    shift = np.random.default_rng(0).uniform([-0.05, 0.0, -0.05], [0.05, 0.1, 0.05], (50, 3))
+    moved = moved_feet(positions, [LEFT], shift[:, None])
+    np.testing.assert_allclose(moved[:, [4, 5]], positions[:, [4, 5]] + shift[:, None], atol=1e-9)
+    bones = np.linalg.norm(moved - moved[:, list(WALKER.parents)], axis=2)[:, 1:]
+    np.testing.assert_allclose(bones, np.tile(bone_lengths(positions, WALKER)[1:], (50, 1)), atol=1e-9)
+    others = [joint for joint in range(10) if joint not in (3, 4, 5)]
+    np.testing.assert_array_equal(moved[:, others], positions[:, others])
+    assert (moved[:, 3, 2] > moved[:, 4, 2] - 0.1).all() and (moved[:, 3, 2] > 0).all()  # the knee stays in front
+
+
+def test_a_foot_goes_no_further_than_the_leg_reaches():
+    positions = standing(2)
+    moved = moved_feet(positions, [LEFT], np.array([[[0.0, -3.0, 0.0]]] * 2))
+    bones = bone_lengths(moved, WALKER)
+    np.testing.assert_allclose(bones, bone_lengths(positions, WALKER), atol=1e-9)
+    assert np.linalg.norm(moved[0, 4] - moved[0, 2]) == pytest.approx(0.99 * (bones[3] + bones[4]))
+
+
+def test_a_straight_leg_bends_forwards():
+    positions = standing(1)
+    positions[:, 3, 2] = 0.0
+    assert moved_feet(positions, [LEFT], np.array([[[0.0, 0.1, 0.0]]]))[0, 3, 2] > 0.1
+
+
+def test_no_shift_changes_nothing():
+    np.testing.assert_allclose(moved_feet(standing(3), [RIGHT], np.zeros((3, 1, 3))), standing(3), atol=0.01)
+
+
+def swaying() -> np.ndarray:
+    """The body goes 10 cm to and fro twice a second over feet that go with it, as a network makes it."""
+    shift = 0.1 * np.sin(4 * np.pi * np.arange(90) / SLOW)
+    return standing() + shift[:, None, None] * np.array([1.0, 0, 0])
+
+
+def test_legs_hold_sliding_feet_back_while_the_body_dances_on():
+    planted = planted_feet(swaying(), SLOW, WALKER)
+    before, after = (foot_skating(Motion(each, SLOW, WALKER)) for each in (swaying(), planted))
+    assert after < 0.25 * before
+    np.testing.assert_allclose(*[np.diff(each[20:70, :2], axis=0) for each in (planted, swaying())], atol=1e-3)
+    np.testing.assert_allclose(bone_lengths(planted, WALKER), bone_lengths(swaying(), WALKER), atol=1e-9)
+
+
+def test_a_foot_in_the_air_goes_its_own_way():
+    kicking = standing()
+    lift = np.sin(2 * np.pi * np.arange(90) / 30).clip(min=0)
+    kicking[:, [4, 5]] += 0.3 * lift[:, None, None] * np.array([0, 1.0, 1.0])
+    kicking = moved_feet(standing(), [LEFT], (kicking[:, 4] - standing()[:, 4])[:, None])
+    np.testing.assert_allclose(planted_feet(kicking, SLOW, WALKER), kicking, atol=0.03)

@@ -1,59 +1,55 @@
-"""Music2Dance: sizes as published, causality, the sampler that remembers, codes, windows that do not leak."""
+"""Music2Dance: sizes, causality, the sampler that remembers, codes, windows that do not leak, trainings by command."""
 
+import csv
+import itertools
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+import harmolab.systems.music2dance.train as training
 from harmolab.body.rotations import fit_body, forward_kinematics, joint_rotations
-from harmolab.body.skeletons import heading, turned
-from harmolab.data.recordings import TANG_23, find_recordings, load_recording
-from harmolab.data.synthetic import synthetic_clip, write_corpus
+from harmolab.body.skeletons import Skeleton, heading, joint_part, turned
+from harmolab.cli import app
+from harmolab.data.recordings import TANG_23, load_recording
+from harmolab.data.synthetic import write_corpus
 from harmolab.files import silent
-from harmolab.systems import load
+from harmolab.readers.motion import load_motion, save_motion
+from harmolab.systems import find, load
+from harmolab.systems.contract import PARTS, names, trainable
 from harmolab.systems.music2dance import generate
+from harmolab.systems.music2dance import sequences as seq
 from harmolab.systems.music2dance.codes import POINTS, PositionCode, RotationCode, body_points, stored_code
+from harmolab.systems.music2dance.feet import FootParams, train_feet
 from harmolab.systems.music2dance.generate import heard_song
 from harmolab.systems.music2dance.networks import DanceNetwork, Prediction, shifted
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sampler import sampler
-from harmolab.systems.music2dance.sequences import (
-    SequenceSet,
-    Windows,
-    WindowSource,
-    cluster_weights,
-    load_sequences,
-    side_frames,
-    training_statistics,
-    window_starts,
-)
-from harmolab.systems.music2dance.system import Music2Dance
-from harmolab.systems.music2dance.train import (
-    contact_accuracy,
-    contact_loss,
-    likelihood_loss,
-    majority_contacts,
-    predicted,
-    train_music2dance,
-    unchanged_contacts,
-)
+from harmolab.systems.music2dance.sequences import SequenceSet
+from harmolab.systems.training import units
+from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.feet import foot_contacts
 from harmolab.systems.training.groups import Segment
 from harmolab.systems.training.loop import Shard
 from harmolab.systems.training.splits import Split, split_units
+from harmolab.systems.training.units import load_units
 from harmolab.types import Motion
-from tests.builders import refused
+from tests.builders import called, cases, planted_dance, refused, still
+from tests.tiny_music2dance import TINY, trained
 
 DANCES = ("cha-cha", "rumba", "tango", "waltz")
-TINY = replace(
-    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, lstm=8, clusters=3, first_epochs=3,
-    second_epochs=2, batch_size=4, start_seconds=1.0, song=SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0),
-)  # fmt: skip
-PAPER = replace(TINY, representation="rotations", carry=0.0, noisy_target=True)
 
 
 def network(params: Music2DanceParams = TINY, *, seed: int = 0) -> DanceNetwork:
@@ -61,12 +57,12 @@ def network(params: Music2DanceParams = TINY, *, seed: int = 0) -> DanceNetwork:
     return DanceNetwork(params, PositionCode(TANG_23, np.full(23, 0.2)), DANCES).eval()
 
 
-def windows(params: Music2DanceParams, *, count: int = 3, seed: int = 0, channels: int = 72) -> Windows:
+def windows(params: Music2DanceParams, *, count: int = 3, seed: int = 0, channels: int = 72) -> seq.Windows:
     """Random windows."""
     torch.manual_seed(seed)
     frames = params.n_frames
     moments = (torch.arange(frames) * params.song.rate / params.fps).expand(count, -1)
-    return Windows(
+    return seq.Windows(
         torch.randn(count, frames, channels), (torch.rand(count, frames, 2) > 0.5).float(),
         torch.rand(count, int(params.window * params.song.rate) + 2, params.song.n_audio), moments,
         torch.arange(count) % len(DANCES), torch.ones(count, frames),
@@ -110,7 +106,7 @@ def test_items_of_a_batch_do_not_hear_each_other(params: Music2DanceParams):
     net, batch = network(params), windows(params, count=4)
     order = torch.tensor([2, 0, 3, 1])
     with torch.no_grad():
-        one, other = net(batch), net(Windows(*(part[order] for part in batch)))
+        one, other = net(batch), net(seq.Windows(*(part[order] for part in batch)))
     for before, after in zip(one, other, strict=True):
         torch.testing.assert_close(before[order], after, atol=1e-5, rtol=1e-4)
 
@@ -200,27 +196,27 @@ def test_likelihood_is_that_of_a_gaussian():
     mean, log_sigma = torch.tensor([[[0.5, -1.0]]]), torch.tensor([[[0.0, 0.7]]])
     target = torch.tensor([[[0.1, 0.4]]])
     normal = torch.distributions.Normal(mean, log_sigma.exp())
-    loss = likelihood_loss(Prediction(mean, log_sigma, torch.zeros(1, 1, 2)), target, torch.ones(1, 1))
+    loss = training.likelihood_loss(Prediction(mean, log_sigma, torch.zeros(1, 1, 2)), target, torch.ones(1, 1))
     assert float(loss) == pytest.approx(-float(normal.log_prob(target).sum()), abs=1e-6)
 
 
 def test_frames_that_were_not_recorded_do_not_count():
-    params = TINY
-    net, batch = network(), windows(params)
+    net, batch = network(), windows(TINY)
     half = batch.valid.clone()
     half[:, 25:] = 0
     with torch.no_grad():
         prediction = net(batch)
         wild = batch.motion + 100 * (1 - half)[..., None]
-        assert likelihood_loss(prediction, wild, half) == likelihood_loss(prediction, batch.motion, half)
+        one, other = (training.likelihood_loss(prediction, motion, half) for motion in (wild, batch.motion))
+        assert one == other
         other = torch.where(half[..., None] > 0, batch.contacts, 1 - batch.contacts)
-        assert contact_loss(prediction, other, half) == contact_loss(prediction, batch.contacts, half)
+        assert training.contact_loss(prediction, other, half) == training.contact_loss(prediction, batch.contacts, half)
 
 
 def test_as_in_the_frame_before_is_counted_from_the_second_frame_on():
     contacts = torch.tensor([[[0.0, 1.0], [0.0, 1.0], [1.0, 1.0]]])
-    assert float(unchanged_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
-    assert float(majority_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
+    assert float(training.unchanged_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
+    assert float(training.majority_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
 
 
 def test_a_foot_is_said_to_stand_from_a_probability_of_one_half_on():
@@ -228,13 +224,13 @@ def test_a_foot_is_said_to_stand_from_a_probability_of_one_half_on():
     logits = torch.tensor([[[9.0, 9.0], [0.1, 0.1], [-0.1, -0.1], [9.0, -9.0]]])
     contacts = torch.tensor([[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0]]])
     said = Prediction(logits, logits, logits)
-    assert float(contact_accuracy(said, contacts, torch.ones(1, 4))) == pytest.approx(5 / 6)
+    assert float(training.contact_accuracy(said, contacts, torch.ones(1, 4))) == pytest.approx(5 / 6)
 
 
 def test_the_second_pass_learns_from_the_first_ones_prediction_without_a_way_back():
     net = network(replace(TINY, noise=0.0, motion_dropout=0.0))
     shard = Shard(windows(TINY), None, 1.0, 3)
-    output = predicted(net, shard, second=True)
+    output = training.predicted(net, shard, second=True)
     (gradient,) = torch.autograd.grad(output.second.mean.sum(), output.first.mean, allow_unused=True)
     assert gradient is None
     batch = shard.own
@@ -248,9 +244,9 @@ def test_the_second_pass_learns_from_the_first_ones_prediction_without_a_way_bac
 def test_noise_is_drawn_once_for_input_and_target(noisy: bool):
     params = replace(TINY, noise=0.1, noisy_target=noisy)
     batch = windows(params)
-    output = predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
+    output = training.predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
     assert torch.equal(output.target, batch.motion) is not noisy
-    again = predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
+    again = training.predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
     assert torch.equal(output.target, again.target) and torch.equal(output.first.mean, again.first.mean)
 
 
@@ -259,9 +255,7 @@ def test_noise_is_drawn_once_for_input_and_target(noisy: bool):
 
 @pytest.fixture(scope="module")
 def danced() -> Motion:
-    motion = synthetic_clip("cha-cha", seconds=12.0, fps=25.0, seed=4).motion
-    assert motion is not None
-    return motion
+    return planted_dance(seconds=12.0, fps=25.0, seed=4).motion
 
 
 def from_origin(positions: np.ndarray, fps: float) -> np.ndarray:
@@ -312,8 +306,7 @@ def test_a_code_is_stored_and_built_again(danced: Motion, make: Callable):
 
 
 def test_a_body_without_the_joints_that_rotations_need_is_named():
-    with pytest.raises(ValueError, match="no joint for pelvis, torso, neck, head"):
-        body_points(Motion(np.zeros((3, 1, 3)), 25.0, type(POINTS)(("a",), (-1,))))
+    refused("no joint for pelvis, torso, neck, head", body_points, still(3, fps=25.0, joints=1))
 
 
 def test_a_standing_foot_is_low_and_slow(danced: Motion):
@@ -329,53 +322,20 @@ def test_a_standing_foot_is_low_and_slow(danced: Motion):
 
 
 @pytest.fixture(scope="module")
-def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("m2d") / "dances"
-    write_corpus(root, clips=14, seconds=20.0, seed=1)
-    return root
+def train(sequences: SequenceSet, split: Split) -> seq.WindowSource:
+    return seq.training_windows(split, sequences)
 
 
-@pytest.fixture(scope="module")
-def split(sequences: SequenceSet) -> Split:
-    return split_units(sequences.units)
-
-
-@pytest.fixture(scope="module")
-def sequences(corpus: Path) -> SequenceSet:
-    return load_sequences([corpus], TINY)
-
-
-def source(sequences: SequenceSet, split: Split, side: str = "train") -> WindowSource:
-    statistics = training_statistics(sequences, split.groups["train"])
-    return WindowSource.of(sequences, split.groups[side], dances=sequences.dances, statistics=statistics)
-
-
-def test_no_training_window_has_a_frame_of_a_held_out_figure(sequences: SequenceSet, split: Split):
-    train = source(sequences, split)
-    held_out = {*split.groups["validation"], *split.groups["test"]}
-    assert held_out
-    for number, start in train.places:
-        sequence = sequences.sequences[number]
-        assert not side_frames(sequence, held_out, TINY.fps)[start : start + TINY.n_frames].any()
-
-
-def test_a_planted_leak_is_seen(sequences: SequenceSet, split: Split):
-    sequence = sequences.sequences[0]
-    whole = Segment(sequence.start, sequence.start + sequence.n_frames / TINY.fps, split.groups["test"][0])
-    leaked = replace(sequence, segments=(whole,))
-    assert not len(window_starts(leaked, split.groups["train"], TINY))
-    assert len(window_starts(leaked, split.groups["test"], TINY)) == sequence.n_frames - TINY.n_frames + 1
-
-
-def test_windows_of_a_held_out_side_count_its_frames_alone(sequences: SequenceSet, split: Split):
-    statistics = training_statistics(sequences, split.groups["train"])
-    held = WindowSource.of(sequences, split.groups["test"], dances=sequences.dances, statistics=statistics, share=0.25)
+def test_windows_of_a_held_out_side_count_its_frames_alone(
+    sequences: SequenceSet, split: Split, train: seq.WindowSource
+):
+    about = {"dances": sequences.dances, "statistics": train.statistics}
+    held = seq.WindowSource.of(sequences, split.groups["test"], share=0.25, **about)
     batch = held.batch(np.arange(0, len(held.places), 7))
     assert float(batch.valid.mean(dim=1).min()) >= 0.24 and float(batch.valid.mean()) < 1
 
 
-def test_music_of_a_window_lies_where_its_motion_does(sequences: SequenceSet, split: Split):
-    train = source(sequences, split)
+def test_music_of_a_window_lies_where_its_motion_does(sequences: SequenceSet, train: seq.WindowSource):
     row = len(train.places) // 2
     number, start = train.places[row]
     sequence, batch = sequences.sequences[number], train.batch(np.array([row]))
@@ -388,37 +348,326 @@ def test_music_of_a_window_lies_where_its_motion_does(sequences: SequenceSet, sp
     assert place - int(place) == pytest.approx(at - np.floor(at), abs=1e-4)
 
 
-def test_rare_movement_is_drawn_as_often(sequences: SequenceSet, split: Split):
-    train = source(sequences, split)
-    weights = cluster_weights(sequences.sequences, train.places, replace(TINY, clusters=4))
+def test_an_epoch_has_as_many_windows_as_fit_without_overlap(train: seq.WindowSource):
+    places = np.array([(0, 0), (0, 20), (0, 90), (1, 0)])  # of 50 frames: 70 and 50 of one recording, 50 of another
+    assert len(replace(train, places=places)) == 170 // 50
+
+
+def test_rare_movement_is_drawn_as_often(sequences: SequenceSet, train: seq.WindowSource):
+    weights = seq.cluster_weights(sequences.sequences, train.places, replace(TINY, clusters=4))
     assert weights.sum() == pytest.approx(1.0)
     values, counts = np.unique(weights.round(12), return_counts=True)
-    np.testing.assert_allclose(
-        values * counts, np.full(len(values), 0.25) * np.round(values * counts / 0.25), atol=1e-9
-    )
-    even = cluster_weights(sequences.sequences, train.places, replace(TINY, clusters=0))
+    np.testing.assert_allclose(values * counts, 0.25 * np.round(values * counts / 0.25), atol=1e-9)
+    even = seq.cluster_weights(sequences.sequences, train.places, replace(TINY, clusters=0))
     np.testing.assert_array_equal(even, 1 / len(train.places))
 
 
-def test_the_same_indices_draw_the_same_windows_and_others_others(sequences: SequenceSet, split: Split):
-    train = source(sequences, split)
+def test_the_same_indices_draw_the_same_windows_and_others_others(train: seq.WindowSource):
     one, same, other = (train.take(torch.tensor(rows)) for rows in ([0, 1, 2], [0, 1, 2], [2, 1, 0]))
     assert torch.equal(one.motion, same.motion) and not torch.equal(one.motion, other.motion)
     halves = [train.take(torch.tensor([0, 1, 2]), rank, 2) for rank in (0, 1)]
     assert torch.equal(torch.cat([halves[0].motion[:1], halves[1].motion]), one.motion[:2])
 
 
-# Training
+SCRIPT = Path(__file__).with_name("tiny_music2dance.py")
+# Name of a training -> its options; seven epochs, or five.
+TRAININGS: dict[str, tuple[object, ...]] = {
+    "music2dance": ("--system", "music2dance", "--phase1", 4, "--phase2", 3),
+    "feet": ("--system", "feet", "--epochs", 5),
+    "attributes": ("--system", "attributes", "--epochs", 5),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """14 synthetic dances of ten seconds."""
+    return write_corpus(tmp_path_factory.mktemp("m2d") / "dances", clips=14, seconds=10.0, fps=25.0, seed=2)
+
+
+@pytest.fixture(scope="module")
+def runs(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """`runs(name)`: the folder of an unbroken training, made when it is first asked for."""
+    home = tmp_path_factory.mktemp("runs")
+
+    def run(name: str) -> Path:
+        if not (home / name).exists():
+            result = trained(corpus, "--out", home / name, *TRAININGS[name])
+            assert result.exit_code == 0, result.output
+        return home / name
+
+    return run
+
+
+def history(folder: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / "history.csv").read_text().splitlines()))
+
+
+# Kill -9
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("params", [TINY, PAPER], ids=["recommended", "paper"])
-def test_it_trains_saves_loads_and_dances(params: Music2DanceParams, corpus: Path, split: Split, tmp_path: Path):
-    train_music2dance(split, load_sequences([corpus], params), TrainOptions(tmp_path / "run"))
-    system = load(tmp_path / "run")
-    assert isinstance(system, Music2Dance)
-    recording = load_recording(find_recordings(corpus).folders[0])
-    motion = system.generate(recording.clip.audio, seconds=4.0, seed=1, dance=recording.clip.dance)
-    assert motion.n_frames == 100 and motion.fps == 25.0
-    assert motion.positions[..., 1].min() > -1e-3
-    assert len([path for path in (tmp_path / "run").glob("model*") if path.suffix == ".safetensors"]) == 2
+@cases("name, epoch, phase", ("music2dance", 5, "feedback"), ("feet", 3, "feet"), ids=["phase 2", "feet"])
+def test_a_killed_training_resumes_to_the_same_history(
+    name: str, epoch: int, phase: str, runs: Callable[[str], Path], corpus: Path, tmp_path: Path
+):
+    arguments = (corpus, "--out", tmp_path / "run", *TRAININGS[name])
+    path = os.pathsep.join([str(SCRIPT.parents[1]), os.environ.get("PYTHONPATH", "")])
+    child = subprocess.run(
+        [sys.executable, str(SCRIPT), str(epoch), *map(str, arguments)], env={**os.environ, "PYTHONPATH": path},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert child.returncode == -signal.SIGKILL, child.stderr
+    assert not (tmp_path / "run" / "model.json").exists()
+    assert len(history(tmp_path / "run")) == epoch
+    assert history(runs(name))[epoch]["phase"] == phase
+    result = trained(*arguments, "--resume")
+    assert result.exit_code == 0, result.output
+    for file in ("history.csv", "model.safetensors", "split.json", "settings.json"):
+        assert (tmp_path / "run" / file).read_bytes() == (runs(name) / file).read_bytes(), file
+
+
+# Options
+
+
+def test_options_reach_the_run(runs: Callable[[str], Path]):
+    assert [row["phase"] for row in history(runs("music2dance"))] == 4 * ["teacher"] + 3 * ["feedback"]
+    params = read_about(runs("music2dance"))["build"]["params"]
+    assert (params["first_epochs"], params["second_epochs"], params["representation"]) == (4, 3, "positions")
+
+
+def test_either_representation_trains_and_dances(corpus: Path, runs: Callable[[str], Path], tmp_path: Path):
+    options = ("--representation", "rotations", "--phase1", 1, "--phase2", 0)
+    result = trained(corpus, "--out", tmp_path / "run", "--system", "music2dance", *options)
+    assert result.exit_code == 0, result.output
+    assert read_about(tmp_path / "run")["build"]["code"]["kind"] == "rotations"
+    audio = load_recording(next(corpus.glob("clip_*"))).clip.audio
+    for run in (tmp_path / "run", runs("music2dance")):
+        motion = load(run).generate(audio, seconds=4.0, seed=1)
+        assert motion.n_frames == 100 and motion.positions[..., 1].min() > -1e-3
+
+
+STILL_FEET = "velocity_weight is for the code of positions; use 0"
+REFUSED = "Invalid value for '--representation': 'words' is not one of 'positions', 'rotations'."
+
+
+@cases(
+    "arguments, line",
+    (("harmogan", "--phase1", 3), "--phase1 is no option of this system"),
+    (("harmogan", "--representation", "positions"), "--representation is no option of this system"),
+    (("lee2019", "--phase2", 3), "--phase2 is no option of this system"),
+    (("lee2019", "--params", "paper"), "--params is no option of this system"),
+    (("lee2019", "--pretrain-epochs", 1), "--pretrain-epochs is no option of this system"),
+    (("ren2020", "--harmony-weight", 0), "--harmony-weight is no option of this system"),
+    (("ren2020", "--pretrained", "x"), "--pretrained is no option of this system"),
+    (("music2dance", "--harmony-weight", 1), "--harmony-weight is no option of this system"),
+    (("music2dance", "--epochs", 1), "--epochs is no option of this system"),
+    (("music2dance", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
+    (("music2dance", "--representation", "words"), REFUSED),
+    (("feet", "--preset", "paper"), "--preset is no option of this system"),
+    (("feet", "--representation", "words"), REFUSED),
+    (
+        ("feet", "--representation", "rotations", "--velocity-weight", 3),
+        "velocity_weight is for the code of positions; use 0",
+    ),
+    (("attributes", "--step", 3), "--step is no option of this system"),
+    (("attributes", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
+)
+def test_what_a_system_does_not_take_is_refused_before_anything_is_read(
+    arguments: tuple[object, ...], line: str, tmp_path: Path
+):
+    result = trained(tmp_path / "nowhere", "--out", tmp_path / "run", "--system", *arguments)
+    assert result.exit_code == 2 and result.stderr == f"harmolab: {line}\n"
+
+
+# Corpora that cannot be trained on
+
+
+def renamed(path: Path, parts: tuple[str, ...]) -> None:
+    """Give the joints of some parts of a recorded body other names."""
+    motion = load_motion(path)
+    places = enumerate(motion.skeleton.joints)
+    joints = tuple(f"tail {place}" if joint_part(name) in parts else name for place, name in places)
+    save_motion(path, replace(motion, skeleton=Skeleton(joints, motion.skeleton.parents)))
+
+
+@pytest.fixture(scope="module")
+def faulty(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Corpora by what is wrong with them."""
+    home = tmp_path_factory.mktemp("faulty")
+    recordings = sorted(corpus.glob("clip_*"))
+    for name, recording in itertools.product(("no_feet", "two_bodies"), recordings[:7]):
+        shutil.copytree(recording, home / name / recording.name)
+    for recording in recordings[:7]:
+        renamed(home / "no_feet" / recording.name / "motion.npz", ("ankle", "heel", "toe"))
+    renamed(home / "two_bodies" / recordings[3].name / "motion.npz", ("finger",))
+    short = write_corpus(home / "short", clips=14, seconds=7.0, fps=25.0, seed=2)
+    return {"short": short, **{path.name: path for path in home.iterdir()}}
+
+
+@pytest.mark.parametrize("system", ["music2dance", "feet"])
+@cases(
+    "fault, told",
+    ("short", r"harmolab: short: a side of the split has no 8 s of recorded .* longest of 14 recordings lasts 7\.0 s"),
+    ("two_bodies", r"clip_0004_\S+: has another skeleton \(21 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
+    ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
+)
+def test_a_corpus_that_cannot_be_trained_on_is_named(
+    system: str, fault: str, told: str, faulty: dict[str, Path], tmp_path: Path
+):
+    result = called(app, "train", faulty[fault], "--out", tmp_path / "run", "--system", system)
+    lines = [line for line in result.stderr.splitlines() if not line.startswith("units: ")]
+    assert result.exit_code == 2 and len(lines) == 1, result.output
+    assert re.search(told, lines[0]) and not (tmp_path / "run").exists()
+
+
+# Parts are no dancers
+
+
+def test_parts_are_found_by_training_alone():
+    assert not {*PARTS} & {*names()}
+    assert {name: trainable(name).__name__ for name in PARTS} == {"attributes": "Attributes", "feet": "Feet"}
+    assert trainable("music2dance") is find("music2dance")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_does_not_dance(part: str, runs: Callable[[str], Path], corpus: Path, tmp_path: Path):
+    sentence = f"{part} is a part of music2dance, not a dancer: train it into a run of music2dance (--out RUN/{part})"
+    refused(f"^{part} is a part of music2dance", find, part)
+    dancing = ("dance", next(corpus.glob("*/audio.wav")), "--out", tmp_path / "dance.npz")
+    assert f"harmolab: {sentence}" in called(app, *dancing, "--system", part).stderr
+    assert f"harmolab: {runs(part)}: {sentence}" in called(app, *dancing, "--weights", runs(part)).stderr
+    assert not (tmp_path / "dance.npz").exists()
+
+
+# Leaks
+
+
+@pytest.fixture(scope="module")
+def split(sequences: SequenceSet) -> Split:
+    return split_units(sequences.units)
+
+
+@pytest.fixture(scope="module")
+def sequences(corpus: Path) -> SequenceSet:
+    return seq.load_sequences([corpus], TINY)
+
+
+def figures(sequences: SequenceSet, number: int, start: int) -> set[str]:
+    """The motion groups that a window has frames of, one frame after another."""
+    sequence = sequences.sequences[number]
+    times = sequence.start + (start + np.arange(TINY.n_frames)) / TINY.fps
+    return {each.group for each in sequence.segments for time in times if each.start <= time < each.end}
+
+
+def test_no_figure_of_a_held_out_side_is_in_a_training_window(
+    split: Split, sequences: SequenceSet, train: seq.WindowSource
+):
+    danced = set().union(*(figures(sequences, *place) for place in train.places[::5].tolist()))
+    held_out = {*split.groups["validation"], *split.groups["test"]}
+    assert danced and held_out and not danced & held_out
+
+
+@pytest.mark.parametrize("side", ["validation", "test"])
+def test_a_figure_on_two_sides_stops_a_training(side: str, split: Split, sequences: SequenceSet, tmp_path: Path):
+    groups = {**split.groups, side: [*split.groups[side], split.groups["train"][0]]}
+    parts = (replace(split, groups=groups), sequences, TrainOptions(tmp_path / "run"))
+    refused(f"holds frame .* a figure of the {side} side", training.train_music2dance, *parts)
+    refused(f"holds frame .* a figure of the {side} side", train_feet, *parts, FootParams())
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_test_figure_within_a_training_window_is_named_by_its_frame(split: Split, sequences: SequenceSet):
+    source = seq.training_windows(split, sequences)  # the first sequence dances a test figure during one of training
+    number, start = source.places[0]
+    sequence, changed = sequences.sequences[number], list(sequences.sequences)
+    first = sequence.start + (start + 30) / TINY.fps
+    segments = (*sequence.segments, Segment(first, first + 0.5, split.groups["test"][0]))
+    changed[number] = replace(sequence, segments=segments)
+    leaking = replace(sequences, sequences=tuple(changed))
+    refused(rf"window at frame {start} holds frame {start + 30}, .* test side", seq.training_windows, split, leaking)
+    seq.check_leaks(source, split.groups)
+
+
+def test_the_split_is_that_of_harmogan_s_units(split: Split, corpus: Path):
+    again = split_units(load_units([corpus], FeatureParams.paper(), step=2))
+    assert split.to_dict() == again.to_dict()
+    assert not split.train.units[0].audio.size and again.train.units[0].audio.size
+
+
+@pytest.mark.parametrize("system", ["music2dance", "feet"])
+def test_each_recording_is_read_once(system: str, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folders = []
+
+    def read(folder: Path) -> Any:
+        folders.append(folder)
+        return load_recording(folder)
+
+    monkeypatch.setattr(units, "load_recording", read)
+    epochs = ("--epochs", 0) if system == "feet" else ("--phase1", 0, "--phase2", 0)
+    assert trained(corpus, "--out", tmp_path / "run", "--system", system, *epochs).exit_code == 0
+    assert len(folders) == len({*folders}) == 14
+
+
+# A likelihood that can be compared
+
+
+def quick(split: Split, sequences: SequenceSet, folder: Path, **changes: Any) -> Path:
+    """The folder of a training of five epochs."""
+    params = replace(sequences.params, **changes)
+    options = TrainOptions(folder, resume=True, accelerator="cpu")
+    training.train_music2dance(split, replace(sequences, params=params), options)
+    return folder
+
+
+def test_the_fixed_windows_are_the_same_with_and_without_clusters(split: Split, sequences: SequenceSet):
+    with_clusters, without_any = (
+        seq.training_windows(split, replace(sequences, params=replace(TINY, clusters=count))) for count in (3, 0)
+    )
+    assert with_clusters.weights.std() > 0 == without_any.weights.std()
+    rows = [training.even_rows(each) for each in (with_clusters, without_any)]
+    for one, other in zip(with_clusters.batch(rows[0]), without_any.batch(rows[1]), strict=True):
+        assert torch.equal(one, other)
+    assert 1 < len(rows[0]) <= 64
+
+
+@pytest.mark.slow
+def test_validation_leaves_the_weights_as_they_are(
+    split: Split, sequences: SequenceSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    rare = quick(split, sequences, tmp_path / "rare")
+    monkeypatch.setattr(training, "VALIDATE_EVERY", 1)
+    often = quick(split, sequences, tmp_path / "often")
+    assert (often / "model.safetensors").read_bytes() == (rare / "model.safetensors").read_bytes()
+    assert [bool(row["fixed_nats"]) for row in history(rare)] == [False, False, True, False, True]
+    rows = history(often)
+    assert all(np.isfinite(float(row["fixed_nats"])) for row in rows)
+    assert float(rows[2]["fixed_nats"]) < float(rows[0]["fixed_nats"])
+
+
+@pytest.mark.slow
+def test_a_run_from_before_the_column_goes_on(
+    split: Split, sequences: SequenceSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(training, "VALIDATE_EVERY", 1)
+    whole = quick(split, sequences, tmp_path / "whole")
+    validate = training.validate
+
+    def former(*parts: Any) -> dict[str, float]:
+        if (tmp_path / "run" / "history.csv").exists() and len(history(tmp_path / "run")) == 2:
+            raise InterruptedError
+        return {name: value for name, value in validate(*parts).items() if name != "fixed_nats"}
+
+    monkeypatch.setattr(training, "validate", former)
+    with pytest.raises(InterruptedError):
+        quick(split, sequences, tmp_path / "run")
+    assert "fixed_nats" not in history(tmp_path / "run")[0]
+    monkeypatch.setattr(training, "validate", validate)
+    resumed = quick(split, sequences, tmp_path / "run")
+    assert (resumed / "model.safetensors").read_bytes() == (whole / "model.safetensors").read_bytes()
+    assert [bool(row["fixed_nats"]) for row in history(resumed)][-2:] == [True, True]
+    assert not history(resumed)[0]["fixed_nats"]

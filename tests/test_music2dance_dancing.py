@@ -1,9 +1,8 @@
-"""Dancing with Music2Dance: its foot model and classifier on disk, feet, temperature, the dance that music sounds like.
+"""Dancing with Music2Dance: parts on disk, feet, temperature, the dance that music sounds like; weights given away.
 
-All networks are untrained, with answers planted in their last layers.
+All networks but the shipped ones are untrained, with answers planted in their last layers.
 """
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable, Mapping
@@ -14,15 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import safetensors.torch
 import torch
 from typer.testing import Result
 
+import harmolab
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
 from harmolab.data.recordings import TANG_23
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.readers.motion import load_motion
 from harmolab.systems import load
 from harmolab.systems.music2dance import music_features
@@ -31,23 +31,24 @@ from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check
 from harmolab.systems.music2dance.feet import FootModel, FootParams
 from harmolab.systems.music2dance.generate import FEET, Danced, corrected, correlated_draws
 from harmolab.systems.music2dance.networks import DanceNetwork
-from harmolab.systems.music2dance.params import MOST_TEMPERATURE, Music2DanceParams, SongParams
+from harmolab.systems.music2dance.params import MOST_TEMPERATURE
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.feet import foot_contacts
-from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.systems.training.weights import save_weights
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import called, cases, planted_dance, refused, still, write_song
+from tests.notebook_cells import notebook_cells
+from tests.tiny_music2dance import TINY as SMALL
+from tools.ship import ENDING_SECONDS
+from tools.ship import ship_music2dance as ship
 
 DANCES = ("cha-cha", "waltz")
 CLASSES = {"rumba": 0.25, "waltz": 0.5, "cha-cha": 0.15, "tango": 0.1}  # planted: what every song sounds like
 WORDS = "The music sounds like a waltz (0.50; rumba 0.25, cha-cha 0.15, tango 0.10)."
 RATE = 22050.0
-TINY = replace(
-    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, start_seconds=1.0, temperature=0.1,
-    song=SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0),
-)  # fmt: skip
+TINY = replace(SMALL, temperature=0.1)
 CODES: dict[str, Any] = {"positions": PositionCode, "rotations": RotationCode}
 
 
@@ -217,17 +218,6 @@ def test_what_is_wrong_with_a_part_is_said_with_its_file(
     assert text.startswith(f"{run / part / 'model'}") and len(text) < len(str(run)) + 600
 
 
-def test_numbers_that_are_not_finite_are_refused_by_file(whole_run: Path, tmp_path: Path):
-    run = shutil.copytree(whole_run, tmp_path / "run")
-    file, text = run / "feet" / "model.safetensors", run / "feet" / "model.json"
-    tensors = safetensors.torch.load_file(file)
-    tensors["layers.0.bias"][0] = torch.nan
-    safetensors.torch.save_file(tensors, file)
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    text.write_text(json.dumps(json.loads(text.read_text()) | {"sha256": digest}))
-    refused(r"feet/model\.safetensors: layers\.0\.bias holds NaN", load, run)
-
-
 @cases(
     "mine, fault",
     ("rotations", "takes motion as rotations; the generator dances positions"),
@@ -256,12 +246,6 @@ def test_rotations_from_another_mean_pose_or_without_end_effectors_are_another_c
     check_same_channels(replace(code, means=code.means + 0.001), code)
     for other in (replace(code, means=code.means + 0.1), replace(code, end_effectors=False)):
         refused("train it on the recordings of the generator", check_same_channels, other, code)
-
-
-def test_bones_of_other_lengths_are_the_same_code_of_positions():
-    code = coded("positions")[0]
-    assert isinstance(code, PositionCode)
-    check_same_channels(PositionCode(code.skeleton, code.lengths * 1.1), code)
 
 
 # Feet
@@ -421,16 +405,6 @@ def test_odd_songs_get_a_dance_as_long_as_they_are(name: str, representation: st
         assert motion.positions[..., 1].min() > -1e-3
 
 
-def test_music_without_a_beat_is_danced_to():
-    none = BeatTrack(np.zeros(0), np.zeros(0), 100.0, 3.0)
-    motion = system().generate(sound(), none)
-    assert motion.n_frames == 75 and np.abs(motion.positions).max() < 3
-
-
-def test_music_of_less_than_two_frames_is_refused():
-    refused("less than two frames at 25 per second", system().generate, sound(0.05))
-
-
 @cases(
     "representation, initial, fault",
     ("positions", still(30, fps=25.0), r"initial has other joints \(2\) than the network \(21\); retarget it"),
@@ -548,16 +522,12 @@ def test_an_empty_dance_asks_the_classifier_and_dances_what_it_says(song: Path, 
     assert np.abs(load_motion(tmp_path / "other.npz").positions - asked).max() > 1e-6
 
 
-def test_json_has_the_answer_and_nothing_else_is_on_standard_output(song: Path, whole_run: Path, tmp_path: Path):
-    (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.npz", "--dance", "", "--json").stdout)
+def test_json_and_the_page_have_the_answer(song: Path, whole_run: Path, tmp_path: Path):
+    (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.html", "--dance", "", "--json").stdout)
+    assert WORDS in (tmp_path / "dance.html").read_text("utf-8")
     assert report["dance_probabilities"] == pytest.approx(CLASSES, abs=1e-6)
     assert next(iter(report["dance_probabilities"])) == "waltz"
     assert f"{report['remarks'][0]}." == WORDS.replace("The", "the")
-
-
-def test_the_page_has_the_answer(song: Path, whole_run: Path, tmp_path: Path):
-    assert dance(song, whole_run, tmp_path / "dance.html", "--dance", "").exit_code == 0
-    assert WORDS in (tmp_path / "dance.html").read_text("utf-8")
 
 
 def test_no_dance_at_all_is_drawn_by_the_seed_as_before(song: Path, whole_run: Path, tmp_path: Path):
@@ -608,9 +578,7 @@ def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp
 @cases(
     "options, fault",
     (("--feet", "glued"), "feet must be planted or model or none, got 'glued'"),
-    (("--feet", "model"), "train one: harmolab train DATA --system feet --out RUN/feet"),
     (("--feet", "model", "--no-plant-feet"), "exclude each other"),
-    (("--temperature", "5"), "temperature must be from 0 to 4, got 5"),
     (("--temperature=-1",), "temperature must be from 0 to 4, got -1"),
     (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
 )
@@ -638,20 +606,52 @@ def test_an_empty_dance_is_nothing_new_for_other_systems(song: Path, tmp_path: P
     np.testing.assert_array_equal(one, other)
 
 
-def test_a_damaged_part_is_one_line_that_names_its_file(song: Path, whole_run: Path, tmp_path: Path):
-    run = shutil.copytree(whole_run, tmp_path / "run")
-    cut(run / "feet")
-    (tmp_path / "out").mkdir()
-    line = one_line(dance(song, run, tmp_path / "out" / "dance.npz"), tmp_path / "out")
-    assert line.startswith(f"harmolab: {run / 'feet' / 'model.safetensors'}: ")
+SHIPPED = Path(harmolab.__file__).parent / "systems" / "music2dance" / "weights"
 
 
-def test_a_song_of_one_second_is_danced_to(bare_run: Path, tmp_path: Path):
-    import soundfile
+@pytest.fixture(scope="module")
+def given_away(whole_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("weights")
+    ship(whole_run, folder, per_dance=2)
+    return folder
 
-    soundfile.write(tmp_path / "short.wav", sound(1.0).samples, int(RATE))
-    arguments = ("--weights", bare_run, "--out", tmp_path / "dance.npz")
-    result = called(app, "dance", tmp_path / "short.wav", *arguments)
-    assert result.exit_code == 0, result.output
-    assert load_motion(tmp_path / "dance.npz").n_frames == 25
-    assert "Too short to be judged" in result.stdout
+
+def test_all_that_a_run_has_is_in_it_in_half_the_size(whole_run: Path, given_away: Path):
+    one, other = Music2Dance.load(whole_run), Music2Dance.load(given_away)
+    assert other.meta == {"trained": "never"} and other.feet is not None and other.attributes is not None
+    assert other.generator.params == one.generator.params
+    for name in ("model", "attributes/model"):
+        sizes = [(folder / f"{name}.safetensors").stat().st_size for folder in (given_away, whole_run)]
+        assert sizes[0] < 0.7 * sizes[1]
+
+
+def test_no_recorded_movement_is_in_it(whole_run: Path, given_away: Path):
+    recorded, own = load_poses(whole_run / "model"), load_poses(given_away / "model")
+    assert own.dances == ("cha-cha", "cha-cha", "waltz", "waltz") and own.poses.shape == (4, *recorded.poses.shape[1:])
+    assert np.abs(own.poses[:, None] - recorded.poses[None]).max(axis=(2, 3)).min() > 0.01
+
+
+def test_a_dance_begins_with_a_movement_of_the_dance_and_lasts(given_away: Path):
+    clip = synthetic_clip("waltz", seconds=ENDING_SECONDS / 4, seed=3)
+    motion = Music2Dance.load(given_away).generate(clip.audio, clip.beats, dance="waltz", seed=1)
+    assert motion.duration == pytest.approx(ENDING_SECONDS / 4, abs=0.05) and np.isfinite(motion.positions).all()
+
+
+def test_a_run_without_movements_cannot_be_given_away(whole_run: Path, tmp_path: Path):
+    Music2Dance(Music2Dance.load(whole_run).generator).save(tmp_path / "bare")
+    refused("no bank of movements", ship, tmp_path / "bare", tmp_path / "out")
+
+
+def test_shipped_weights_are_small():
+    sizes = [path.stat().st_size for path in SHIPPED.rglob("*.safetensors")]
+    assert len(sizes) == 4 and max(sizes) < 2e6
+    assert (SHIPPED / "MODEL_CARD.md").is_file()
+
+
+@pytest.mark.parametrize("dance", ["cha-cha", "rumba", "tango", "waltz"])
+def test_the_shipped_network_dances_for_half_a_minute_without_rest_or_shaking(dance: str):
+    clip = synthetic_clip(dance, seconds=30.0, seed=77)
+    motion = Music2Dance.load(SHIPPED).generate(clip.audio, clip.beats, dance=dance, seed=1)
+    measures = notebook_cells("16_music2dance").endurance(motion)
+    assert measures["slowest 10 s"] > 0.12 and measures["still"] <= 0.1 and measures["jerk"] < 150
+    assert measures["bones"] < 1e-3 and measures["lowest joint"] > -1e-3

@@ -1,33 +1,31 @@
-"""The songs that the attribute classifier learns from: each once, split dance by dance, heard without a prior."""
+"""The songs of Music2Dance: what is heard of them, each once in a corpus, which dance a song calls for."""
 
+import json
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 import soxr
+import torch
 
-from harmolab.beats.audio import audio_beats
 from harmolab.data.synthetic import synthetic_clip, write_corpus
 from harmolab.readers.audio import load_audio
-from harmolab.systems.music2dance.attributes import (
-    AttributeClassifier,
-    Song,
-    SongSplit,
-    is_same_song,
-    load_songs,
-    side_songs,
-    split_songs,
-)
-from harmolab.systems.music2dance.music_features import blind_features, music_features
+from harmolab.systems.music2dance import attributes as att
+from harmolab.systems.music2dance import music_features as heard
+from harmolab.systems.music2dance import music_features as module
 from harmolab.systems.training.about import read_about
-from harmolab.systems.training.weights import load_weights
-from tests.builders import cases, refused
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.layers import parameter_count
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import Audio, BeatTrack
+from study.experiments.attributes import LabelledSongs, folds, two_classes
+from tests.builders import cases, metronome, planted_dance, refused, track, write_song
+from tests.notebook_cells import notebook_cells
 from tests.tiny_music2dance import trained
-
-DANCES = ("cha-cha", "rumba", "waltz")
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +38,10 @@ def noise(seed: int, *, cells: int = 60) -> np.ndarray:
     return np.random.default_rng(seed).random((cells, 15)).astype(np.float32)
 
 
-def labelled(*counts: int) -> list[Song]:
+def labelled(*counts: int) -> list[att.Song]:
     """So many songs of each class."""
     numbers = [(label, number) for label, count in enumerate(counts) for number in range(count)]
-    return [Song(f"{label}.{number}", noise(100 * label + number), label) for label, number in numbers]
+    return [att.Song(f"{label}.{number}", noise(100 * label + number), label) for label, number in numbers]
 
 
 # The split
@@ -51,34 +49,34 @@ def labelled(*counts: int) -> list[Song]:
 
 @cases("count, tested", (1, 0), (2, 1), (3, 1), (5, 1), (7, 1), (8, 2), (10, 2), (22, 4), ids=lambda value: str(value))
 def test_a_fifth_of_a_dance_is_tested_on_and_one_song_at_least(count: int, tested: int):
-    split = split_songs(labelled(2, count))
+    split = att.split_songs(labelled(2, count))
     assert sum(name.startswith("1.") for name in split.test) == tested
     assert len(split.train) + len(split.test) == 2 + count
 
 
 def test_a_split_is_that_of_its_seed():
     songs = labelled(10, 10)
-    assert split_songs(songs, seed=3) == split_songs(songs, seed=3) != split_songs(songs, seed=4)
-    assert split_songs(songs[::-1], seed=3).test[::-1] == split_songs(songs, seed=3).test
+    assert att.split_songs(songs, seed=3) == att.split_songs(songs, seed=3) != att.split_songs(songs, seed=4)
+    assert att.split_songs(songs[::-1], seed=3).test[::-1] == att.split_songs(songs, seed=3).test
 
 
 def test_dances_of_one_song_each_cannot_be_tested():
-    refused("3 songs, each of another dance: none can be tested on", split_songs, labelled(1, 1, 1))
+    refused("3 songs, each of another dance: none can be tested on", att.split_songs, labelled(1, 1, 1))
 
 
 # Leaks
 
 
 def test_a_song_on_both_sides_is_no_split():
-    refused("'b' is on both sides", SongSplit, ("a", "b"), ("b", "c"))
+    refused("'b' is on both sides", att.SongSplit, ("a", "b"), ("b", "c"))
 
 
 def test_a_song_that_is_tested_on_under_another_name_is_seen():
     songs = labelled(2, 2)
     songs.append(songs[0]._replace(name="again"))
-    with pytest.raises(ValueError, match=r"'again' is tested on, but trained on as '0\.0'"):
-        side_songs(songs, SongSplit(("0.0", "1.0"), ("1.1", "again")))
-    train, test = side_songs(songs, SongSplit(("0.0", "1.0", "again"), ("0.1", "1.1")))
+    fault = r"'again' is tested on, but trained on as '0\.0'"
+    refused(fault, att.side_songs, songs, att.SongSplit(("0.0", "1.0"), ("1.1", "again")))
+    train, test = att.side_songs(songs, att.SongSplit(("0.0", "1.0", "again"), ("0.1", "1.1")))
     assert [song.name for song in train] == ["0.0", "1.0", "again"] and [song.name for song in test] == ["0.1", "1.1"]
 
 
@@ -87,22 +85,17 @@ def test_a_song_cut_and_encoded_anew_is_the_same_song(rate: int):
     clip = synthetic_clip("rumba", seconds=40.0, seed=3)
     samples = np.asarray(clip.audio.samples, float)[int(6.25 * clip.audio.sample_rate) :]
     other = type(clip.audio)(0.4 * soxr.resample(samples, clip.audio.sample_rate, rate), rate)
-    assert is_same_song(*(music_features(audio, clip.beats) for audio in (clip.audio, other)))
+    assert att.is_same_song(*(heard.music_features(audio, clip.beats) for audio in (clip.audio, other)))
 
 
 def test_songs_of_one_dance_are_other_songs():
     clips = [synthetic_clip("rumba", seconds=40.0, seed=seed) for seed in range(4)]
-    music = [music_features(clip.audio, clip.beats) for clip in clips]
-    assert not any(is_same_song(one, other) for place, one in enumerate(music) for other in music[:place])
-    assert not is_same_song(np.zeros_like(music[0]), music[0]) and not is_same_song(music[0][:5], music[1][:3])
+    music = [heard.music_features(clip.audio, clip.beats) for clip in clips]
+    assert not any(att.is_same_song(one, other) for place, one in enumerate(music) for other in music[:place])
+    assert not att.is_same_song(np.zeros_like(music[0]), music[0]) and not att.is_same_song(music[0][:5], music[1][:3])
 
 
 # Corpora
-
-
-def test_features_are_heard_without_a_prior():
-    clip = synthetic_clip("waltz", seconds=8.0, seed=1)
-    np.testing.assert_array_equal(blind_features(clip.audio), music_features(clip.audio, audio_beats(clip.audio)))
 
 
 def test_every_song_of_a_corpus_is_there_once(corpus: Path, tmp_path: Path):
@@ -111,14 +104,10 @@ def test_every_song_of_a_corpus_is_there_once(corpus: Path, tmp_path: Path):
     for name, folder in (("copy", first), (first.name, second)):
         shutil.copytree(folder, tmp_path / "second" / name)
     audio = load_audio(first / "audio.wav")
-    soundfile.write(
-        tmp_path / "second" / "copy" / "audio.wav", np.asarray(audio.samples)[3000:], int(audio.sample_rate)
-    )
-    fresh = synthetic_clip("rumba", seconds=8.0, seed=77).audio
-    soundfile.write(
-        tmp_path / "second" / first.name / "audio.wav", np.asarray(fresh.samples, np.float32), int(fresh.sample_rate)
-    )
-    songs = load_songs([corpus, tmp_path / "second"])
+    shorter = np.asarray(audio.samples)[3000:]
+    soundfile.write(tmp_path / "second" / "copy" / "audio.wav", shorter, int(audio.sample_rate))
+    write_song(tmp_path / "second" / first.name / "audio.wav", planted_dance("rumba", seconds=8.0, seed=77))
+    songs = att.load_songs([corpus, tmp_path / "second"])
     assert len(songs.songs) == 15 == len({song.name for song in songs.songs})
     assert songs.songs[-1].name == f"second/{first.name}"
     assert songs.notes == (f"{tmp_path / 'second' / 'copy'}: has the song of first/{first.name}",)
@@ -140,15 +129,11 @@ def refusal(corpus: Path, out: Path) -> str:
     return line
 
 
-def test_one_song_is_too_few(small: Path, tmp_path: Path):
-    told = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 1, of cha-cha"
-    assert refusal(small, tmp_path / "run") == told
-
-
-def test_one_dance_is_too_few(small: Path, corpus: Path, tmp_path: Path):
+def test_songs_of_one_dance_are_too_few(small: Path, corpus: Path, tmp_path: Path):
     for folder in corpus.glob("clip_*_cha-cha"):
         shutil.copytree(folder, small / folder.name, dirs_exist_ok=True)
-    assert "two dances or more; songs here: 2, of cha-cha" in refusal(small, tmp_path / "run")
+    told = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 2, of cha-cha"
+    assert refusal(small, tmp_path / "run") == told
 
 
 def test_a_song_without_a_dance_is_left_out_by_name(small: Path, tmp_path: Path):
@@ -168,17 +153,214 @@ def test_the_command_trains_a_classifier_and_prints_its_outcome(corpus: Path, tm
     out = tmp_path / "run" / "attributes"
     result = trained(corpus, "--out", out, "--system", "attributes", "--seed", 7)
     assert result.exit_code == 0, result.output
-    classifier = load_weights(out, AttributeClassifier)
+    classifier = load_weights(out, att.AttributeClassifier)
     assert classifier.params.seed == 7 and len(classifier.classes) == 7
-    songs = load_songs([corpus])
-    split = split_songs(songs.songs)
-    right = sum(
-        int(classifier.probabilities(song.music).argmax()) == song.label
-        for song in songs.songs
-        if song.name in split.test
-    )
+    songs = att.load_songs([corpus])
+    split = att.split_songs(songs.songs)
+    tested = [song for song in songs.songs if song.name in split.test]
+    right = sum(int(classifier.probabilities(song.music).argmax()) == song.label for song in tested)
     assert read_about(out)["meta"]["test"] == {"songs": 7, "right": right, "majority": 1}
     lines = result.stderr.splitlines()
     assert lines[0].startswith("songs: 7 train, 7 test; dances: cha-cha, jive")
     assert lines[-1].startswith(f"test songs: {right} of 7 dances are right; 1 would be by always naming")
     assert result.stdout == f"trained: {out}, a part of music2dance, which uses it where it is RUN/attributes\n"
+
+
+RATE = 22050
+SECONDS = 12.0
+
+
+@pytest.fixture(autouse=True, scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def clicks(times: np.ndarray) -> Audio:
+    """Short noises at these seconds."""
+    samples = np.zeros(int(SECONDS * RATE))
+    burst = np.random.default_rng(0).normal(0, 0.3, 300) * np.exp(-np.arange(300) / 60)
+    for start in np.round(times * RATE).astype(int):
+        samples[start : start + 300] += burst
+    return Audio(samples, RATE)
+
+
+def tone(frequency: float) -> Audio:
+    return Audio(0.5 * np.sin(2 * np.pi * frequency * np.arange(int(SECONDS * RATE)) / RATE), RATE)
+
+
+def silent() -> BeatTrack:
+    return track([], duration=SECONDS)
+
+
+def test_planted_beats_peak_in_their_moment_or_its_neighbour():
+    times = np.arange(0.5, SECONDS - 0.5, 0.537)
+    features = heard.music_features(clicks(times), track(times, duration=SECONDS))
+    cells = np.round(times * 10).astype(int)
+    for channel in ("onset", "beat"):
+        curve = features[:, heard.CHANNELS.index(channel)]
+        peaks = [cell + np.argmax(curve[cell - 2 : cell + 3]) - 2 for cell in cells]
+        assert np.mean(np.abs(peaks - cells) <= 1) >= 0.95, channel
+
+
+def test_a_beat_between_two_moments_is_shared_by_them():
+    np.testing.assert_allclose(heard.marked(np.array([0.1, 0.23]), 5, 10.0), [0, 1, 0.7, 0.3, 0], atol=1e-12)
+    np.testing.assert_allclose(heard.marked(np.array([-0.1, 0.4, 0.45]), 5, 10.0), [0, 0, 0, 0, 1], atol=1e-12)
+
+
+def test_known_bars_give_the_downbeats_and_else_the_strongest_place():
+    beats = metronome(np.ones(16), first=0.5, duration=SECONDS, bar_places=[0, 1, 2, 3] * 4)
+    down = heard.music_features(clicks(beats.times), beats)[:, heard.CHANNELS.index("downbeat")]
+    np.testing.assert_array_equal(np.flatnonzero(down), [5, 25, 45, 65])
+    assert np.flatnonzero(heard.accented_place(metronome([1, 1, 3, 1] * 3))).tolist() == [2, 6, 10]
+    assert not heard.accented_place(silent()).any()
+
+
+def test_an_a_sounds_in_the_channel_of_a():
+    chroma = heard.music_features(tone(440.0), silent())[:, 3:]
+    assert (chroma.argmax(axis=1) == heard.CHANNELS.index("A") - 3).mean() >= 0.95
+
+
+def test_two_sample_rates_agree():
+    clip = synthetic_clip("waltz", seconds=SECONDS, seed=2)
+    samples = np.asarray(clip.audio.samples, float)
+    twice = Audio(soxr.resample(samples, clip.audio.sample_rate, 2 * clip.audio.sample_rate, quality="VHQ"), 2 * RATE)
+    one, other = (heard.music_features(audio, clip.beats) for audio in (clip.audio, twice))
+    assert np.abs(one - other[: len(one)]).max() < 0.05
+
+
+def test_half_as_loud_is_the_same_music():
+    clip = synthetic_clip("tango", seconds=SECONDS, seed=1)
+    half = Audio(np.asarray(clip.audio.samples, float) / 2, clip.audio.sample_rate)
+    for hear in (lambda audio: heard.music_features(audio, clip.beats), heard.mel_features):
+        np.testing.assert_allclose(hear(half), hear(clip.audio), atol=1e-3)
+
+
+def test_a_second_call_reads_what_the_first_kept(monkeypatch: pytest.MonkeyPatch):
+    audio = tone(300.0)
+    first = heard.music_features(audio, silent())
+    monkeypatch.setattr(module, "_listen", lambda *_: pytest.fail("it was listened to again"))
+    np.testing.assert_array_equal(heard.music_features(audio, silent()), first)
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.3, 1.0])
+def test_short_and_silent_sounds_have_features_of_their_length(seconds: float):
+    for samples in (np.zeros(int(seconds * RATE)), np.random.default_rng(1).normal(0, 0.1, int(seconds * RATE))):
+        audio = Audio(samples, RATE)
+        features = heard.music_features(audio, track([], duration=seconds))
+        assert features.shape == (np.ceil(seconds * 10), 15)
+        assert np.isfinite(features).all() and features.min() >= 0 and features.max() <= 1
+        assert np.isfinite(heard.mel_features(audio)).all()
+
+
+FOUR = ("cha-cha", "rumba", "tango", "waltz")
+TINY = att.AttributeParams(
+    channels=(2, 3), hidden=4, window=4.0, hop=2.0, epochs=25, batch_size=8, learning_rate=0.02, seed=100_000
+)
+
+
+def rhythm(period: int, *, cells: int = 100, seed: int = 0) -> np.ndarray:
+    """Features with an onset every `period` moments, and noise in all other channels."""
+    music = np.random.default_rng(seed).random((cells, 15)).astype(np.float32)
+    music[:, 0] = np.arange(cells) % period == 0
+    return music
+
+
+def rhythms() -> LabelledSongs:
+    counts = (3, 6, 3, 9)
+    songs = [
+        att.Song(f"{FOUR[label]} {number}", rhythm(4 + label, seed=number), label)
+        for label, count in enumerate(counts)
+        for number in range(count)
+    ]
+    return LabelledSongs(tuple(songs), FOUR)
+
+
+def test_every_song_is_tested_once_and_no_class_is_missing_on_a_side():
+    songs = rhythms()
+    parts = folds(songs, 3, seed=1)
+    assert sorted(name for part in parts for name in part.test) == sorted(song.name for song in songs.songs)
+    labels = {song.name: song.label for song in songs.songs}
+    for part in parts:
+        assert not {*part.train} & {*part.test}
+        assert {labels[name] for name in part.test} == {labels[name] for name in part.train} == {0, 1, 2, 3}
+    assert folds(songs, 3, seed=2) != parts == folds(songs, 3, seed=1)
+
+
+def test_two_classes_are_the_smooth_and_the_fast_dances():
+    songs = two_classes(rhythms())
+    assert songs.classes == ("smooth", "fast")
+    assert {song.name.split()[0]: song.label for song in songs.songs} == {
+        "cha-cha": 1, "rumba": 0, "tango": 1, "waltz": 0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("period", [4, 5, 7])
+def test_rhythm_peaks_at_the_planted_period(period: int):
+    onset_rhythm = notebook_cells("15_music_and_attributes").onset_rhythm
+    curve = onset_rhythm(rhythm(period))
+    assert curve.shape == (39,)
+    assert int(curve[: 2 * period - 2].argmax()) + 1 == period
+    assert np.isfinite(onset_rhythm(np.zeros((50, 15), np.float32))).all()
+
+
+def test_windows_cover_a_song_to_its_end_and_a_short_one_is_filled():
+    music = rhythm(4, cells=95)
+    windows = att.song_windows(music, TINY)
+    assert windows.shape == (4, 40, 15)
+    np.testing.assert_array_equal(windows[-1], music[-40:])
+    short = att.song_windows(music[:10], TINY)
+    assert short.shape == (1, 40, 15) and not short[0, 10:].any()
+
+
+@pytest.mark.parametrize("front", ["convolution", "frames"])
+def test_published_sizes(front: str):
+    classifier = att.AttributeClassifier(att.AttributeParams(front=front), FOUR)
+    assert parameter_count(classifier) == {"convolution": 62_316, "frames": 206_404}[front]
+
+
+def test_it_learns_saves_and_says_the_same_again(tmp_path: Path):
+    songs = rhythms()
+    (split, *_) = folds(songs, 3, seed=1)
+    classifier = att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run"), TINY)
+    again = load_weights(tmp_path / "run", att.AttributeClassifier)
+    song = songs.songs[0]
+    np.testing.assert_array_equal(again.probabilities(song.music), classifier.probabilities(song.music))
+    assert again.probabilities(song.music).sum() == pytest.approx(1.0)
+    right = [int(again.probabilities(song.music).argmax()) == song.label for song in songs.songs]
+    assert np.mean(right) > 0.6  # the most frequent class has 9 of 21
+
+
+@pytest.mark.slow
+def test_it_goes_on_where_it_was_stopped(tmp_path: Path):
+    songs = rhythms()
+    (split, *_) = folds(songs, 3, seed=1)
+    att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "whole"), TINY)
+
+    def stop(row: dict, end: int) -> None:
+        if row["epoch"] == 5:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run", report=stop), TINY)
+    att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run", resume=True), TINY)
+    for name in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_two_songs_of_one_name_are_refused(tmp_path: Path):
+    songs = rhythms()
+    name = songs.songs[0].name
+    options, twice = TrainOptions(tmp_path / "run"), [*songs.songs, songs.songs[0]]
+    refused("two songs have one name", att.train_attributes, twice, FOUR, att.SongSplit((name,), ()), options, TINY)
+
+
+@pytest.mark.parametrize("change", [{"hidden": 10**9}, {"hidden": -1}, {"channels": [2.5]}, {"channels": [1] * 99}])
+def test_hostile_sizes_are_refused_by_file(change: dict, tmp_path: Path):
+    torch.manual_seed(0)
+    save_weights(tmp_path / "model", att.AttributeClassifier(TINY, FOUR))
+    about = json.loads((tmp_path / "model.json").read_text())
+    about["build"]["params"] |= change
+    (tmp_path / "model.json").write_text(json.dumps(about))
+    refused(r"model\.safetensors", load_weights, tmp_path, att.AttributeClassifier)

@@ -63,16 +63,12 @@ def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, per
     return MusicBeats(filled[inside], counted[inside], meter)
 
 
-def seed_of(seed: int, times: FloatArray) -> np.random.Generator:
-    """Random numbers of a seed and of the beats: another song of the same tempo gets another dance."""
-    return np.random.default_rng([seed, zlib.crc32(np.round(times, 3).tobytes())])
-
-
 def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, seed: int) -> Float32:
     """Cost of each of the N nodes at each of the M beats, (M, N), whatever is danced before it."""
     meter = music.meter or USUAL_METER
     off = np.abs(np.log(np.diff(music.times))[:, None] - np.log(moves.lengths))
-    luck = seed_of(seed, music.times).gumbel(size=len(moves))
+    # Drawn by the seed and by the beats: another song of the same tempo gets another dance.
+    luck = np.random.default_rng([seed, zlib.crc32(np.round(music.times, 3).tobytes())]).gumbel(size=len(moves))
     own = params.harmony * (1 - moves.shares) - NOISE_SHARE * params.noise * luck
     return (params.tempo / meter * off + own).astype(np.float32)
 

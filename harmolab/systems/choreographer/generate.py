@@ -2,9 +2,10 @@
 
 import hashlib
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,7 +31,7 @@ from harmolab.systems.choreographer.takes import (
 )
 from harmolab.systems.training.about import json_file, weights_stem
 from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
-from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import Audio, BeatTrack, BoolArray, IntArray, Motion
 
 # A dance and what it is made of: which recordings, what seams, how much of it is new, what to be warned of.
 
@@ -146,11 +147,6 @@ def recording_shares(moves: Moves, path: IntArray) -> dict[str, float]:
     counts = np.bincount(moves.course[path], minlength=len(moves.courses)) / path.size
     order = np.argsort(-counts, kind="stable")
     return {moves.courses[number].take.name: float(counts[number]) for number in order.tolist() if counts[number]}
-
-
-def stretches(moves: Moves, path: IntArray, music: MusicBeats) -> FloatArray:
-    """Logarithm (M,) of how much longer each beat is danced than it was recorded."""
-    return np.log(np.diff(music.times) / moves.lengths[path])
 
 
 def warnings_of(
@@ -300,15 +296,13 @@ class Choreographer(DanceSystem):
     @property
     def fps(self) -> float:
         """Frame rate of the dances: that of the recordings, within 25 to 120."""
-        usual = float(np.median([take.motion.fps for take in self.takes]))
-        return min(max(usual, LEAST_FPS), MOST_FPS)
+        return float(np.clip(np.median([take.motion.fps for take in self.takes]), LEAST_FPS, MOST_FPS))
 
     @property
     def limits(self) -> LikenessLimits | None:
         """Range of each measure of likeness in these recordings; None where none is long enough to be measured."""
         if self._limits is None and any(take.motion.duration >= SHORTEST for take in self.takes):
-            motions, dances = [take.motion for take in self.takes], [take.dance for take in self.takes]
-            self._limits = LikenessLimits.of(motions, dances)
+            self._limits = LikenessLimits.of([take.motion for take in self.takes], [take.dance for take in self.takes])
         return self._limits
 
     @property
@@ -355,9 +349,8 @@ class Choreographer(DanceSystem):
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
         moves = self._moves_of(takes, music.period)
         lead = float(beat_numbers(music, np.array([start]))[0])
-        ending = None
-        if initial is not None:
-            ending = Ending(initial, lead, float(music.times[1] - music.times[0]), moves, self.params)
+        beat = float(music.times[1] - music.times[0])
+        ending = None if initial is None else Ending(initial, lead, beat, moves, self.params)
         costs = None if ending is None else ending.costs()
         path = choose(moves, music, self.params, seed=request.seed, first=costs, progress=request.progress)
         turn, shift = (1.0, 0.0) if ending is None else ending.fit(int(path[0]))
@@ -365,8 +358,7 @@ class Choreographer(DanceSystem):
         numbers = beat_numbers(music, start + np.arange(frames) / self.fps)
         positions = danced(moves, runs, numbers, self.fps, plant_feet=request.plant_feet, initial=initial)
         mean, worst = seam_sizes(runs, self.params)
-        minutes = distinct_minutes(moves, self.params)
-        stretch, repeated = repetition(moves, path, self.params)
+        minutes, (stretch, repeated) = distinct_minutes(moves, self.params), repetition(moves, path, self.params)
         about = warnings_of(
             moves, music, worst=worst, minutes=minutes, is_own_pulse=is_own_pulse, has_beats=len(track) > 1
         )
@@ -380,7 +372,7 @@ class Choreographer(DanceSystem):
             longest_stretch=stretch,
             seen_before=repeated,
             shares=recording_shares(moves, path),
-            stretch=float(np.abs(stretches(moves, path, music)).mean()),
+            stretch=float(np.abs(np.log(np.diff(music.times) / moves.lengths[path])).mean()),
             warnings=(*notes, *about),
         )
 
@@ -395,10 +387,10 @@ class Choreographer(DanceSystem):
             notes.append(f"recordings of {', '.join(mixed)} are mixed; name one of them (--dance) to keep to it")
         timed = tuple(take for take in takes if take.beats.size)
         bare = tuple(take for take in takes if not take.beats.size)
-        if not timed or not bare:
-            return takes, notes
-        used, unused = (timed, bare) if _seconds(timed) >= _seconds(bare) else (bare, timed)
-        notes.append(f"{len(unused)} of {len(takes)} recordings are left out: beats are known of some only")
+        used = timed if sum(take.seconds for take in timed) >= sum(take.seconds for take in bare) else bare
+        if timed and bare:
+            left = len(takes) - len(used)
+            notes.append(f"{left} of {len(takes)} recordings are left out: beats are known of some only")
         return used, notes
 
     def _moves_of(self, takes: tuple[Take, ...], period: float) -> Moves:
@@ -418,10 +410,6 @@ class Choreographer(DanceSystem):
         if not courses:
             raise ValueError(f"no recording is long enough for two beats of {period:.2f} s")
         return moves_of(courses, self.params)
-
-
-def _seconds(takes: Iterable[Take]) -> float:
-    return sum(take.seconds for take in takes)
 
 
 # Corpora that were read before: the second dance from the same files does not read and measure them again.
@@ -453,21 +441,14 @@ def load_corpus(corpus: PathLike, *, scale: float | None = None, progress: Progr
 
 def _place(corpus: Path, scale: float | None) -> Path | None:
     """The folder in the cache for a corpus as it is now; None where nothing is kept."""
-    folder = cache_folder()
-    files = [] if folder is None else list(_files(corpus))
-    if folder is None or not files or len(files) > MOST_FILES:
+    if (folder := cache_folder()) is None:
+        return None
+    paths = [corpus] if corpus.is_file() else corpus.rglob("*")
+    files = list(islice((path for path in paths if path.is_file()), MOST_FILES + 1))
+    if not 0 < len(files) <= MOST_FILES:
         return None
     lines = [f"{path.relative_to(corpus)} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files]
     return folder / "corpora" / f"{_digest(str(corpus.resolve()))}_{_digest(f'{SIGNATURE} {scale} {sorted(lines)}')}"
-
-
-def _files(corpus: Path) -> Iterator[Path]:
-    """The corpus itself, or the files below it, as many as are looked at."""
-    paths = [corpus] if corpus.is_file() else corpus.rglob("*")
-    for number, path in enumerate(path for path in paths if path.is_file()):
-        if number > MOST_FILES:
-            return
-        yield path
 
 
 def _digest(text: str) -> str:

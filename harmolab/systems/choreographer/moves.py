@@ -131,16 +131,10 @@ def pulse(signal: ShapeSignal, period: float) -> FloatArray:
         worth[number] += gain[best]
         before[number] = first[number] + best
     at_end = moments >= moments[-1] - LONGEST * period
-    return _traced(moments, before, int(np.where(at_end, worth, -np.inf).argmax()))
-
-
-def _traced(moments: FloatArray, before: np.ndarray, number: int) -> FloatArray:
-    """The beats up to one of the moments, by the moment before each."""
-    beats = []
-    while number >= 0:
-        beats.append(float(moments[number]))
-        number = int(before[number])
-    return np.array(beats[::-1]) if len(beats) > 1 else np.zeros(0)
+    beats = [int(np.where(at_end, worth, -np.inf).argmax())]
+    while before[beats[-1]] >= 0:
+        beats.append(int(before[beats[-1]]))
+    return moments[beats[::-1]] if len(beats) > 1 else np.zeros(0)
 
 
 Complex64 = NDArray[np.complex64]
@@ -206,12 +200,9 @@ def clouds_of(positions: FloatArray, weights: FloatArray) -> Clouds:
     """The clouds of joints (N, S, J, 3), metres; `weights` (J,) sum to 1."""
     weight = np.broadcast_to(weights / positions.shape[1], positions.shape[1:3]).ravel()
     floor = (positions[..., 0] + 1j * positions[..., 2]).reshape(len(positions), -1)
-    middles = floor @ weight
-    root = np.sqrt(weight)
-    heights = positions[..., 1].reshape(len(positions), -1)
-    return Clouds(
-        ((floor - middles[:, None]) * root).astype(np.complex64), (heights * root).astype(np.float32), middles
-    )
+    middles, root = floor @ weight, np.sqrt(weight)
+    heights = (positions[..., 1].reshape(len(positions), -1) * root).astype(np.float32)
+    return Clouds(((floor - middles[:, None]) * root).astype(np.complex64), heights, middles)
 
 
 def distances(one: Clouds, other: Clouds) -> Float32:
@@ -318,7 +309,6 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
     beat = np.concatenate([np.arange(count) for count in counts])
     last = beat == counts[course] - 1
     weights = joint_weights(courses[0].take.motion.skeleton, params.foot_weight)
-    places = [one.take.places if one.take.places.size else np.full(one.beats.size, -1) for one in courses]
     if not shares:
         shares = [np.full(one.beats.size, UNKNOWN_SHARE) for one in courses]
     borders = [np.arange(one.beats.size, dtype=np.float64) for one in courses]
@@ -328,7 +318,7 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
         beat=beat,
         start=np.arange(beat.size) + course,
         following=np.where(last, -1, np.arange(1, beat.size + 1)),
-        places=np.concatenate([one[:-1] for one in places]),
+        places=np.concatenate([one.take.places_of(one.beats.size)[:-1] for one in courses]),
         meters=np.array([one.take.meter for one in courses])[course],
         lengths=np.concatenate([np.diff(one.beats) for one in courses]),
         shares=np.concatenate([one[:-1] for one in shares]),
@@ -343,15 +333,9 @@ def _clouds(
     courses: Sequence[Course], middles: Sequence[FloatArray], weights: FloatArray, params: ChoreographerParams
 ) -> Clouds:
     """The clouds around beat numbers of each recording, one recording after the other."""
-    clouds = [
-        clouds_of(course.positions(numbers[:, None] + around(params)), weights)
-        for course, numbers in zip(courses, middles, strict=True)
-    ]
-    return Clouds(
-        np.concatenate([cloud.floor for cloud in clouds]),
-        np.concatenate([cloud.heights for cloud in clouds]),
-        np.concatenate([cloud.middles for cloud in clouds]),
-    )
+    pairs, moments = zip(courses, middles, strict=True), around(params)
+    clouds = [clouds_of(course.positions(numbers[:, None] + moments), weights) for course, numbers in pairs]
+    return Clouds(*map(np.concatenate, zip(*clouds, strict=True)))
 
 
 def _edges(course: Course) -> BoolArray:

@@ -37,7 +37,7 @@ from harmolab.files import PathLike, Progress, atomic_write, reading, silent
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
-from harmolab.readers.beats import BeatAnnotation, load_annotation
+from harmolab.readers.beats import load_annotation
 from harmolab.systems.training.about import (
     DEFAULT_STEM,
     FORMAT,
@@ -80,6 +80,10 @@ class Take:
     def seconds(self) -> float:
         """Time of the last frame."""
         return (self.motion.n_frames - 1) / self.motion.fps
+
+    def places_of(self, count: int) -> IntArray:
+        """(count,) array, place in its bar of each beat; -1 where they are unknown."""
+        return self.places if self.places.size else np.full(count, -1)
 
     @property
     def track(self) -> BeatTrack:
@@ -154,22 +158,21 @@ def same_skeleton(takes: Sequence[Take]) -> Skeleton:
     for take in takes:
         if take.motion.skeleton != first.motion.skeleton:
             sizes = [len(one.motion.skeleton.joints) for one in (first, take)]
-            raise ValueError(
-                f"{first.name} and {take.name} have different skeletons ({sizes[0]} and {sizes[1]} joints); a dance is "
-                "made from one: name a folder that holds one of them"
-            )
+            fault = f"have different skeletons ({sizes[0]} and {sizes[1]} joints)"
+            remedy = "a dance is made from one: name a folder that holds one of them"
+            raise ValueError(f"{first.name} and {take.name} {fault}; {remedy}")
     return first.motion.skeleton
 
 
-@dataclass(frozen=True)
-class ReadTakes:
-    """The takes of a corpus, and a line about each file or folder that could not be used."""
+class Kept(NamedTuple):
+    """The takes of a corpus, lines about what could not be read, limits of likeness of the takes."""
 
     takes: tuple[Take, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    limits: LikenessLimits | None = None
 
 
-def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> ReadTakes:
+def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> Kept:
     """The takes in corpora: folders of recordings, or folders of bare motion files, or such files.
 
     The music of recordings is not read: without annotated beats a recording is a bare motion, and is cut at its rests.
@@ -192,7 +195,7 @@ def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progres
         if len(takes) == before:
             reason = f": {notes[-1]}" if notes else "; recordings, .npz, .bvh or other motion files are read"
             raise ValueError(f"{root}: holds no motion that can be danced from{reason}")
-    return ReadTakes(tuple(takes), tuple(notes))
+    return Kept(tuple(takes), tuple(notes))
 
 
 def _paths(root: Path) -> list[Path]:
@@ -211,16 +214,11 @@ def _read(path: Path, root: Path, scale: float | None) -> Take:
     if path.is_file():
         name = path.stem if path == root else path.relative_to(root).with_suffix("").as_posix()
         return _take(name, motion)
-    files = recording_files(path)
-    annotation = None if files.beats is None else load_annotation(files.beats)
-    return _take(
-        path.name, motion, files.dance, _track(annotation), recorded_offset(path) or 0.0,
-        None if annotation is None else annotation.meter,
-    )  # fmt: skip
-
-
-def _track(annotation: BeatAnnotation | None) -> BeatTrack | None:
-    return None if annotation is None or annotation.times.size < 2 else annotation.track()
+    files, track, meter = recording_files(path), None, None
+    if files.beats is not None:
+        annotation = load_annotation(files.beats)
+        track, meter = annotation.track() if annotation.times.size > 1 else None, annotation.meter
+    return _take(path.name, motion, files.dance, track, recorded_offset(path) or 0.0, meter)
 
 
 # A corpus of takes on disk: names, tempi and sizes in ``model.json``, movement and beats in ``model.npz`` beside
@@ -231,14 +229,6 @@ MOST_VALUES = 50_000_000  # 400 MB when they are read; six hours of 23 joints at
 _ARRAYS = {"positions": "i", "valid": "b", "beats": "f", "places": "i"}
 _WHAT = "recorded movement of a choreographer"
 Arrays = dict[str, NDArray[Any]]
-
-
-class Kept(NamedTuple):
-    """A corpus as it is kept: its takes, lines about what could not be read, limits of likeness of the takes."""
-
-    takes: tuple[Take, ...]
-    notes: tuple[str, ...] = ()
-    limits: LikenessLimits | None = None
 
 
 def save_takes(folder: PathLike, kept: Kept) -> None:
@@ -254,7 +244,7 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
         "positions": np.concatenate([_packed(take) for take in takes]),
         "valid": np.concatenate([take.motion.valid for take in takes]),
         "beats": np.concatenate([take.beats for take in takes]),
-        "places": np.concatenate([_places(take) for take in takes]).astype(np.int16),
+        "places": np.concatenate([take.places_of(take.beats.size) for take in takes]).astype(np.int16),
     }
     packed = io.BytesIO()
     np.savez_compressed(packed, allow_pickle=False, **arrays)
@@ -321,10 +311,6 @@ def _unpacked(kept: NDArray[np.int16]) -> NDArray[np.float64]:
     steps[0] -= kept[0]
     places = np.concatenate([kept[:1].astype(np.int64), np.cumsum(steps, axis=0)])
     return np.cumsum(places, axis=0) * MILLIMETRE
-
-
-def _places(take: Take) -> NDArray[np.int64]:
-    return take.places if take.places.size else np.full(take.beats.size, -1)
 
 
 def _entry(take: Take) -> dict[str, Any]:

@@ -17,7 +17,7 @@ the released one means to be: the pose of canonical beat j comes to lie on the j
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -29,16 +29,9 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.params import HarmonyParams
 from harmolab.systems.lee2019.params import Beats, LeeParams
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.dancing import DanceInput
+from harmolab.systems.training.dancing import DanceInput, DancerNetwork
 from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.layers import (
-    PATH_CHANNELS,
-    Normalised,
-    Normaliser,
-    decode,
-    local_joints,
-    parameter_count,
-)
+from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, local_joints, parameter_count
 from harmolab.systems.training.motion_code import continued, frames_at
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import stored_record
@@ -196,13 +189,11 @@ class PoseCoder(nn.Module):
         self.outwards, self.pose = layers((size, hidden, hidden)), nn.Linear(hidden, n_motion)
 
     def forward(self, pose: Tensor) -> Code:
-        code: Code = self.heads(self.inwards(pose))
-        return code
+        return self.heads(self.inwards(pose))
 
     def decoded(self, z_init: Tensor) -> Tensor:
         """The pose (..., C) that z_init stands for."""
-        pose: Tensor = self.pose(self.outwards(z_init))
-        return pose
+        return self.pose(self.outwards(z_init))
 
 
 class MovementCoder(nn.Module):
@@ -216,8 +207,7 @@ class MovementCoder(nn.Module):
 
     def forward(self, poses: Tensor) -> Code:
         _, last = self.reader(poses, self.first.expand(-1, len(poses), -1).contiguous())
-        code: Code = self.heads(torch.cat([last[0], last[1]], dim=-1))
-        return code
+        return self.heads(torch.cat([last[0], last[1]], dim=-1))
 
 
 class Unrolled(nn.Module):
@@ -239,8 +229,7 @@ class Unrolled(nn.Module):
             new = torch.tanh(torch.addcmul(candidate, reset, from_state[:, 2 * cell.hidden_size :]))
             state = torch.lerp(new, state, update)
             states.append(state)
-        output: Tensor = self.after(torch.stack(states, dim=1))
-        return output
+        return self.after(torch.stack(states, dim=1))
 
 
 class UnitDecoder(nn.Module):
@@ -253,8 +242,7 @@ class UnitDecoder(nn.Module):
 
     def forward(self, z_init: Tensor, z_move: Tensor) -> Tensor:
         states = self.unrolled(torch.cat([z_init, z_move], dim=-1), z_move, FRAMES)
-        poses: Tensor = self.pose(states)
-        return poses
+        return self.pose(states)
 
 
 class DanceCoder(nn.Module):
@@ -267,8 +255,7 @@ class DanceCoder(nn.Module):
 
     def forward(self, units: Code) -> Code:
         _, last = self.reader(units.both)
-        code: Code = self.heads(last[0])
-        return code
+        return self.heads(last[0])
 
 
 class DanceDecoder(nn.Module):
@@ -280,8 +267,7 @@ class DanceDecoder(nn.Module):
         self.heads = Heads(params.hidden, params.latent)
 
     def forward(self, z_dance: Tensor, units: int) -> Code:
-        code: Code = self.heads(self.unrolled(z_dance, z_dance, units))
-        return code
+        return self.heads(self.unrolled(z_dance, z_dance, units))
 
 
 class MusicStyle(nn.Module):
@@ -308,8 +294,7 @@ class StyleCoder(nn.Module):
         self.inwards, self.heads = layers(sizes), Heads(sizes[-1], params.latent)
 
     def forward(self, style: Tensor, noise: Tensor) -> Code:
-        code: Code = self.heads(self.inwards(torch.cat([style, noise], dim=-1)))
-        return code
+        return self.heads(self.inwards(torch.cat([style, noise], dim=-1)))
 
 
 class Critic(nn.Module):
@@ -327,57 +312,95 @@ class Critic(nn.Module):
         return logits.squeeze(-1)
 
 
-# A dance unit by unit from the style of a song, brought to its beats: the composer and the warper of Lee et al.
-
-EDGE = 1e-9  # frames: rounding
-
-
-class Composer(Protocol):
-    """The networks that a dance needs (`networks.DancingToMusic`)."""
-
-    params: LeeParams
-    fps: float
-    n_motion: int
-    bone_lengths: Tensor
-    audio_scale: Normaliser
-    poses: PoseCoder
-    unit_decoder: UnitDecoder
-    dance_decoder: DanceDecoder
-    music: MusicStyle
-    style_coder: StyleCoder
-
-    def standardised(self, code: Tensor) -> Tensor:
-        """Motion codes (..., C) as the networks take them."""
-
-    def motion(self, poses: Tensor) -> Tensor:
-        """Motion codes (..., C) of poses (..., C) out of a network, the root back at x = z = 0."""
-
-
-class Dance(NamedTuple):
-    """A dance, and how its sequences of units were drawn.
+class DancingToMusic(DancerNetwork):
+    """All networks of Lee et al. 2019: those that dance, and those that taught them.
 
     Parameters
     ----------
-    code : (n_frames, C) array, the motion code
-    sequences : int, sequences of units that share noise
-    redraws : int, how often a sequence was still and was drawn again
+    params : LeeParams
+    skeleton : Skeleton with J joints
+    bone_lengths : (J,) tensor, metres, 0 at roots
+    features : FeatureParams of the audio features
+    dances : names of the dances that the style of music tells apart; "" is one of them where it was not known
     """
 
-    code: FloatArray
-    sequences: int
-    redraws: int
+    system = "lee2019"
+    params: LeeParams
+    features: FeatureParams
+
+    def __init__(
+        self, params: LeeParams, skeleton: Skeleton, bone_lengths: Tensor, *, features: FeatureParams,
+        dances: Sequence[str],
+    ) -> None:  # fmt: skip
+        super().__init__(params, features.n_audio, skeleton, bone_lengths, fps=features.fps, features=features)
+        self.dances, self.pose_scale = tuple(dances), Normaliser(self.n_motion)
+        self.root = skeleton.parents.index(-1) if -1 in skeleton.parents else 0
+        self.poses, self.movements = PoseCoder(params, self.n_motion), MovementCoder(params, self.n_motion)
+        self.unit_decoder = UnitDecoder(params, self.n_motion)
+        self.dance_coder, self.dance_decoder = DanceCoder(params), DanceDecoder(params)
+        self.music = MusicStyle(params, features.n_audio, len(self.dances))
+        self.style_coder = StyleCoder(params)
+        self.unit_critic = Critic(params, 2 * params.latent * params.sequence, features.n_audio)
+        self.dance_critic = Critic(params, 2 * params.latent, features.n_audio)
+        inner = layers((params.latent, *params.regressor_layers))
+        self.regressor = nn.Sequential(inner, nn.Linear(params.regressor_layers[-1], params.style))
+
+    def standardised(self, code: Tensor) -> Tensor:
+        """Motion codes (..., C) as the networks take them."""
+        return self.pose_scale(from_root(code, self.root))
+
+    def motion(self, poses: Tensor) -> Tensor:
+        """Motion codes (..., C) of poses (..., C) out of a network, the root back at x = z = 0."""
+        code = from_root(self.pose_scale.mean + self.pose_scale.std * poses, self.root, backwards=True)
+        joints = local_joints(code)
+        place = joints[..., self.root, :] if self.skeleton.bones else joints.mean(dim=-2)
+        joints = joints - place[..., None, :] * place.new_tensor([1.0, 0.0, 1.0])
+        return torch.cat([joints.flatten(-2), code[..., -PATH_CHANNELS:]], dim=-1)
+
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
+        """The motion code (n_frames, C) of a dance; `seed` draws noise and codes.
+
+        It goes on from the end of the movement before it, and units are laid on the beats from there on.
+        """
+        start = source.first + len(source.prior)  # frame of the dance, 0 or before it
+        beats = beats_from(source.beats, start)
+        frames = np.arange(start, source.n_frames, dtype=np.float64)
+        last = float(line(frames[-1], beats, canonical(len(beats), first=-1)))
+        composed = composed_units(self, source, int(np.ceil((last + 1) / FRAMES)), seed)
+        code = laid_on_beats(composed, beats, frames, first=-1)
+        return continued(source.prior, code, self.fps, fade=self.params.fade)[-start:]
+
+    def parameter_count(self) -> int:
+        """Number of values that training changes and dancing needs."""
+        parts = (self.poses, self.unit_decoder, self.dance_decoder, self.music, self.style_coder)
+        return sum(parameter_count(part) for part in parts)
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        records = {name: asdict(getattr(self, name)) for name in ("params", "features", "skeleton")}
+        return {**records, "dances": list(self.dances)}
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """The networks as their description says; ValueError for sizes that cannot be."""
+        params, features = stored_record(LeeParams, build["params"]), FeatureParams(**build["features"])
+        dances, lengths = [str(dance) for dance in build["dances"]], tensors["bone_lengths"]
+        return cls(params, stored_skeleton(build), lengths, features=features, dances=dances)
 
 
-def danced_units(network: Composer, music: DanceInput, seed: int) -> Dance:
-    """The dance to what was heard, from the end of the movement before it; `seed` draws noise and codes."""
-    start = music.first + len(music.prior)  # frame of the dance, 0 or before it
-    beats = beats_from(music.beats, start)
-    frames = np.arange(start, music.n_frames, dtype=np.float64)
-    last = float(line(frames[-1], beats, canonical(len(beats), first=-1)))
-    composed = composed_units(network, music, int(np.ceil((last + 1) / FRAMES)), seed)
-    code = laid_on_beats(composed.code, beats, frames, first=-1)
-    code = continued(music.prior, code, network.fps, fade=network.params.fade)
-    return composed._replace(code=code[-start:])
+def from_root(code: Tensor, root: int, *, backwards: bool = False) -> Tensor:
+    """Motion codes (..., C) with the x and y of all joints but the root measured from the root's; or backwards."""
+    offset = torch.zeros_like(code)
+    shape = code.shape[-1] - PATH_CHANNELS
+    for axis in (0, 1):
+        offset[..., axis:shape:3] = code[..., 3 * root + axis, None]
+        offset[..., 3 * root + axis] = 0.0
+    return code + offset if backwards else code - offset
+
+
+# A dance unit by unit from the style of a song, brought to its beats: the composer and the warper of Lee et al.
+
+EDGE = 1e-9  # frames: rounding
 
 
 def beats_from(beats: FloatArray, start: float) -> FloatArray:
@@ -393,37 +416,36 @@ def beats_from(beats: FloatArray, start: float) -> FloatArray:
 
 
 @torch.inference_mode()
-def composed_units(network: Composer, music: DanceInput, n_units: int, seed: int) -> Dance:
+def composed_units(network: DancingToMusic, music: DanceInput, n_units: int, seed: int) -> FloatArray:
     """So many units one after the other in canonical time, three to each draw of noise: code (32 n_units, C)."""
     generator = torch.Generator().manual_seed(seed)
     device, params = network.bone_lengths.device, network.params
     song = torch.from_numpy(music.song()[None]).to(device)
     style = network.music(network.audio_scale(song), torch.ones(song.shape[:2], device=device))
     last = network.standardised(torch.from_numpy(music.prior[-1:]).float().to(device))
-    code, redraws = np.zeros((0, network.n_motion)), 0
-    starts = range(0, n_units, params.noise_units)
-    for _ in music.progress(starts, "dancing"):
-        units, again = moving_sequence(network, style, last, generator)
-        redraws += again
+    code = np.zeros((0, network.n_motion))
+    for _ in music.progress(range(0, n_units, params.noise_units), "dancing"):
+        units = moving_sequence(network, style, last, generator)
         for unit in network.motion(units).double().cpu().numpy():
             code = np.concatenate([code, continued(code, unit, network.fps, fade=params.fade) if len(code) else unit])
         last = last_pose(network, units[-1:])
-    return Dance(code[: n_units * FRAMES], len(starts), redraws)
+    return code[: n_units * FRAMES]
 
 
-def moving_sequence(network: Composer, style: Tensor, last: Tensor, generator: torch.Generator) -> tuple[Tensor, int]:
-    """Poses (3, 32, C) of units that share noise, from the pose `last` (1, C) on; and how often they were drawn again.
+def moving_sequence(network: DancingToMusic, style: Tensor, last: Tensor, generator: torch.Generator) -> Tensor:
+    """Poses (3, 32, C) of units that share noise, from the pose `last` (1, C) on.
 
     They are drawn again while a number of them moves less than `LeeParams.still` from frame to frame on average.
     """
-    params = network.params
-    units, again = drawn_sequence(network, style, last, generator), 0
-    while again < params.redraws and float(units.diff(dim=1).abs().mean()) < params.still:
-        units, again = drawn_sequence(network, style, last, generator), again + 1
-    return units, again
+    units = drawn_sequence(network, style, last, generator)
+    for _ in range(network.params.redraws):
+        if float(units.diff(dim=1).abs().mean()) >= network.params.still:
+            break
+        units = drawn_sequence(network, style, last, generator)
+    return units
 
 
-def drawn_sequence(network: Composer, style: Tensor, last: Tensor, generator: torch.Generator) -> Tensor:
+def drawn_sequence(network: DancingToMusic, style: Tensor, last: Tensor, generator: torch.Generator) -> Tensor:
     """Poses (3, 32, C) of units drawn with one noise, each from the last pose of the one before."""
     params = network.params
     noise = torch.randn(1, params.noise, generator=generator).to(style)
@@ -436,104 +458,6 @@ def drawn_sequence(network: Composer, style: Tensor, last: Tensor, generator: to
     return torch.cat(units)
 
 
-def last_pose(network: Composer, poses: Tensor) -> Tensor:
+def last_pose(network: DancingToMusic, poses: Tensor) -> Tensor:
     """The last pose (N, C) of units (N, 32, C), the root back at x = z = 0."""
     return network.standardised(network.motion(poses[:, -1]))
-
-
-class DancingToMusic(Normalised):
-    """All networks of Lee et al. 2019: those that dance, and those that taught them.
-
-    Parameters
-    ----------
-    params : LeeParams
-    skeleton : Skeleton with J joints
-    bone_lengths : (J,) tensor, metres, 0 at roots
-    features : FeatureParams of the audio features
-    dances : names of the dances that the style of music tells apart; "" is one of them where it was not known
-    """
-
-    system = "lee2019"
-    bone_lengths: Tensor
-
-    def __init__(
-        self,
-        params: LeeParams,
-        skeleton: Skeleton,
-        bone_lengths: Tensor,
-        *,
-        features: FeatureParams,
-        dances: Sequence[str],
-    ) -> None:
-        super().__init__()
-        self.params, self.skeleton, self.features, self.dances = params, skeleton, features, tuple(dances)
-        self.fps, self.n_motion = float(features.fps), 3 * len(skeleton.joints) + PATH_CHANNELS
-        self.root = skeleton.parents.index(-1) if -1 in skeleton.parents else 0
-        self.register_buffer("bone_lengths", bone_lengths.detach().float().clone())
-        self.audio_scale, self.motion_scale = Normaliser(features.n_audio), Normaliser(self.n_motion)
-        self.pose_scale = Normaliser(self.n_motion)
-        self.poses, self.movements = PoseCoder(params, self.n_motion), MovementCoder(params, self.n_motion)
-        self.unit_decoder = UnitDecoder(params, self.n_motion)
-        self.dance_coder, self.dance_decoder = DanceCoder(params), DanceDecoder(params)
-        self.music = MusicStyle(params, features.n_audio, len(self.dances))
-        self.style_coder = StyleCoder(params)
-        self.unit_critic = Critic(params, 2 * params.latent * params.sequence, features.n_audio)
-        self.dance_critic = Critic(params, 2 * params.latent, features.n_audio)
-        inner = layers((params.latent, *params.regressor_layers))
-        self.regressor = nn.Sequential(inner, nn.Linear(params.regressor_layers[-1], params.style))
-
-    def standardised(self, code: Tensor) -> Tensor:
-        """Motion codes (..., C) as the networks take them."""
-        poses: Tensor = self.pose_scale(from_root(code, self.root))
-        return poses
-
-    def motion(self, poses: Tensor) -> Tensor:
-        """Motion codes (..., C) of poses (..., C) out of a network, the root back at x = z = 0."""
-        code = from_root(self.pose_scale.mean + self.pose_scale.std * poses, self.root, backwards=True)
-        joints = local_joints(code)
-        place = joints[..., self.root, :] if self.skeleton.bones else joints.mean(dim=-2)
-        joints = joints - place[..., None, :] * place.new_tensor([1.0, 0.0, 1.0])
-        return torch.cat([joints.flatten(-2), code[..., -PATH_CHANNELS:]], dim=-1)
-
-    def positions(self, motion: Tensor) -> Tensor:
-        """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
-        return decode(motion, self.fps)
-
-    def code(self, source: DanceInput, seed: int) -> FloatArray:
-        """The motion code (n_frames, C) of a dance (`generate.danced_units`)."""
-        return danced_units(self, source, seed).code
-
-    def parameter_count(self) -> int:
-        """Number of values that training changes and dancing needs."""
-        parts = (self.poses, self.unit_decoder, self.dance_decoder, self.music, self.style_coder)
-        return sum(parameter_count(part) for part in parts)
-
-    def description(self) -> dict[str, Any]:
-        """Everything that `built` needs beside the tensors, JSON-able."""
-        return {
-            "params": asdict(self.params),
-            "features": asdict(self.features),
-            "skeleton": asdict(self.skeleton),
-            "dances": list(self.dances),
-        }
-
-    @classmethod
-    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
-        """The networks as their description says; ValueError for sizes that cannot be."""
-        return cls(
-            stored_record(LeeParams, build["params"]),
-            stored_skeleton(build),
-            tensors["bone_lengths"],
-            features=FeatureParams(**build["features"]),
-            dances=[str(dance) for dance in build["dances"]],
-        )
-
-
-def from_root(code: Tensor, root: int, *, backwards: bool = False) -> Tensor:
-    """Motion codes (..., C) with the x and y of all joints but the root measured from the root's; or backwards."""
-    offset = torch.zeros_like(code)
-    shape = code.shape[-1] - PATH_CHANNELS
-    for axis in (0, 1):
-        offset[..., axis:shape:3] = code[..., 3 * root + axis, None]
-        offset[..., 3 * root + axis] = 0.0
-    return code + offset if backwards else code - offset

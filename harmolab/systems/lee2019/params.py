@@ -118,11 +118,6 @@ class LeeParams:
     def small(cls) -> "LeeParams":
         """In the proportion to HarmoGAN's small preset that the released sizes have to its paper preset."""
         return cls(
-            hidden=352,
-            latent=176,
-            regressor_layers=(176, 88, 44),
-            critic_layers=(352, 176, 88, 30),
-            unit_epochs=270,
-            composition_epochs=270,
-            batch_size=64,
-        )
+            hidden=352, latent=176, regressor_layers=(176, 88, 44), critic_layers=(352, 176, 88, 30), unit_epochs=270,
+            composition_epochs=270, batch_size=64,
+        )  # fmt: skip

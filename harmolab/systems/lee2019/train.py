@@ -17,7 +17,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy,
 from harmolab.systems.lee2019.networks import Code, DancingToMusic, from_root, piece_set
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.layers import Statistics, channel_statistics, drawn_by
+from harmolab.systems.training.layers import Statistics, channel_statistics, decode, drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, Terms, make_fabric
 from harmolab.systems.training.network_system import PresetSystem
 from harmolab.systems.training.runs import open_run, pose_bank
@@ -115,14 +115,6 @@ def ramp(epoch: int, params: LeeParams) -> float:
     """
     share = (epoch + 0.5) / max(params.unit_epochs, 1)
     return params.kl_weight / (1 + float(np.exp((params.ramp_midpoint - share) / params.ramp_width)))
-
-
-# Style
-
-
-def style_terms(network: DancingToMusic, style: Tensor, batch: Pieces) -> Terms:
-    """Cross-entropy of the dance by the style (N, 30) of its music."""
-    return {"dance": cross_entropy(network.music.verdict(style), batch.dance)}
 
 
 # Units
@@ -279,15 +271,6 @@ def rebuilt(network: DancingToMusic, pieces: Tensor) -> Tensor:
     return torch.cat(parts)
 
 
-@torch.no_grad()
-def drawn_movements(network: DancingToMusic, pieces: Tensor, seed: int = 0) -> Tensor:
-    """Units (N, 32, C) from the first poses of pieces and movements drawn from the standard normal."""
-    generator = torch.Generator().manual_seed(seed)
-    z_move = torch.randn(len(pieces), network.params.latent, generator=generator).to(pieces)
-    pairs = zip(pieces.split(CHUNK), z_move.split(CHUNK), strict=True)
-    return torch.cat([network.unit_decoder(network.poses(part[:, 0]).mean, code) for part, code in pairs])
-
-
 def code_error(network: DancingToMusic, poses: Tensor, pieces: Tensor) -> float:
     """Mean absolute difference of units and pieces (N, 32, C), in standard deviations of the motion code."""
     scale = network.motion_scale
@@ -296,15 +279,8 @@ def code_error(network: DancingToMusic, poses: Tensor, pieces: Tensor) -> float:
 
 def speed(network: DancingToMusic, poses: Tensor) -> float:
     """Mean joint speed of units (N, 32, C), metres per canonical frame."""
-    positions = network.positions(network.motion(poses))
+    positions = decode(network.motion(poses), network.fps)
     return float(torch.linalg.vector_norm(positions.diff(dim=1), dim=-1).mean())
-
-
-@torch.no_grad()
-def movement_nats(network: DancingToMusic, pieces: Tensor) -> float:
-    """Mean divergence of z_move from the standard normal, nats a piece."""
-    codes = [network.movements(part) for part in pieces.split(CHUNK)]
-    return float(divergence(Code(*(torch.cat(parts) for parts in zip(*codes, strict=True)))))
 
 
 @torch.no_grad()
@@ -374,93 +350,56 @@ def initial_network(units: UnitSet, codes: NDArray[np.float32], params: LeeParam
 def phases(network: DancingToMusic, validation: Pieces, params: LeeParams) -> list[Phase]:
     """Style of music; coder of units; composition with critics and composer in turn.
 
+    While composing, the unit decoder goes on learning at a share of the rate.
+
     Parameters
     ----------
     network : DancingToMusic, on the device
     validation : pieces on the device
     params : schedule and weights
     """
-    return [_style(network, validation, params), _units(network, validation, params),
-            _composition(network, validation, params)]  # fmt: skip
-
-
-def _style(network: DancingToMusic, validation: Pieces, params: LeeParams) -> Phase:
-    """The music classifier whose last state is the style."""
+    common: dict[str, Any] = {"modules": {"network": network}, "validate_every": VALIDATE_EVERY}
     listener = Player(
-        "style",
-        [*network.music.parameters()],
-        lambda output, shard, row: style_terms(network, output, shard.own),
-        {"dance": 1.0},
-        clip=params.clip,
-    )
-    return Phase(
-        "style",
-        params.style_epochs,
-        rate=lambda number: params.style_rate,
-        modules={"network": network},
-        players=[listener],
-        forward=lambda shard, last: network.music(shard.own.audio, shard.own.mask),
-        validate=lambda: {"val_style": style_accuracy(network, validation)},
-        validate_every=VALIDATE_EVERY,
-    )
-
-
-def _units(network: DancingToMusic, validation: Pieces, params: LeeParams) -> Phase:
-    """The coder of units: every unit under two shifts."""
-    parts: tuple[nn.Module, ...] = (network.poses, network.movements, network.unit_decoder)
-    coder = Player(
-        "units",
-        [parameter for part in parts for parameter in part.parameters()],
-        lambda output, shard, row: unit_terms(output, row["kl_weight"]),
-        {"own": 1.0, "cross": 1.0, "single": 1.0, "same": 1.0, "kl": 1.0, "nats": 0.0},
-        clip=params.clip,
-    )
-    return Phase(
-        "units",
-        params.unit_epochs,
-        rate=lambda number: params.rate,
-        modules={"network": network},
-        players=[coder],
-        forward=lambda shard, last: coded_units(network, shard.own),
-        schedule=lambda number: {"kl_weight": ramp(number, params)},
-        validate=lambda: validate_units(network, validation),
-        validate_every=VALIDATE_EVERY,
-    )
-
-
-def _composition(network: DancingToMusic, validation: Pieces, params: LeeParams) -> Phase:
-    """Critics and composer in turn on every batch; the unit decoder goes on at a share of the rate."""
-    critics = Player(
-        "critics",
-        [*network.unit_critic.parameters(), *network.dance_critic.parameters()],
-        lambda output, shard, row: critic_terms(network, output, shard.own),
-        {"critic_units": 1.0, "critic_dance": 1.0},
-        clip=params.clip,
-    )
-    parts: tuple[nn.Module, ...] = (
-        network.dance_coder, network.dance_decoder, network.style_coder, network.regressor,
+        "style", _parameters(network.music),
+        lambda style, shard, row: {"dance": cross_entropy(network.music.verdict(style), shard.own.dance)},
+        {"dance": 1.0}, clip=params.clip,
     )  # fmt: skip
-    composing = {"params": [parameter for part in parts for parameter in part.parameters()]}
-    decoding = {"params": [*network.unit_decoder.parameters()], "share": params.decoder_share}
-    groups: list[dict[str, Any]] = [composing, decoding]
+    coder = Player(
+        "units", _parameters(network.poses, network.movements, network.unit_decoder),
+        lambda output, shard, row: unit_terms(output, row["kl_weight"]),
+        {"own": 1.0, "cross": 1.0, "single": 1.0, "same": 1.0, "kl": 1.0, "nats": 0.0}, clip=params.clip,
+    )  # fmt: skip
+    critics = Player(
+        "critics", _parameters(network.unit_critic, network.dance_critic),
+        lambda output, shard, row: critic_terms(network, output, shard.own),
+        {"critic_units": 1.0, "critic_dance": 1.0}, clip=params.clip,
+    )  # fmt: skip
+    composing = _parameters(network.dance_coder, network.dance_decoder, network.style_coder, network.regressor)
+    decoding: dict[str, Any] = {"params": _parameters(network.unit_decoder), "share": params.decoder_share}
     composer = Player(
-        "composer",
-        groups,
+        "composer", [{"params": composing}, decoding],
         lambda output, shard, row: composition_terms(network, output, shard.own),
         {"kl": params.kl_weight, "means": 1.0, "logvars": 1.0, "poses": params.pose_weight, "gan": 1.0,
          "style": params.style_weight},
         clip=params.clip,
     )  # fmt: skip
-    return Phase(
-        "composition",
-        params.composition_epochs,
-        rate=lambda number: params.rate,
-        modules={"network": network},
-        players=[critics, composer],
-        forward=lambda shard, last: composed(network, shard.own),
-        validate=lambda: validate_composition(network, validation),
-        validate_every=VALIDATE_EVERY,
-    )
+    return [
+        Phase("style", params.style_epochs, lambda number: params.style_rate, players=[listener],
+              forward=lambda shard, last: network.music(shard.own.audio, shard.own.mask),
+              validate=lambda: {"val_style": style_accuracy(network, validation)}, **common),
+        Phase("units", params.unit_epochs, lambda number: params.rate, players=[coder],
+              forward=lambda shard, last: coded_units(network, shard.own),
+              schedule=lambda number: {"kl_weight": ramp(number, params)},
+              validate=lambda: validate_units(network, validation), **common),
+        Phase("composition", params.composition_epochs, lambda number: params.rate, players=[critics, composer],
+              forward=lambda shard, last: composed(network, shard.own),
+              validate=lambda: validate_composition(network, validation), **common),
+    ]  # fmt: skip
+
+
+def _parameters(*parts: nn.Module) -> list[nn.Parameter]:
+    """The parameters of some parts of the networks."""
+    return [parameter for part in parts for parameter in part.parameters()]
 
 
 def validate_units(network: DancingToMusic, validation: Pieces) -> dict[str, float]:

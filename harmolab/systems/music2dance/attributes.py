@@ -74,12 +74,7 @@ class AttributeParams:
             raise ValueError(f"front must be {' or '.join(FRONTS)}, got {self.front!r}")
         if not self.channels or min(self.channels) < 1 or self.dropout >= 1:
             raise ValueError("convolutions need channels, and dropout must leave something")
-        if (
-            self.n_cells < 1
-            or self.rate > MOST_RATE
-            or self.window > MOST_SECONDS
-            or self.window > MOST_OVERLAP * self.hop
-        ):
+        if self.n_cells < 1 or self.rate > MOST_RATE or self.window > min(MOST_SECONDS, MOST_OVERLAP * self.hop):
             raise ValueError("rate, window and hop must be of a size that a song can be heard in")
 
     @classmethod
@@ -124,17 +119,15 @@ class AttributeClassifier(nn.Module):
         self.params, self.classes = params, tuple(classes)
         self.meta: dict[str, Any] = {}
         self.audio_scale = layers.Normaliser(N_AUDIO)
-        front = (
-            layers.TemporalConvolution(N_AUDIO, params.channels, params.dropout)
-            if params.front == "convolution"
-            else layers.FrameLayers(N_AUDIO)
-        )
+        if params.front == "convolution":
+            front: Any = layers.TemporalConvolution(N_AUDIO, params.channels, params.dropout)
+        else:
+            front = layers.FrameLayers(N_AUDIO)
         self.encoder = layers.SongEncoder(front, params.hidden)
         self.verdict = nn.Linear(self.encoder.size, len(self.classes))
 
     def forward(self, music: Tensor) -> Tensor:
-        logits: Tensor = self.verdict(self.encoder(self.audio_scale(music)).mean(dim=1))
-        return logits
+        return self.verdict(self.encoder(self.audio_scale(music)).mean(dim=1))
 
     def probabilities(self, music: NDArray[np.float32]) -> FloatArray:
         """Of each class (K,) for a song's features (M, 15): mean over its windows (R13)."""
@@ -146,8 +139,7 @@ class AttributeClassifier(nn.Module):
         self.eval()
         device = self.audio_scale.mean.device
         parts = torch.from_numpy(song_windows(music, self.params)).split(AT_ONCE)
-        shares: FloatArray = torch.cat([self(part.to(device)).softmax(dim=1) for part in parts]).double().cpu().numpy()
-        return shares
+        return torch.cat([self(part.to(device)).softmax(dim=1) for part in parts]).double().cpu().numpy()
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -158,10 +150,8 @@ class AttributeClassifier(nn.Module):
         """A classifier as its description says; ValueError for sizes that cannot be."""
         classes = [str(name) for name in build["classes"]]
         if not 0 < len(classes) == len(set(classes)) <= MOST_CLASSES or max(map(len, classes)) > LONGEST_NAME:
-            raise ValueError(
-                f"describes {len(classes)} classes; one to {MOST_CLASSES} different names of {LONGEST_NAME} letters at "
-                "most are needed"
-            )
+            needed = f"one to {MOST_CLASSES} different names of {LONGEST_NAME} letters at most are needed"
+            raise ValueError(f"describes {len(classes)} classes; {needed}")
         return cls(stored_record(AttributeParams, build["params"]), classes)
 
 
@@ -222,7 +212,7 @@ def train_attributes(
 ) -> AttributeClassifier:
     """Train a classifier on the songs of a split's training side, and keep everything about it in `options.out`.
 
-    "meta" of its weights has the outcome on the songs of the test side (`Outcome`).
+    "meta" of its weights has the outcome on the songs of the test side (`outcome`).
 
     Raises
     ------
@@ -240,8 +230,8 @@ def train_attributes(
         run.fit([_phase(classifier, params)], windows)
         rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
         classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
-        test = outcome(classifier, selected, held_out)._asdict()
-        run.save(classifier.eval(), {"songs": len(selected), "windows": len(windows), "test": test})
+        about = {"songs": len(selected), "windows": len(windows), "test": outcome(classifier, selected, held_out)}
+        run.save(classifier.eval(), about)
     return classifier
 
 
@@ -258,19 +248,14 @@ def side_songs(songs: Sequence[Song], split: SongSplit) -> tuple[list[Song], lis
     return train, test
 
 
-class Outcome(NamedTuple):
-    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training."""
+def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> dict[str, int]:
+    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training.
 
-    songs: int
-    right: int
-    majority: int
-
-
-def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> Outcome:
-    """A classifier's outcome on test songs; the class of a song is that of the mean over its windows (R13)."""
-    right = [int(classifier.probabilities(song.music).argmax()) == song.label for song in test]
+    The class of a song is that of the mean over its windows (R13).
+    """
+    right = sum(int(classifier.probabilities(song.music).argmax()) == song.label for song in test)
     most_frequent = int(np.bincount([song.label for song in train]).argmax())
-    return Outcome(len(test), sum(right), sum(song.label == most_frequent for song in test))
+    return {"songs": len(test), "right": right, "majority": sum(song.label == most_frequent for song in test)}
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:
@@ -281,23 +266,18 @@ def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[st
 
 
 def _phase(classifier: AttributeClassifier, params: AttributeParams) -> Phase:
-    def rate(number: int) -> float:
-        return params.learning_rate * 0.1 ** sum(number >= drop * params.epochs for drop in params.drops)
-
     return Phase(
-        "attributes",
-        params.epochs,
-        rate=rate,
-        modules={"classifier": classifier},
-        players=[Player("classifier", [*classifier.parameters()], _terms, {"entropy": 1.0, "right": 0.0})],
+        "attributes", params.epochs,
+        lambda number: params.learning_rate * 0.1 ** sum(number >= drop * params.epochs for drop in params.drops),
+        {"classifier": classifier},
+        [Player("classifier", [*classifier.parameters()], _terms, {"entropy": 1.0, "right": 0.0})],
         forward=lambda shard, last: _logits(classifier, shard),
-    )
+    )  # fmt: skip
 
 
 def _logits(classifier: AttributeClassifier, shard: Shard) -> Tensor:
     with layers.drawn_by(shard.seed, shard.own.music.device):
-        logits: Tensor = classifier.train()(shard.own.music)
-    return logits
+        return classifier.train()(shard.own.music)
 
 
 def _terms(logits: Tensor, shard: Shard, row: object) -> Terms:
@@ -355,10 +335,9 @@ def load_songs(roots: Sequence[PathLike], *, progress: Progress = silent) -> Son
     classes = tuple(sorted({dance for _, _, dance in labelled}))
     if len(classes) < 2:
         place, of = ", ".join(map(str, roots)), f", of {classes[0]}" if classes else ""
-        raise ValueError(
-            f"{place}: a classifier needs songs of two dances or more; songs here: {len(labelled)}{of}"
-            + (f" (left out: {notes[0]})" if notes else "")
-        )
+        left = f" (left out: {notes[0]})" if notes else ""
+        needed = "a classifier needs songs of two dances or more"
+        raise ValueError(f"{place}: {needed}; songs here: {len(labelled)}{of}{left}")
     songs = [Song(name, music, classes.index(dance)) for name, music, dance in labelled]
     return SongSet(tuple(songs), classes, tuple(notes))
 
@@ -397,7 +376,6 @@ def split_songs(songs: Iterable[Song], *, seed: int = 0) -> SongSplit:
         count = min(max(1, round(TEST_SHARE * len(names))), len(names) - 1)
         test |= {*np.random.default_rng([seed, label]).permutation(names)[:count].tolist()}
     if not test:
-        raise ValueError(
-            f"{len(labels)} songs, each of another dance: none can be tested on; two of a dance are needed"
-        )
+        fault = f"{len(labels)} songs, each of another dance"
+        raise ValueError(f"{fault}: none can be tested on; two of a dance are needed")
     return SongSplit(tuple(name for name in labels if name not in test), tuple(name for name in labels if name in test))

@@ -11,7 +11,8 @@ the arm and make it jump.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any, Protocol, Self
+from itertools import product
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,11 +61,10 @@ def sources(skeleton: Skeleton) -> Mapping[str, list[int]]:
     named: dict[tuple[str, str], list[int]] = {}
     for joint, name in enumerate(skeleton.joints):
         named.setdefault((joint_side(name), joint_part(name)), []).append(joint)
-    joints = {
-        f"{part} {letter}": _first(named, side, _HANDS if part == "hand" else (part,))
-        for letter, side in _SIDES
-        for part in (*_ARM, *_LEG)
-    }
+    joints: dict[str, list[int]] = {}
+    for (letter, side), part in product(_SIDES, (*_ARM, *_LEG)):
+        parts = _HANDS if part == "hand" else (part,)
+        joints[f"{part} {letter}"] = next((named[side, name] for name in parts if (side, name) in named), [])
     joints["pelvis"] = joints["hip L"] + joints["hip R"]
     joints["neck"] = joints["shoulder L"] + joints["shoulder R"]
     joints["torso"] = named.get(("", "torso"), [])
@@ -74,40 +74,10 @@ def sources(skeleton: Skeleton) -> Mapping[str, list[int]]:
     return joints
 
 
-def _first(named: Mapping[tuple[str, str], list[int]], side: str, parts: tuple[str, ...]) -> list[int]:
-    """The joints of the first of some parts that there is."""
-    return next((named[side, part] for part in parts if (side, part) in named), [])
-
-
 ROOT = 7  # channels of the root in the code of rotations
 END_EFFECTORS = ("toe L", "toe R", "head", "hand L", "hand R")
 APART = 0.01  # radians, or metres, by which the bodies of two codes of rotations may differ
 EVERY = 5  # frames: a body's shape is fitted to one in so many
-
-
-class MotionCode(Protocol):
-    """Positions to channels and back.
-
-    Parameters
-    ----------
-    skeleton : Skeleton of the decoded motion
-    n_motion : int, channels C
-    """
-
-    @property
-    def skeleton(self) -> Skeleton: ...
-
-    @property
-    def n_motion(self) -> int: ...
-
-    def encode(self, motion: Motion) -> FloatArray:
-        """The channels (T, C) of a recorded motion."""
-
-    def decode(self, code: ArrayLike, fps: float) -> FloatArray:
-        """Positions (T, J, 3) metres; the dancer starts at x = z = 0, heading 0."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """All that `stored_code` needs, JSON-able."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,15 +100,15 @@ class PositionCode:
         return n_channels(self.skeleton)
 
     def encode(self, motion: Motion) -> FloatArray:
-        """As of `MotionCode`."""
+        """The channels (T, C) of a recorded motion."""
         return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
 
     def decode(self, code: ArrayLike, fps: float) -> FloatArray:
-        """As of `MotionCode`."""
+        """Positions (T, J, 3) metres; the dancer starts at x = z = 0, heading 0."""
         return fixed_bones(decode_motion(code, fps, self.skeleton), self.skeleton.parents, self.lengths)
 
     def to_dict(self) -> dict[str, Any]:
-        """As of `MotionCode`."""
+        """All that `stored_code` needs, JSON-able."""
         return {"kind": "positions", "skeleton": asdict(self.skeleton), "lengths": self.lengths.tolist()}
 
 
@@ -194,7 +164,7 @@ class RotationCode:
         return ROOT + 3 * len(self.rotating) + 3 * len(END_EFFECTORS) * self.end_effectors
 
     def encode(self, motion: Motion) -> FloatArray:
-        """As of `MotionCode`; a recording's own bone lengths are used to fit the rotations."""
+        """The channels (T, C) of a recorded motion; its own bone lengths are used to fit the rotations."""
         points = body_points(motion)
         facing = heading(points.positions, points.fps, POINTS)
         turns, means = self._turns(points, facing), Rotation.from_rotvec(self.means).as_matrix()
@@ -208,7 +178,7 @@ class RotationCode:
         return np.column_stack(columns)
 
     def decode(self, code: ArrayLike, fps: float) -> FloatArray:
-        """As of `MotionCode`: the pose comes from the rotations; the places of end effectors are not read (R36)."""
+        """Positions (T, J, 3) metres, from x = z = 0 and heading 0 on; places of end effectors are not read (R36)."""
         code = np.asarray(code, dtype=np.float64)
         steps = code[:, :3] / fps
         steps[:1] = 0.0
@@ -230,7 +200,7 @@ class RotationCode:
         return turned(positions[:, joints] - root, -facing[:, None])
 
     def to_dict(self) -> dict[str, Any]:
-        """As of `MotionCode`."""
+        """All that `stored_code` needs, JSON-able."""
         body = {"skeleton": asdict(self.skeleton), "offsets": self.body.offsets.tolist()}
         return {"kind": "rotations", **body, "means": self.means.tolist(), "end_effectors": self.end_effectors}
 
@@ -252,7 +222,10 @@ class RotationCode:
         return turns
 
 
-def stored_code(stored: Mapping[str, Any]) -> PositionCode | RotationCode:
+MotionCode = PositionCode | RotationCode
+
+
+def stored_code(stored: Mapping[str, Any]) -> MotionCode:
     """A code as `to_dict` describes it; ValueError for what cannot be."""
     skeleton = stored_skeleton(stored)
     ancestors(skeleton.parents)  # refuses bones in a circle
@@ -268,7 +241,7 @@ def stored_code(stored: Mapping[str, Any]) -> PositionCode | RotationCode:
     return RotationCode(body, _numbers(stored["means"], (n_joints, 3)), bool(stored["end_effectors"]))
 
 
-def check_same_channels(code: PositionCode | RotationCode, needed: PositionCode | RotationCode) -> None:
+def check_same_channels(code: MotionCode, needed: MotionCode) -> None:
     """ValueError unless the channels of a code mean what those of another do; bones may have other lengths."""
     kinds = [each.to_dict()["kind"] for each in (code, needed)]
     if kinds[0] != kinds[1]:

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import conv1d, pad
 
 from harmolab.body.skeletons import foot_joints, joint_part
-from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, PositionCode, RotationCode, stored_code
+from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, MotionCode, PositionCode, RotationCode, stored_code
 from harmolab.systems.music2dance.params import MOST_REACH, Representation
 from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, Windows, training_windows
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -75,7 +75,7 @@ class FootParams:
             raise ValueError(f"dilations must add up to {MOST_REACH} frames at most, got {sum(self.dilations)}")
 
 
-def lower_channels(code: PositionCode | RotationCode) -> list[int]:
+def lower_channels(code: MotionCode) -> list[int]:
     """Channels of the lower body and the root in a motion code."""
     joints = code.skeleton.joints
     if isinstance(code, RotationCode):
@@ -87,7 +87,7 @@ def lower_channels(code: PositionCode | RotationCode) -> list[int]:
     return [*channels, *range(code.n_motion - PATH_CHANNELS, code.n_motion)]
 
 
-def foot_channels(code: PositionCode | RotationCode) -> list[int]:
+def foot_channels(code: MotionCode) -> list[int]:
     """Channels of the places of both feet (toes) in a motion code, six; ValueError where there are none."""
     if isinstance(code, PositionCode):
         toes = [foot[-1] for foot in foot_joints(code.skeleton)]
@@ -112,7 +112,7 @@ class FootModel(nn.Module):
 
     system = "feet"
 
-    def __init__(self, params: FootParams, code: PositionCode | RotationCode) -> None:
+    def __init__(self, params: FootParams, code: MotionCode) -> None:
         super().__init__()
         self.params, self.motion_code = params, code
         self.meta: dict[str, Any] = {}
@@ -136,27 +136,25 @@ class FootModel(nn.Module):
         """Increments (N, T, L) of the lower body's channels, for standardised motion (N, T, C), contacts (N, T, 2)."""
         values = torch.cat([motion[..., self.lower], motion[..., self.feet], contacts], dim=-1)
         if self.params.kind == "lstm":
-            increments: Tensor = self.last(self.reader(torch.relu(self.first(values)))[0])
-            return increments
+            return self.last(self.reader(torch.relu(self.first(values)))[0])
         values = values.transpose(1, 2)
         for layer in self.layers[:-1]:
             values = torch.relu(layer(values))
         return self.layers[-1](values).transpose(1, 2)
 
-    def corrected(self, motion: Tensor, contacts: Tensor) -> Tensor:
-        """Standardised motion (N, T, C) with the increments in it."""
-        changed = motion.clone()
-        changed[..., self.lower] += self(motion, contacts)
-        return changed
+    def corrected(self, motion: Tensor, contacts: Tensor) -> tuple[Tensor, Tensor]:
+        """Standardised motion (N, T, C) with the increments in it, and these (N, T, L)."""
+        increments, changed = self(motion, contacts), motion.clone()
+        changed[..., self.lower] += increments
+        return changed, increments
 
     @torch.no_grad()
     def correct(self, code: FloatArray, contacts: FloatArray) -> FloatArray:
         """A motion code (T, C), not standardised, with the increments in it."""
         motion, standing = (torch.from_numpy(values).float()[None] for values in (code, contacts))
-        scaled = self.motion_scale(motion)
-        increments = (self.eval().corrected(scaled, standing) - scaled)[0] * self.motion_scale.std.clamp(min=LEAST_STD)
-        corrected: FloatArray = code + increments.double().numpy()
-        return corrected
+        scaled, deviation = self.motion_scale(motion), self.motion_scale.std.clamp(min=LEAST_STD)
+        increments = (self.eval().corrected(scaled, standing)[0] - scaled)[0] * deviation
+        return code + increments.double().numpy()
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -169,10 +167,9 @@ class FootModel(nn.Module):
 
 
 class Slid(NamedTuple):
-    """Recorded motion, the same with simulated sliding, as corrected (N, T, C each, standardised), and increments."""
+    """Recorded motion and a slid one as corrected (N, T, C each, standardised), and the increments (N, T, L)."""
 
     motion: Tensor
-    slid: Tensor
     corrected: Tensor
     increments: Tensor
 
@@ -193,8 +190,7 @@ def _with_feet(motion: Tensor, scale: Normaliser, code: RotationCode, fps: float
     """Standardised rotations (N, T, C) whose feet are where they put them: else they would tell what was not slid."""
     values = (motion * scale.std + scale.mean).cpu().double().numpy()
     fresh = np.stack([code.refreshed(each, fps) for each in values])
-    standard: Tensor = scale(torch.from_numpy(fresh).to(motion))
-    return standard
+    return scale(torch.from_numpy(fresh).to(motion))
 
 
 def smoothed(values: Tensor, widths: Tensor) -> Tensor:
@@ -221,7 +217,7 @@ def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, para
     fabric = make_fabric(accelerator=options.accelerator)
     source = training_windows(split, sequences, fabric.device)
     batching = Batching(params.batch_size, 1, params.seed)
-    settings = {"feet": params, "data": sequences.source, "code": sequences.params}
+    settings = {"feet": params, "data": sequences.units.source, "code": sequences.params}
     with open_run(fabric, options, split, settings, batching, len(source)) as run:
         with drawn_by(params.seed):
             model = FootModel(params, sequences.code)
@@ -229,7 +225,7 @@ def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, para
         model.to(fabric.device)
         run.fit([_phase(model, sequences.params.fps)], source)
         updates = params.epochs * len(epoch_order(len(source), 0, batching))
-        run.save(model.eval(), {"source": sequences.source, "updates": updates})
+        run.save(model.eval(), {"source": sequences.units.source, "updates": updates})
     return model
 
 
@@ -241,32 +237,17 @@ def check_velocity(params: FootParams, representation: Representation) -> None:
 
 def _phase(model: FootModel, fps: float) -> Phase:
     params = model.params
-    weights = {"mse": 1.0, "smooth": params.smooth_weight, "velocity": params.velocity_weight}
-    return Phase(
-        "feet",
-        params.epochs,
-        rate=lambda number: params.learning_rate,
-        modules={"feet": model},
-        players=[
-            Player(
-                "feet",
-                [*model.parameters()],
-                lambda output, shard, row: foot_terms(model, output, shard.own, fps),
-                weights,
-            )
-        ],
-        forward=lambda shard, last: _corrected(model, shard, fps),
-    )
+    player = Player(
+        "feet", [*model.parameters()], lambda output, shard, row: foot_terms(model, output, shard.own, fps),
+        {"mse": 1.0, "smooth": params.smooth_weight, "velocity": params.velocity_weight},
+    )  # fmt: skip
+    return Phase("feet", params.epochs, lambda number: params.learning_rate, {"feet": model}, [player],
+                 forward=lambda shard, last: _corrected(model, shard, fps))  # fmt: skip
 
 
 def _corrected(model: FootModel, shard: Shard, fps: float) -> Slid:
     """A batch with simulated sliding, and corrected."""
-    windows: Windows = shard.own
-    slid, standing = simulated_sliding(model, windows, fps, shard.seed)
-    increments = model(slid, standing)
-    corrected = slid.clone()
-    corrected[..., model.lower] = slid[..., model.lower] + increments
-    return Slid(windows.motion, slid, corrected, increments)
+    return Slid(shard.own.motion, *model.corrected(*simulated_sliding(model, shard.own, fps, shard.seed)))
 
 
 def simulated_sliding(model: FootModel, windows: Windows, fps: float, seed: int) -> tuple[Tensor, Tensor]:

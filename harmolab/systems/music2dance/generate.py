@@ -63,16 +63,9 @@ def heard_song(network: DanceNetwork, music: NDArray[np.float32], moments: Float
 
 
 def danced(
-    network: DanceNetwork,
-    music: NDArray[np.float32],
-    *,
-    start: float,
-    frames: int,
-    dance: int,
-    seed: int,
-    prior: FloatArray,
-    progress: Progress,
-) -> Danced:
+    network: DanceNetwork, music: NDArray[np.float32], *, start: float, frames: int, dance: int, seed: int,
+    prior: FloatArray, progress: Progress,
+) -> Danced:  # fmt: skip
     """A dance of `frames` frames to a song from audio time `start` on (Eq. 12-13).
 
     Parameters

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, LATENESS, audio_beats
 from harmolab.files import cache_folder, cached_arrays, keep_arrays
-from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, FloatArray
 
 SingleArray = NDArray[np.float32]
@@ -39,7 +38,7 @@ def music_features(audio: Audio, beats: BeatTrack, *, meter: int = 4, rate: floa
     audio : Audio, the whole recording; the analysis is cached by content
     beats : BeatTrack on its time line
         Where its bar places are unknown, the first of a bar of `meter` beats is the place of `accented_place`.
-    meter : int, beats in a bar (`usual_meter` of a dance)
+    meter : int, beats in a bar
     rate : float, hertz
     """
     cells = n_cells(audio, rate)
@@ -114,12 +113,8 @@ def _listen(samples: FloatArray, cells: int, rate: float) -> FloatArray:
     strength = librosa.onset.onset_strength(y=samples, sr=RATE, hop_length=HOP)
     onset = np.minimum(strength / max(np.percentile(strength, LOUD), 1e-9), 1.0)
     chroma = librosa.feature.chroma_stft(y=samples, sr=RATE, n_fft=CHROMA_WINDOW, hop_length=HOP)
-    return np.column_stack(
-        [
-            _by_cell(onset[:, None], cells, rate, late=LATENESS, reduce=np.maximum),
-            _by_cell(chroma.T, cells, rate, reduce=np.add),
-        ]
-    )
+    onsets = _by_cell(onset[:, None], cells, rate, late=LATENESS, reduce=np.maximum)
+    return np.column_stack([onsets, _by_cell(chroma.T, cells, rate, reduce=np.add)])
 
 
 def _mel(samples: FloatArray, cells: int, rate: float, bands: int) -> FloatArray:
@@ -139,8 +134,3 @@ def _by_cell(frames: FloatArray, cells: int, rate: float, *, reduce: np.ufunc, l
     if reduce is np.add:
         values = values / np.maximum(np.diff(np.append(firsts, len(frames))), 1)[:, None]
     return values
-
-
-def usual_meter(dance: str) -> int:
-    """Beats in a bar of a dance; 4 where it is unknown."""
-    return DANCES[dance].meter if dance in DANCES else 4

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad, relu, softplus
 
-from harmolab.systems.music2dance.codes import PositionCode, RotationCode, stored_code
+from harmolab.systems.music2dance.codes import MotionCode, stored_code
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import Windows
 from harmolab.systems.training import layers
@@ -31,13 +31,6 @@ class Prediction(NamedTuple):
     mean: Tensor
     log_sigma: Tensor
     contacts: Tensor
-
-
-def song_encoder(params: SongParams) -> layers.SongEncoder:
-    """The mapping network: temporal convolutions and a bidirectional LSTM (Fig. 5 without its last layer)."""
-    return layers.SongEncoder(
-        layers.TemporalConvolution(params.n_audio, params.channels, params.dropout), params.hidden
-    )
 
 
 class GatedBlock(nn.Module):
@@ -100,8 +93,7 @@ class WaveNet(nn.Module):
         for block in self.blocks:
             values, aside = block(values, music, dance)
             total = total.to(aside) + aside
-        prediction: Prediction = self.head(relu(self.joining(relu(total))), before)
-        return prediction
+        return self.head(relu(self.joining(relu(total))), before)
 
 
 class LstmDancer(nn.Module):
@@ -115,8 +107,7 @@ class LstmDancer(nn.Module):
     def forward(self, frames: Tensor, music: Tensor, dance: Tensor, before: Tensor) -> Prediction:
         """As `WaveNet.forward`."""
         joined = torch.cat([frames, music, dance[:, None].expand(-1, frames.shape[1], -1)], dim=-1)
-        prediction: Prediction = self.head(self.reader(joined)[0], before)
-        return prediction
+        return self.head(self.reader(joined)[0], before)
 
 
 class DanceNetwork(layers.Normalised):
@@ -131,11 +122,14 @@ class DanceNetwork(layers.Normalised):
 
     system = "music2dance"
 
-    def __init__(self, params: Music2DanceParams, code: PositionCode | RotationCode, dances: Sequence[str]) -> None:
+    def __init__(self, params: Music2DanceParams, code: MotionCode, dances: Sequence[str]) -> None:
         super().__init__()
         self.params, self.motion_code, self.dances = params, code, tuple(dances)
         self.audio_scale, self.motion_scale = layers.Normaliser(params.song.n_audio), layers.Normaliser(code.n_motion)
-        self.mapping = song_encoder(params.song) if params.mapping else None
+        self.mapping: layers.SongEncoder | None = None
+        if params.mapping:  # temporal convolutions and a bidirectional LSTM (Fig. 5 without its last layer)
+            front = layers.TemporalConvolution(params.song.n_audio, params.song.channels, params.song.dropout)
+            self.mapping = layers.SongEncoder(front, params.song.hidden)
         n_music = params.song.n_audio if self.mapping is None else self.mapping.size
         self.vectors = nn.Embedding(len(self.dances), params.dance_vector)
         kind = WaveNet if params.generator == "wavenet" else LstmDancer
@@ -170,8 +164,7 @@ class DanceNetwork(layers.Normalised):
         before = shifted(motion)
         visible = nn.functional.dropout(before, dropout, training=dropout > 0)
         frames = torch.cat([visible, shifted(contacts)], dim=-1)
-        prediction: Prediction = self.body(frames, music, self.vectors(dance), before)
-        return prediction
+        return self.body(frames, music, self.vectors(dance), before)
 
     def forward(self, windows: Windows) -> Prediction:
         """Every frame predicted from the recorded ones before it ("teacher forcing")."""

@@ -143,17 +143,8 @@ class Music2DanceParams:
     def __post_init__(self) -> None:
         free = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_drop", "_seconds"))]
         free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "draw_memory", "smoothing", "seed"]
-        others = [
-            "temperature",
-            "song",
-            "generator",
-            "representation",
-            "end_effectors",
-            "mapping",
-            "dilations",
-            "noisy_target",
-        ]
-        positive = [field.name for field in fields(self) if field.name not in {*free, *others}]
+        numbers = [field.name for field in fields(self) if type(field.default) in (int, float)]
+        positive = [name for name in numbers if name not in {*free, "temperature"}]
         check_numbers(self, positive=positive, not_negative=free)
         for name, choices in (("generator", GENERATORS), ("representation", REPRESENTATIONS)):
             if getattr(self, name) not in choices:

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -19,8 +19,9 @@ from torch import Tensor
 from harmolab.body.kinematics import resample_motion
 from harmolab.data.recordings import Recording
 from harmolab.files import PathLike, Progress, silent
-from harmolab.systems.music2dance.codes import PositionCode, RotationCode
-from harmolab.systems.music2dance.music_features import mel_features, music_features, usual_meter
+from harmolab.params import DANCES
+from harmolab.systems.music2dance.codes import MotionCode, PositionCode, RotationCode
+from harmolab.systems.music2dance.music_features import mel_features, music_features
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.feet import foot_contacts
@@ -81,14 +82,9 @@ class SequenceSet:
     """
 
     sequences: tuple[DanceSequence, ...]
-    code: PositionCode | RotationCode
+    code: MotionCode
     params: Music2DanceParams
     units: UnitSet
-
-    @property
-    def source(self) -> str:
-        """Names of the corpora."""
-        return self.units.source
 
     @property
     def dances(self) -> tuple[str, ...]:
@@ -100,7 +96,8 @@ def song_features(audio: Audio, beats: BeatTrack, params: SongParams, dance: str
     """Features of a song, (M, F): attributes, with bars as long as those of `dance`, or a mel spectrogram."""
     if params.features == "mel":
         return mel_features(audio, rate=params.rate, bands=params.mels)
-    return music_features(audio, beats, meter=usual_meter(dance), rate=params.rate)
+    meter = DANCES[dance].meter if dance in DANCES else 4
+    return music_features(audio, beats, meter=meter, rate=params.rate)
 
 
 class _Read(NamedTuple):
@@ -139,7 +136,7 @@ def load_sequences(
     return SequenceSet(tuple(sequences), code, params, units)
 
 
-def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> PositionCode | RotationCode:
+def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> MotionCode:
     """The code of motions of one skeleton; ValueError where they have several, or rotations cannot be fitted."""
     if other := next((motion for motion in motions if motion.skeleton != motions[0].skeleton), None):
         counts = len(motions[0].skeleton.joints), len(other.skeleton.joints)
@@ -160,7 +157,7 @@ def _read(recording: Recording, params: Music2DanceParams, step: int) -> _Read:
     return _Read(cut, clip.offset, song_features(clip.audio, cut.track, params.song, clip.dance), motion, contacts)
 
 
-def _coded(item: _Read, code: PositionCode | RotationCode, segments: tuple[Segment, ...]) -> DanceSequence:
+def _coded(item: _Read, code: MotionCode, segments: tuple[Segment, ...]) -> DanceSequence:
     motion, about = item.motion, item.cut.outline
     poses = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-PATH_CHANNELS]
     return DanceSequence(
@@ -260,36 +257,25 @@ class WindowSource:
     ) -> Self:
         """The windows of which a share lies in some motion groups; ValueError where there is none."""
         params = sequences.params
-        places = np.array(
-            [
-                (number, start)
-                for number, sequence in enumerate(sequences.sequences)
-                for start in window_starts(sequence, groups, params, share=share)
-            ],
-            np.int64,
-        ).reshape(-1, 2)
+        starts = [window_starts(sequence, groups, params, share=share) for sequence in sequences.sequences]
+        numbers = np.repeat(np.arange(len(starts)), [own.size for own in starts])
+        places = np.column_stack([numbers, np.concatenate(starts)])
         if not len(places):
             longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
-            raise ValueError(
-                f"{sequences.source}: a side of the split has no {params.window:g} s of recorded movement in a row; "
-                f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s. Add longer ones, or try "
-                "another --split-seed"
-            )
+            fault = f"a side of the split has no {params.window:g} s of recorded movement in a row"
+            about = f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s"
+            remedy = "Add longer ones, or try another --split-seed"
+            raise ValueError(f"{sequences.units.source}: {fault}; {about}. {remedy}")
         weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
         return cls(sequences, dances, statistics, places, weights, counted, device)
 
     def __len__(self) -> int:
         """Windows of an epoch: as many as fit into the recordings without overlap."""
-        length = self.sequences.params.n_frames
-        covered = 0
-        for number in np.unique(self.places[:, 0]):
-            mask = np.zeros(self.sequences.sequences[number].n_frames + 1, np.int64)
-            starts = self.places[self.places[:, 0] == number, 1]
-            np.add.at(mask, starts, 1)
-            np.add.at(mask, np.minimum(starts + length, mask.size - 1), -1)
-            covered += int((np.cumsum(mask) > 0).sum())
-        return max(1, covered // length)
+        length, (numbers, starts) = self.sequences.params.n_frames, self.places.T
+        # Places rise: each window covers what lies before the next one, the last of a recording all of its own.
+        new = np.where(np.diff(numbers) > 0, length, np.minimum(np.diff(starts), length))
+        return max(1, int(new.sum() + length) // length)
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Windows:
         """A batch of as many windows as there are `indices` for process `rank`, drawn anew for these indices.
@@ -311,13 +297,11 @@ class WindowSource:
         motion, music = (motion - scale[2]) / scale[3], (music - scale[0]) / scale[1]
         return Windows(motion, contacts, music, moments, dance, valid)
 
-    def raw(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def raw(self, row: int) -> tuple[NDArray[Any], ...]:
         """Motion (T, C), not standardised, and contacts (T, 2) of the window of a row of `places`."""
-        number, start = self.places[row]
-        frames = slice(start, start + self.sequences.params.n_frames)
-        return self.sequences.sequences[number].motion[frames], self.sequences.sequences[number].contacts[frames]
+        return self._window(*self.places[row])[:2]
 
-    def _window(self, number: int, start: int) -> tuple[NDArray[np.generic], ...]:
+    def _window(self, number: int, start: int) -> tuple[NDArray[Any], ...]:
         """The arrays of one window."""
         sequence, params = self.sequences.sequences[number], self.sequences.params
         frames = slice(start, start + params.n_frames)
@@ -373,10 +357,8 @@ def check_leaks(source: WindowSource, groups: Mapping[str, Sequence[str]]) -> No
         held_out = side_frames(sequence, groups[side], params.fps)
         if (leaking := starts[frames_from(held_out, params.n_frames)[starts] > 0]).size:
             frame = leaking[0] + int(held_out[leaking[0] :].argmax())
-            raise ValueError(
-                f"{sequence.name}: the training window at frame {leaking[0]} holds frame {frame}, which is in a "
-                f"figure of the {side} side"
-            )
+            fault = f"the training window at frame {leaking[0]} holds frame {frame}"
+            raise ValueError(f"{sequence.name}: {fault}, which is in a figure of the {side} side")
 
 
 def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statistics:
@@ -409,12 +391,10 @@ def cluster_weights(
     sample = poses(places[rng.permutation(len(places))[:FITTED]]).astype(np.float64)
     mean = sample.mean(axis=0)
     axes = np.linalg.svd(sample - mean, full_matrices=False)[2][:N_COMPONENTS].T
-    reduced = np.concatenate(
-        [(poses(part) - mean) @ axes for part in np.array_split(places, -(-len(places) // FITTED))]
-    )
+    parts = np.array_split(places, -(-len(places) // FITTED))
+    reduced = np.concatenate([(poses(part) - mean) @ axes for part in parts])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a cluster may be empty
         _, labels = kmeans2(reduced, count, minit="++", seed=rng)
-    sizes = np.bincount(labels, minlength=count)
-    weights = 1 / sizes[labels]
+    weights = 1 / np.bincount(labels, minlength=count)[labels]
     return weights / weights.sum()

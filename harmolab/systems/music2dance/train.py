@@ -5,7 +5,6 @@ trained weights ``model``, and movements that a dance may go on from.
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -108,7 +107,7 @@ def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOption
         device=fabric.device,
     )  # fmt: skip
     batching = Batching(params.batch_size, params.shards, params.seed)
-    settings = {"music2dance": params, "data": sequences.source}
+    settings = {"music2dance": params, "data": sequences.units.source}
     with open_run(fabric, options, split, settings, batching, len(source)) as run:
         run.save_movements(lambda: movements(source, seed=params.seed))
         with drawn_by(params.seed):
@@ -117,7 +116,7 @@ def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOption
         fabric.to_device(network)
         run.fit([_phase(network, source, held_out, params, second=second) for second in (False, True)], source)
         settle(network, source)
-        run.save(network, {"settings": run.settings, "source": sequences.source})
+        run.save(network, {"settings": run.settings, "source": sequences.units.source})
     return network
 
 
@@ -125,35 +124,18 @@ def _phase(
     network: DanceNetwork, source: WindowSource, held_out: WindowSource, params: Music2DanceParams, *, second: bool
 ) -> Phase:
     """Teacher forcing, or both passes."""
-    name, epochs, rate, drop = (
-        ("feedback", params.second_epochs, params.second_rate, params.second_drop)
-        if second
-        else ("teacher", params.first_epochs, params.first_rate, params.first_drop)
-    )
+    name, epochs, rate, drop = "teacher", params.first_epochs, params.first_rate, params.first_drop
+    if second:
+        name, epochs, rate, drop = "feedback", params.second_epochs, params.second_rate, params.second_drop
+    dancer = Player(
+        "dancer", [*network.parameters()], lambda output, shard, row: dance_terms(output, shard.own),
+        {"likelihood": 1.0, "contacts": params.contact_weight}, clip=params.clip, optimiser=torch.optim.RMSprop,
+    )  # fmt: skip
     return Phase(
-        name,
-        epochs,
-        rate=_falling(rate, drop * epochs),
-        modules={"network": network},
-        players=[
-            Player(
-                "dancer",
-                [*network.parameters()],
-                lambda output, shard, row: dance_terms(output, shard.own),
-                {"likelihood": 1.0, "contacts": params.contact_weight},
-                clip=params.clip,
-                optimiser=torch.optim.RMSprop,
-            )
-        ],
+        name, epochs, lambda number: rate if number < drop * epochs else DROP * rate, {"network": network}, [dancer],
         forward=lambda shard, last: predicted(network, shard, second=second),
-        validate=lambda: validate(network, source, held_out),
-        validate_every=VALIDATE_EVERY,
-    )
-
-
-def _falling(rate: float, drop: float) -> Callable[[int], float]:
-    """A rate that falls to a tenth at epoch `drop`."""
-    return lambda number: rate if number < drop else DROP * rate
+        validate=lambda: validate(network, source, held_out), validate_every=VALIDATE_EVERY,
+    )  # fmt: skip
 
 
 def predicted(network: DanceNetwork, shard: Shard, *, second: bool) -> Predicted:
@@ -179,14 +161,9 @@ def predicted(network: DanceNetwork, shard: Shard, *, second: bool) -> Predicted
 def dance_terms(output: Predicted, windows: Windows) -> Terms:
     """Likelihood and contacts (Eq. 11) of one pass, or the sums over both."""
     passes = [output.first] if output.second is None else [output.first, output.second]
-    return {
-        "likelihood": _sum(likelihood_loss(each, output.target, windows.valid) for each in passes),
-        "contacts": _sum(contact_loss(each, windows.contacts, windows.valid) for each in passes),
-    }
-
-
-def _sum(values: object) -> Tensor:
-    return torch.stack(list(values)).sum()  # type: ignore[call-overload]
+    likelihoods = [likelihood_loss(each, output.target, windows.valid) for each in passes]
+    contacts = [contact_loss(each, windows.contacts, windows.valid) for each in passes]
+    return {"likelihood": torch.stack(likelihoods).sum(), "contacts": torch.stack(contacts).sum()}
 
 
 @torch.no_grad()
@@ -235,10 +212,8 @@ def movements(source: WindowSource, *, seed: int) -> PoseBank:
     """Recorded movement that a dance may go on from, motion and contacts side by side, the dances in turn."""
     params = source.sequences.params
     frames = max(1, round(params.start_seconds * params.fps))
-    every = [
-        Movement(row, source.sequences.sequences[number].dance)
-        for row, (number, _) in enumerate(source.places.tolist())
-    ]
+    dances = [source.sequences.sequences[number].dance for number in source.places[:, 0]]
+    every = [Movement(row, dance) for row, dance in enumerate(dances)]
     selected = spread(every, BANK, np.random.default_rng(seed))
     clips = [np.concatenate(source.raw(movement.row), axis=1)[:frames] for movement in selected]
     return PoseBank(np.stack(clips), tuple(movement.dance for movement in selected))

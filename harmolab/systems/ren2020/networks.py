@@ -20,28 +20,6 @@ from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 from harmolab.types import FloatArray
 
-# A song danced in one pass: its music and one draw of noise in, all frames out.
-
-
-@torch.inference_mode()
-def danced_song(generator: Any, source: DanceInput, seed: int) -> FloatArray:
-    """The motion code (n_frames, C) of a dance by a `RenGenerator`, in evaluation mode, with noise drawn by `seed`.
-
-    The generator knows no movement before the dance. Where `source` has one, the first moments go on from its end, as
-    at the borders of every other system.
-    """
-    was_training = generator.training
-    with drawn_by(seed):
-        noise = generator.noise(1, len(source.audio))
-    audio = torch.from_numpy(source.audio)[None].to(noise.device)
-    scaled = generator.eval()(audio, audio.new_ones(audio.shape[:2]), noise)[0]
-    generator.train(was_training)
-    scale = generator.motion_scale
-    code: FloatArray = (scaled * scale.std + scale.mean).double().cpu().numpy()
-    begin, past = -source.first, source.prior[: -source.first]
-    dance = code[begin : begin + source.n_frames]
-    return continued(past, dance, generator.fps) if len(past) else dance
-
 
 class MusicEncoder(nn.Module):
     """Music (N, T, F), normalised, and its mask (N, T) -> (N, T, hidden): each frame in the light of the whole clip."""
@@ -90,15 +68,9 @@ class RenGenerator(DancerNetwork):
     params: RenParams
 
     def __init__(
-        self,
-        params: RenParams,
-        n_audio: int,
-        skeleton: Skeleton,
-        bone_lengths: Tensor,
-        *,
-        fps: float,
+        self, params: RenParams, n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float,
         features: FeatureParams | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
         self.hearing = MusicEncoder(params, n_audio)
         self.chance = nn.GRU(params.noise, params.noise, batch_first=True)
@@ -125,9 +97,26 @@ class RenGenerator(DancerNetwork):
         """Noise (clips, frames, n) as torch's generator of random numbers has it now."""
         return self.params.noise_std * torch.randn(clips, frames, self.params.noise).to(self.bone_lengths.device)
 
+    @torch.no_grad()
+    def drawn(self, audio: Tensor, mask: Tensor, seed: int) -> Tensor:
+        """As `forward`, in evaluation mode, with noise drawn by `seed`: nothing is left out."""
+        was_training = self.training
+        with drawn_by(seed, mask.device):
+            code = self.eval()(audio, mask, self.noise(*mask.shape))
+        self.train(was_training)
+        return code
+
     def code(self, source: DanceInput, seed: int) -> FloatArray:
-        """The motion code (n_frames, C) of a dance (`danced_song`)."""
-        return danced_song(self, source, seed)
+        """The motion code (n_frames, C) of a dance: a song in one pass, its music and one draw of noise.
+
+        The generator knows no movement before the dance. Where `source` has one, the first moments go on from its end,
+        as at the borders of every other system.
+        """
+        audio = torch.from_numpy(source.audio)[None].to(self.bone_lengths.device)
+        scaled, scale = self.drawn(audio, audio.new_ones(audio.shape[:2]), seed)[0], self.motion_scale
+        begin, past = -source.first, source.prior[: -source.first]
+        dance = (scaled * scale.std + scale.mean).double().cpu().numpy()[begin : begin + source.n_frames]
+        return continued(past, dance, self.fps) if len(past) else dance
 
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:

@@ -15,7 +15,6 @@ Codes are motion codes in standard deviations; masks are 1 at real frames.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import torch
@@ -77,8 +76,8 @@ def perceptual_loss(maps: Sequence[Tensor], targets: Sequence[Tensor], weights: 
     maps, targets : a tensor (N, channels, frames, J) for each block
     weights : of the blocks
     """
-    differences = [(ours - theirs).abs().mean() for ours, theirs in zip(maps, targets, strict=True)]
-    return torch.stack([weight * each for weight, each in zip(weights, differences, strict=True)]).sum()
+    blocks = zip(weights, maps, targets, strict=True)
+    return torch.stack([weight * (ours - theirs).abs().mean() for weight, ours, theirs in blocks]).sum()
 
 
 def matching_loss(maps: Sequence[Map], targets: Sequence[Map]) -> Tensor:
@@ -134,8 +133,7 @@ def _over_frames(values: Tensor, mask: Tensor) -> Tensor:
 # One step of training on a part of a batch: the dance, and the terms of each player's loss.
 
 
-@dataclass(frozen=True, eq=False)
-class Networks:
+class Networks(NamedTuple):
     """A generator, those that judge it half a second at a time and as a whole, and the frozen ST-GCN."""
 
     generator: RenGenerator
@@ -172,15 +170,11 @@ def generator_terms(networks: Networks, dance: Danced, params: RenParams) -> Ter
     overall, mask = networks.overall, dance.mask
     with torch.no_grad():
         music = overall.music(dance.audio, mask)
-        recorded_maps, recorded_features = (
-            overall.maps(dance.target, mask),
-            networks.st_gcn.features(dance.target, mask),
-        )
-    maps = overall.maps(dance.code, mask)
-    features = networks.st_gcn.features(dance.code, mask)
+        recorded_maps, recorded = overall.maps(dance.target, mask), networks.st_gcn.features(dance.target, mask)
+    maps, features = overall.maps(dance.code, mask), networks.st_gcn.features(dance.code, mask)
     return {
         "pose": pose_loss(dance.code, dance.target, mask),
-        "perceptual": perceptual_loss(features, recorded_features, params.block_weights),
+        "perceptual": perceptual_loss(features, recorded, params.block_weights),
         "feature": matching_loss(maps, recorded_maps),
         "local": deceiving_loss(*networks.local(dance.code, mask)),
         "global": deceiving_loss(overall.judge(music, maps[-1])),
@@ -203,31 +197,20 @@ def global_terms(networks: Networks, dance: Danced) -> Terms:
     with drawn_by(dance.seed, mask.device), torch.autocast(mask.device.type, enabled=False):
         fixed_music = music.detach().float()
         penalty = gradient_penalty(
-            lambda code: overall.judge(fixed_music, overall.maps(code, mask)[-1]),
-            dance.target.float(),
-            fake.float(),
+            lambda code: overall.judge(fixed_music, overall.maps(code, mask)[-1]), dance.target.float(), fake.float(),
             mask,
-        )
+        )  # fmt: skip
     return {"critic_global": discriminator_loss(*verdicts), "penalty": penalty}
-
-
-@torch.no_grad()
-def danced_units(generator: RenGenerator, units: Tensors, *, seed: int) -> Tensor:
-    """Codes (N, T, C) in standard deviations of dances to units' music, as a song is danced: nothing left out."""
-    was_training = generator.training
-    with drawn_by(seed, units.mask.device):
-        code: Tensor = generator.eval()(units.audio, units.mask, generator.noise(*units.mask.shape))
-    generator.train(was_training)
-    return code
 
 
 @torch.no_grad()
 def speed_ratio(generator: RenGenerator, code: Tensor, units: Tensors) -> float:
     """Mean speed of the joints in codes (N, T, C, in standard deviations) over that of the recorded units."""
     scale = generator.motion_scale
-    pairs = ((units.mask[:, 1:] * units.mask[:, :-1])[..., None], code * scale.std + scale.mean, units.motion)
-    steps = [decode(each, generator.fps).diff(dim=1).norm(dim=-1) * pairs[0] for each in pairs[1:]]
-    return float(steps[0].sum() / steps[1].sum())
+    both = (units.mask[:, 1:] * units.mask[:, :-1])[..., None]
+    codes = (code * scale.std + scale.mean, units.motion)
+    danced, recorded = (decode(each, generator.fps).diff(dim=1).norm(dim=-1) * both for each in codes)
+    return float(danced.sum() / recorded.sum())
 
 
 ST_GCN = "st_gcn"
@@ -286,41 +269,28 @@ def _networks(units: UnitSet, train: Tensors, st_gcn: STGCN, params: RenParams) 
 def adversarial(networks: Networks, train: Tensors, validation: Tensors, params: RenParams) -> Phase:
     """Generator first, then the two discriminators, one step each on every batch; all learn from the same dances."""
     return Phase(
-        "adversarial",
-        params.epochs,
-        rate=lambda number: params.generator_rate,
-        modules=networks.modules(),
-        players=players(networks, params),
-        forward=lambda shard, last: danced(networks.generator, shard),
-        validate=lambda: validate(networks.generator, train, validation, params),
-        validate_every=VALIDATE_EVERY,
-    )
+        "adversarial", params.epochs, lambda number: params.generator_rate, networks.modules(),
+        players(networks, params), forward=lambda shard, last: danced(networks.generator, shard),
+        validate=lambda: validate(networks.generator, train, validation, params), validate_every=VALIDATE_EVERY,
+    )  # fmt: skip
 
 
 def players(networks: Networks, params: RenParams) -> list[Player]:
     """The generator, the local and the global discriminator, with their losses and rates."""
     terms = ("pose", "perceptual", "feature", "local", "global")
-    half = params.discriminator_weight
+    local, overall = (
+        [{"params": [*network.parameters()], "share": rate / params.generator_rate}]
+        for network, rate in ((networks.local, params.local_rate), (networks.overall, params.global_rate))
+    )
     return [
-        Player(
-            "generator",
-            [*networks.generator.parameters()],
-            lambda dance, shard, row: generator_terms(networks, dance, params),
-            {name: getattr(params, f"{name}_weight") for name in terms},
-        ),
-        Player(
-            "local",
-            [{"params": [*networks.local.parameters()], "share": params.local_rate / params.generator_rate}],
-            lambda dance, shard, row: local_terms(networks, dance),
-            {"critic_local": half},
-        ),
-        Player(
-            "overall",
-            [{"params": [*networks.overall.parameters()], "share": params.global_rate / params.generator_rate}],
-            lambda dance, shard, row: global_terms(networks, dance),
-            {"critic_global": half, "penalty": params.penalty_weight},
-        ),
-    ]
+        Player("generator", [*networks.generator.parameters()],
+               lambda dance, shard, row: generator_terms(networks, dance, params),
+               {name: getattr(params, f"{name}_weight") for name in terms}),
+        Player("local", local, lambda dance, shard, row: local_terms(networks, dance),
+               {"critic_local": params.discriminator_weight}),
+        Player("overall", overall, lambda dance, shard, row: global_terms(networks, dance),
+               {"critic_global": params.discriminator_weight, "penalty": params.penalty_weight}),
+    ]  # fmt: skip
 
 
 def validate(generator: RenGenerator, train: Tensors, validation: Tensors, params: RenParams) -> dict[str, float]:
@@ -331,7 +301,7 @@ def validate(generator: RenGenerator, train: Tensors, validation: Tensors, param
     dict of val_pose (L1 in standard deviations), val_speed (mean joint speed over the recorded one)
     """
     settle(generator, train.audio, train.mask, seed=params.seed)
-    code = danced_units(generator, validation, seed=params.seed)
+    code = generator.drawn(validation.audio, validation.mask, params.seed)
     generator.train()
     return {
         "val_pose": float(pose_loss(code, generator.motion_scale(validation.motion), validation.mask)),

@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import torch
+from torch import Tensor
 
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.lee2019 import train as lee
-from harmolab.systems.lee2019.networks import DancingToMusic
+from harmolab.systems.lee2019.networks import Code, DancingToMusic
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.lee2019.train import Lee2019, rebuilt, speed, train_lee2019
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.systems.ren2020.train import Ren2020, danced_units, pose_loss, speed_ratio, train_ren2020
+from harmolab.systems.ren2020.train import Ren2020, pose_loss, speed_ratio, train_ren2020
 from harmolab.systems.training.checkpoints import HISTORY
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.loop import Tensors
@@ -109,19 +111,35 @@ def entry_lee2019(network: DancingToMusic, split: Split) -> Asked:
     train, held_out = (lee.split_pieces(network, units) for units in (split.train, split.validation))
     pieces = train.poses.flatten(0, 1)
     again, still = rebuilt(network, pieces), pieces.mean(dim=1, keepdim=True).expand_as(pieces)
-    drawn, recorded = lee.drawn_movements(network, pieces), speed(network, pieces)
+    drawn, recorded = drawn_movements(network, pieces), speed(network, pieces)
     guess = Counter(unit.dance for unit in split.validation.units).most_common(1)[0][1] / len(held_out)
     error, right = lee.code_error(network, again, pieces), lee.critic_accuracy(network, held_out)
     values = {
         "L1 of rebuilt pieces over their own mean pose's": (error / lee.code_error(network, still, pieces), 0.0, 0.5),
         "speed of rebuilt pieces over recorded": (speed(network, again) / recorded, 0.7, 1.2),
         "speed of drawn movements over recorded": (speed(network, drawn) / recorded, 0.6, 1.2),
-        "divergence of z_move (nats)": (lee.movement_nats(network, pieces), 20.0, math.inf),
+        "divergence of z_move (nats)": (movement_nats(network, pieces), 20.0, math.inf),
         "dance told by style, over guessing": (lee.style_accuracy(network, held_out) / guess, 2.0, math.inf),
         "critic of units right": (right["units"], 0.55, 0.95),
         "critic of dances right": (right["dance"], 0.55, 0.95),
     }
     return _asked(values)
+
+
+@torch.no_grad()
+def drawn_movements(network: DancingToMusic, pieces: Tensor, seed: int = 0) -> Tensor:
+    """Units (N, 32, C) from the first poses of pieces and movements drawn from the standard normal."""
+    generator = torch.Generator().manual_seed(seed)
+    z_move = torch.randn(len(pieces), network.params.latent, generator=generator).to(pieces)
+    pairs = zip(pieces.split(lee.CHUNK), z_move.split(lee.CHUNK), strict=True)
+    return torch.cat([network.unit_decoder(network.poses(part[:, 0]).mean, code) for part, code in pairs])
+
+
+@torch.no_grad()
+def movement_nats(network: DancingToMusic, pieces: Tensor) -> float:
+    """Mean divergence of z_move from the standard normal, nats a piece."""
+    codes = [network.movements(part) for part in pieces.split(lee.CHUNK)]
+    return float(lee.divergence(Code(*(torch.cat(parts) for parts in zip(*codes, strict=True)))))
 
 
 def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) -> Asked:
@@ -139,8 +157,8 @@ def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) ->
     """
     train, test = Tensors.of(split.train), Tensors.of(split.test)
     target = network.motion_scale(train.motion)
-    one, other = (danced_units(network, train, seed=seed) for seed in (0, 1))
-    pace = speed_ratio(network, danced_units(network, test, seed=0), test)
+    one, other = (network.drawn(train.audio, train.mask, seed) for seed in (0, 1))
+    pace = speed_ratio(network, network.drawn(test.audio, test.mask, 0), test)
     mean_pose = float(pose_loss(target * 0, target, train.mask))
     rows = history[history["phase"] == "adversarial"]
     features = network.params.perceptual_weight * rows["perceptual"] + network.params.feature_weight * rows["feature"]

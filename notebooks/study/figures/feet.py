@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from study.figures.variants import Look, Table, draw_mean, rows_by_name
+from study.figures.variants import Look, draw_mean, rows_by_name
 from study.figures.words import corpus_words, count_words, sentence
 
 RECORDED, UNTOUCHED = "recorded", "no correction"
@@ -26,7 +26,7 @@ LINES: Mapping[str, dict[str, Any]] = MappingProxyType(
 _LEARNT_MARK: dict[str, Any] = {"marker": "x", "markersize": 7, "color": COLOURS["chance"], "markeredgewidth": 1.8}
 
 
-def draw_ways(ax: Axes, rows: Table, *, measure: str) -> Axes:
+def draw_ways(ax: Axes, rows: pd.DataFrame, *, measure: str) -> Axes:
     """A mark with its interval for each way to treat feet; lines: no correction, and recorded; crosses: figures learnt.
 
     Parameters
@@ -35,7 +35,7 @@ def draw_ways(ax: Axes, rows: Table, *, measure: str) -> Axes:
     rows : of one corpus and code, with "feet", "trainings", and of the measure the mean, low and high
     measure : name of a column
     """
-    every = pd.DataFrame(rows).set_index("feet")
+    every = rows.set_index("feet")
     table = every.drop(index=list(LINES))
     places = rows_by_name(ax, [*table.index], {feet: feet.replace(", ", ",\n") for feet in table.index})
     for feet, row in table.iterrows():
@@ -51,10 +51,9 @@ def draw_ways(ax: Axes, rows: Table, *, measure: str) -> Axes:
     return ax
 
 
-def ways_figure(rows: Table) -> Figure:
+def ways_figure(rows: pd.DataFrame) -> Figure:
     """`draw_ways` for error and sliding: a row of panels for each corpus and motion code of Table 2."""
-    every = pd.DataFrame(rows)
-    groups = every.groupby(["corpus", "code"], sort=False)
+    groups = rows.groupby(["corpus", "code"], sort=False)
     with styled_axes((9.2, 3.0 * len(groups) + 1.0), len(groups), len(MEASURES)) as (figure, axes):
         for line, ((corpus, code), table) in enumerate(groups):
             own = axes[len(MEASURES) * line : len(MEASURES) * (line + 1)]
@@ -71,7 +70,7 @@ def ways_figure(rows: Table) -> Figure:
             *(Line2D([], [], **look, label=name) for name, look in LINES.items()),
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
-        figure.suptitle(_ways_title(every), x=0.01, ha="left", fontsize=11.5)
+        figure.suptitle(_ways_title(rows), x=0.01, ha="left", fontsize=11.5)
     return figure
 
 

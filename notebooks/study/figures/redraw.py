@@ -64,13 +64,12 @@ def _music2dance_figures(tables: RunTables) -> dict[str, Figure]:
     params = Music2DanceParams.recommended()
     used = {name: getattr(params, name) for name in DRAWN}
     files = {length: f"m2d_{length.replace(' ', '_')}" for length in LENGTHS}
-    ways: list[Any] = tables["m2d_table02"].to_dict("records")
     return {
         **{file: music2dance.limits_figure(tables[f"{file}_table"], length=length) for length, file in files.items()},
         "m2d_chance": music2dance.chance_figure(tables["m2d_table_chance"], used=used),
         "m2d_fig06_machine_marks": music2dance.marks_figure(tables["m2d_table03_machine"], WEIGHTS, corpus=CORPUS),
         "m2d_table01_accuracy": attributes.accuracy_figure(tables["m2d_table01"], tables["m2d_table01b_differences"]),
-        "m2d_table02_foot_models": feet.ways_figure(ways),
+        "m2d_table02_foot_models": feet.ways_figure(tables["m2d_table02"]),
     }
 
 

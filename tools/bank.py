@@ -1,0 +1,99 @@
+"""The recorded banks that come with harmolab: `python -m tools.bank FOLDER STYLE OUT`.
+
+The folder has files such as cmu61_01_salsa.npz. Standing at the ends of a take, and parts that show no dance, are cut
+off; NOTICE beside the banks says what else was changed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from scipy.ndimage import binary_opening
+
+from harmolab.body.kinematics import joint_speed, smooth
+from harmolab.files import PathLike
+from harmolab.readers.motion import load_motion
+from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.choreographer.takes import Take, take_of
+from harmolab.types import Motion
+
+Hole = tuple[float, float]  # seconds, from and to
+
+# Style -> names of its takes: subject and take of the CMU database.
+TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "salsa": tuple(f"cmu61_{number:02d}" for number in (1, 2, 3, 4, 5, 6, 7, 9, 13, 14, 15)),
+        "indian": tuple(f"cmu94_{number:02d}" for number in (4, 6, 8, 13, 14, 15)),
+    }
+)
+# Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (with what little
+# comes after one of them), a knee that flips.
+HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
+    {"cmu61_09": ((41.2, 43.0),), "cmu61_14": ((7.5, 9.1),), "cmu61_13": ((33.9, 38.0),), "cmu94_04": ((12.7, 13.7),)}
+)
+STANDING = 0.5  # of a take's median speed: what is slower at its ends is standing
+SMOOTHING = 0.3  # seconds, standard deviation, of that speed
+KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
+SHORTEST = 2.0  # seconds of a part that is kept
+
+
+def write_bank(
+    takes: Mapping[str, Motion], out: PathLike, *, style: str = "", holes: Mapping[str, Sequence[Hole]] = HOLES
+) -> Choreographer:
+    """A choreographer of recorded takes without beats, saved in a folder, with limits of likeness that are their own.
+
+    Standing at the start and at the end of each take is cut off. The shipped banks are
+    ``write_bank(shipped_takes(folder, style), out, style=style)``.
+
+    Parameters
+    ----------
+    takes : name -> Motion, all of one skeleton
+    out : folder, made if need be
+    style : name of what is danced
+    holes : name -> parts (from, to), seconds, that are left out
+
+    Raises
+    ------
+    ValueError
+        If nothing is left, or skeletons differ.
+    """
+    parts = [part for name, motion in takes.items() for part in danced_parts(name, motion, holes.get(name, ()))]
+    choreographer = Choreographer([replace(part, dance=style) for part in parts])
+    choreographer.save(out)
+    return choreographer
+
+
+def shipped_takes(folder: PathLike, style: str) -> dict[str, Motion]:
+    """Name -> motion of the takes of a style, from a folder of files such as cmu61_01_salsa.npz."""
+    return {name: load_motion(Path(folder) / f"{name}_{style}.npz") for name in TAKES[style]}
+
+
+def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[Take]:
+    """The parts of a take that are danced: without standing at its ends, and without holes (from, to), seconds.
+
+    The parts of a take in several are numbered: "name, part 1". Parts of less than 2 s are left out.
+    """
+    first, last = dancing_span(motion)
+    edges = [first, *(edge for hole in sorted(holes) for edge in hole), last]
+    spans = [
+        (start, end - start) for start, end in zip(edges[::2], edges[1::2], strict=True) if end - start >= SHORTEST
+    ]
+    names = [name] if len(spans) == 1 else [f"{name}, part {number}" for number in range(1, len(spans) + 1)]
+    return [replace(take_of(motion.span(*span)), name=part) for part, span in zip(names, spans, strict=True)]
+
+
+def dancing_span(motion: Motion) -> tuple[float, float]:
+    """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
+    speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
+    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
+    moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
+    return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
+
+
+if __name__ == "__main__":
+    write_bank(shipped_takes(sys.argv[1], sys.argv[2]), sys.argv[3], style=sys.argv[2])
