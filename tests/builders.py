@@ -18,6 +18,7 @@ from harmolab.files import write_json
 from harmolab.musician.performances import ABOUT, MOTION, NOTES, Performance
 from harmolab.readers.audio import save_audio
 from harmolab.readers.motion import save_motion
+from harmolab.systems.training.units import DanceUnit, temporal_index
 from harmolab.types import BeatTrack, Clip, Motion
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -137,3 +138,11 @@ def refused(message: str, call: Callable[..., object], /, *arguments: Any, **opt
 def cases(names: str, *rows: object, **options: Any) -> pytest.MarkDecorator:
     """A test that is run once a row, its arguments these names: `pytest.mark.parametrize` of a written-out table."""
     return pytest.mark.parametrize(names, rows, **options)
+
+
+def dance_unit(name: str, motion: np.ndarray, n_prior: int, **fields: Any) -> DanceUnit:
+    """A unit of a waltz with this code (T, C), of which so many frames come before its meter; silent, without beats."""
+    none, frames = frozenset[str](), len(motion)
+    made = {"sequence": "s", "dance": "waltz", "groups": none, "meter_groups": none, "start": 0.0, "fps": 15.0}
+    arrays = {"audio": np.zeros((frames, 1), np.float32), "beats": np.zeros(0), "strengths": np.zeros(0)}
+    return DanceUnit(name=name, motion=motion, index=temporal_index(frames, n_prior), **made | arrays | fields)

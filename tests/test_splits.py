@@ -9,17 +9,14 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.units import DanceUnit, UnitSet
-from tests.builders import refused
-
-FPS = 2.0
+from tests.builders import dance_unit, refused
 
 
 def unit(place: int, groups: str, meter: str, *, dance: str = "waltz", sequence: str = "s", extra: bool = False):
     """A unit of 8 frames, 4 s, whose meter begins at `place` seconds; groups are single letters."""
-    frames = np.zeros((8, 1), np.float32)
-    return DanceUnit(
-        f"{sequence}:{place}{'+' * extra}", sequence, dance, frozenset(groups), frozenset(meter), place - 2.0, frames,
-        np.zeros((8, 6), np.float32), np.repeat([1.0, 0.0], 4).astype(np.float32), np.zeros(0), np.zeros(0), FPS, extra,
+    return dance_unit(
+        f"{sequence}:{place}{'+' * extra}", np.zeros((8, 6), np.float32), 4, sequence=sequence, dance=dance,
+        groups=frozenset(groups), meter_groups=frozenset(meter), start=place - 2.0, fps=2.0, extra=extra,
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from harmolab.systems.training.pose_network import PoseNet, load_pose_net
 from harmolab.systems.training.runs import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import save_weights
-from tests.builders import cases, refused
+from tests.builders import cases, dance_unit, refused
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 FEATURES = FeatureParams(n_mfcc=4, fps=10.0)
@@ -224,16 +224,11 @@ def test_a_generator_is_no_pose_network(stored: Path):
 
 def unit(name: str, dance: str, beats_before: int, frames_before: int) -> DanceUnit:
     """A unit of 8 beats and 40 frames whose code holds the number in its name everywhere."""
-    frames = 40
     beats = np.concatenate(
         [np.linspace(0, frames_before, beats_before, endpoint=False), np.linspace(frames_before, 40, 8 - beats_before)]
     ) / 15  # fmt: skip
-    index = (np.arange(frames) < frames_before).astype(np.float32)
-    motion = np.full((frames, C), float(name.rpartition("-")[2]), np.float32)
-    return DanceUnit(
-        name=name, sequence="s", dance=dance, groups=frozenset(), meter_groups=frozenset(), start=0.0, fps=15.0,
-        audio=np.zeros((frames, 3), np.float32), motion=motion, index=index, beats=beats, strengths=np.ones(8),
-    )  # fmt: skip
+    motion = np.full((40, C), float(name.rpartition("-")[2]), np.float32)
+    return dance_unit(name, motion, frames_before, dance=dance, beats=beats, strengths=np.ones(8))
 
 
 def units(*given: DanceUnit) -> UnitSet:
