@@ -52,7 +52,11 @@ def networks(split: Split) -> Networks:
 
 @pytest.fixture(scope="module")
 def batch(split: Split) -> Tensors:
-    return Tensors.of(split.train).take(torch.arange(4))
+    return units_at(split, [0, 1, 2, 3])
+
+
+def units_at(split: Split, numbers: list[int]) -> Tensors:
+    return Tensors.of(split.train).take(torch.tensor(numbers))
 
 
 def weights(module: torch.nn.Module) -> torch.Tensor:
@@ -160,19 +164,13 @@ def test_harmony_is_that_of_each_units_meter(networks: Networks, batch: Tensors,
 # Terms
 
 
-def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
-    made = danced(networks.generator, batch)
-    assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
+def test_terms_are_those_of_equation_32_and_ours_are_five_more(networks: Networks, batch: Tensors):
+    made, paper = danced(networks.generator, batch), {"kl", "mse", "feature", "gan", "harmony"}
+    ablation = replace(PAPER, harmony_weight=0.0)
+    for params, terms in ((PAPER, paper), (ablation, paper - {"harmony"}), (RECOMMENDED, TERMS)):
+        assert set(generator_terms(networks, made, batch, params, 0.5)) == terms
     assert set(pose_terms(networks.generator, made.own, batch, PAPER)) == {"kl", "mse"}
     assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
-
-
-def test_the_ablation_has_no_harmony_term_and_ours_has_five_more(networks: Networks, batch: Tensors):
-    made = danced(networks.generator, batch)
-    without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
-    assert set(without) == {"kl", "mse", "feature", "gan"}
-    ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
-    assert set(ours) == TERMS
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
@@ -182,7 +180,7 @@ def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batc
 
 
 def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
-    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    others = units_at(split, [1, 2, 3, 0])
     later = others.continued_from(batch.motion, batch.mask)
     own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
     after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
@@ -194,8 +192,8 @@ def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks,
 
 
 def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
-    first = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
-    small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
+    next_units, small, few = (units_at(split, numbers) for numbers in ([1, 2, 3, 0], [0, 1], [2, 3]))
+    first = danced(networks.generator, batch, next_units)
     later, _ = danced(networks.generator, small, few, first).later
     expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
     torch.testing.assert_close(later.initial, expected.initial)
@@ -203,7 +201,7 @@ def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks
 
 
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
-    both = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
+    both = danced(networks.generator, batch, units_at(split, [1, 2, 3, 0]))
     alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
     later, after = both.later
     judge = networks.spatial_temporal
@@ -231,7 +229,7 @@ def test_going_on_begins_with_the_last_frames_and_then_their_mean():
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
 def test_going_on_from_less_than_the_beats_before_is_finite(params: TrainParams, networks: Networks, split: Split):
-    batch = Tensors.of(split.train).take(torch.arange(2))
+    batch = units_at(split, [0, 1])
     short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
     harmony = generator_terms(networks, danced(networks.generator, short, short), short, params, 0.5)["harmony"]
     gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
@@ -295,10 +293,8 @@ def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
 def test_total_is_the_terms_by_the_weights_of_section_5_2(
     split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
 ):
-    rows = run(
-        fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13), tmp_path
-    )
-    pretrain, row = rows
+    once = replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13)
+    pretrain, row = run(fabric, networks, split, once, tmp_path)
     assert pretrain["total"] == pytest.approx(0.1 * pretrain["kl"] + pretrain["mse"], rel=1e-5)
     lambdas = {"kl": 1e-4, "mse": 1e-3, "feature": 1e-3, "harmony": 1.0, "gan": 1e-3}
     assert row["total"] == pytest.approx(sum(weight * row[name] for name, weight in lambdas.items()), rel=1e-5)
@@ -365,35 +361,19 @@ def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, network
 # Validation
 
 
-class _Echo(torch.nn.Module):
-    """Stands for a generator that dances as recorded."""
-
-    def __init__(self, networks: Networks, motion: torch.Tensor) -> None:
-        super().__init__()
-        self.known = networks.generator
-        self.motion = motion
-        self.fps, self.skeleton, self.motion_scale = self.known.fps, self.known.skeleton, self.known.motion_scale
-        self.positions = self.known.positions
-
-    def forward(self, audio: torch.Tensor, initial: torch.Tensor) -> GeneratorOutput:
-        return GeneratorOutput(self.motion, self.motion[..., :2])
-
-
 def test_recorded_motion_is_validated_without_error(split: Split, networks: Networks):
     units = Tensors.of(split.validation)
-    found = validate(_Echo(networks, units.motion), units, PAPER)
+    networks.generator.forward = lambda audio, initial: GeneratorOutput(
+        units.motion, units.motion
+    )  # dances as recorded
+    found = validate(networks.generator.train(), units, PAPER)
+    assert networks.generator.training
     # Nothing differs, so every frame adds epsilon.
     assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
     names = ("mse", "harmony", "hit_rate", "above_chance", "body_above_chance", "count_ratio", "spread", "turning")
     assert list(found) == [f"val_{name}" for name in names]
     assert found["val_spread"] == found["val_turning"] == pytest.approx(1)
     assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
-
-
-def test_validation_goes_on_in_training_mode(split: Split, networks: Networks):
-    networks.generator.train()
-    validate(networks.generator, Tensors.of(split.validation), PAPER)
-    assert networks.generator.training
 
 
 # A whole run

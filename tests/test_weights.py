@@ -215,10 +215,6 @@ def test_a_cut_off_file_is_refused(stored: Path, length: int):
     refused(r"arm\.safetensors: ", load_generator, stored)
 
 
-def test_a_generator_is_no_pose_network(stored: Path):
-    refused(r"arm\.safetensors: holds a Generator, not a PoseNet", load_pose_net, stored)
-
-
 # Movements a dance may start from: which are chosen, how they are stored, and what is refused
 
 

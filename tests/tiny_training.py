@@ -31,8 +31,8 @@ DANCER = Skeleton(("hips", "left_hip", "right_hip", "left_toe", "right_toe"), (-
 MODEL = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_epochs": 1, "batch_size": 4}
 PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
-# 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4. Two shards: a dance that goes on from itself makes rounding grow,
-# past 1e-4 within these few epochs; and path and spread compare whole shards.
+# 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4. A dance that goes on from itself makes rounding grow, past 1e-4
+# within these few epochs, and path and spread compare whole shards: so the recommended settings have two everywhere.
 CASES = {
     "paper": PAPER,
     "paper_shards": replace(PAPER, shards=2),

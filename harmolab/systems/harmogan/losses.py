@@ -557,17 +557,15 @@ def _natural_terms(
 def _variety_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
     """Energy, path and spread against the recorded units of the batch."""
     terms: dict[str, Tensor] = {}
+    target, counted = batch.motion, meter_mask(batch)
     if params.energy_weight:
-        ours, theirs = (seen_joints(generator, each, params) for each in (motion, batch.motion))
-        counted = batch.mask if params.harmony_frame == "room" else meter_mask(batch)
-        terms["energy"] = energy_loss(ours, theirs, counted)
+        ours, theirs = (seen_joints(generator, each, params) for each in (motion, target))
+        terms["energy"] = energy_loss(ours, theirs, batch.mask if params.harmony_frame == "room" else counted)
     if params.path_weight:
-        ours, theirs = (each[..., -PATH_CHANNELS:] for each in (motion, batch.motion))
-        terms["path"] = path_loss(ours, theirs, meter_mask(batch))
+        terms["path"] = path_loss(motion[..., -PATH_CHANNELS:], target[..., -PATH_CHANNELS:], counted)
     if params.spread_weight:
-        ours, theirs = local_joints(motion), local_joints(batch.motion)
-        ankles = _ankles(generator.skeleton)
-        terms["spread"] = spread_loss(ours, theirs, meter_mask(batch), fps=generator.fps, ankles=ankles)
+        ours, theirs, ankles = local_joints(motion), local_joints(target), _ankles(generator.skeleton)
+        terms["spread"] = spread_loss(ours, theirs, counted, fps=generator.fps, ankles=ankles)
     return terms
 
 
