@@ -306,7 +306,7 @@ def path_loss(path: Tensor, target: Tensor, counted: Tensor) -> Tensor:
     check_shapes(path, target, counted)
     clips = [_clip_places(each, counted)[:, None] for each in (path, target)]
     levels = ((path, target, counted), (*clips, counted.amax(dim=1, keepdim=True)))
-    squares = [[_mean(each.square(), here) for each in (ours, theirs)] for ours, theirs, here in levels]
+    squares = [[_mean(each.square(), weights) for each in (ours, theirs)] for ours, theirs, weights in levels]
     excess = [relu(_log_ratio(ours, theirs, STANDING**2) / 2).sum() for ours, theirs in squares]
     return excess[0] + excess[1]
 
@@ -368,7 +368,7 @@ def ankle_loss(joints: Tensor, target: Tensor, counted: Tensor, ankles: tuple[in
 
 
 def spread_and_turning(code: Tensor, counted: Tensor) -> tuple[Tensor, Tensor]:
-    """What motion codes (N, T, C) show over frames that count: two means.
+    """Two means of motion codes (N, T, C) over frames that count.
 
     The distance of the joints from their mean place in the clip, metres; and the size of the clips' mean yaw rate, in
     which there and back cancel.

@@ -143,8 +143,8 @@ class Generator(DancerNetwork):
     def _meter(self, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
         """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
         initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
-        given = (torch.from_numpy(each[None]).to(self.bone_lengths.device) for each in (music, initial))
-        code_of_meter: FloatArray = self(*given).motion[0, n_prior:].double().cpu().numpy()
+        inputs = (torch.from_numpy(each[None]).to(self.bone_lengths.device) for each in (music, initial))
+        code_of_meter: FloatArray = self(*inputs).motion[0, n_prior:].double().cpu().numpy()
         return code_of_meter
 
     def parameter_count(self) -> int:
