@@ -322,11 +322,14 @@ def test_a_phase_changes_its_own_networks_alone(
     assert all(share == 0 for name, share in shares.items() if name not in own)
 
 
-def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor]):
+def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor], tmp_path: Path):
     # 13 units in shards of 5, 4 and 4; rounding differs.
     one, three = trained("one"), trained("three", shards=3)
     assert not torch.equal(one, three)
     torch.testing.assert_close(one, three, rtol=1e-4, atol=1e-5)
+    histories = ((tmp_path / name / "history.csv").read_text().splitlines() for name in ("one", "three"))
+    errors, in_shards = ([float(row["mse"]) for row in csv.DictReader(history)] for history in histories)
+    assert in_shards == pytest.approx(errors, rel=1e-4)
 
 
 def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
