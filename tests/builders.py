@@ -18,6 +18,7 @@ from harmolab.files import write_json
 from harmolab.musician.performances import ABOUT, MOTION, NOTES, Performance
 from harmolab.readers.audio import save_audio
 from harmolab.readers.motion import save_motion
+from harmolab.systems.training.units import DanceUnit, temporal_index
 from harmolab.types import BeatTrack, Clip, Motion
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -151,3 +152,11 @@ def complaint(app: Typer, *arguments: object) -> str:
     result = called(app, *arguments, "--quiet")
     assert (result.exit_code, result.stdout, len(result.stderr.splitlines())) == (2, "", 1), result.output
     return result.stderr.removeprefix("harmolab: ").rstrip("\n")
+
+
+def dance_unit(name: str, motion: np.ndarray, n_prior: int, **fields: Any) -> DanceUnit:
+    """A unit of a waltz with this code (T, C), of which so many frames come before its meter; silent, without beats."""
+    none, frames = frozenset[str](), len(motion)
+    made = {"sequence": "s", "dance": "waltz", "groups": none, "meter_groups": none, "start": 0.0, "fps": 15.0}
+    arrays = {"audio": np.zeros((frames, 1), np.float32), "beats": np.zeros(0), "strengths": np.zeros(0)}
+    return DanceUnit(name=name, motion=motion, index=temporal_index(frames, n_prior), **made | arrays | fields)

@@ -3,8 +3,11 @@
 import json
 import os
 import pty
+import re
+import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,12 +51,6 @@ def run() -> Run:
             return CliRunner().invoke(app, [*map(str, arguments), "--accelerator", "cpu"], env={"COLUMNS": "200"})
 
     return invoke
-
-
-def test_train_is_a_command_of_harmolab():
-    from harmolab.cli import app
-
-    assert any(command.callback is train for command in app.registered_commands)
 
 
 def test_help_teaches(run: Run):
@@ -123,26 +120,22 @@ def test_a_choice_of_few_is_checked_before_any_work(option: str, value: str, cor
     assert told(result).startswith(f"harmolab: Invalid value for '{option}': '{value}' is not one of ")
 
 
-def test_a_missing_corpus_is_named(run: Run, tmp_path: Path):
-    assert str(tmp_path / "nowhere") in told(run(tmp_path / "nowhere", "--out", tmp_path / "run"))
+@cases(
+    "name, size, message",
+    ("nowhere", None, "nowhere: no such folder"),
+    ("empty", (0, 0.0), "empty: there is no sequence"),
+    ("short", (2, 2.0), "no unit to train on below .*short"),
+    ("few", (1, 10.0), "more recordings"),
+)
+def test_a_corpus_that_will_not_do_is_told(
+    name: str, size: tuple[int, float] | None, message: str, run: Run, tmp_path: Path
+):
+    if size is not None:
+        (tmp_path / name).mkdir()
+        if size[0]:
+            write_corpus(tmp_path / name, clips=size[0], seconds=size[1], fps=30.0, seed=2)
+    assert re.search(message, told(run(tmp_path / name, "--out", tmp_path / "run")))
     assert not (tmp_path / "run").exists()
-
-
-def test_an_empty_corpus_is_named(run: Run, tmp_path: Path):
-    (tmp_path / "empty").mkdir()
-    assert str(tmp_path / "empty") in told(run(tmp_path / "empty", "--out", tmp_path / "run"))
-    assert not (tmp_path / "run").exists()
-
-
-def test_recordings_too_short_for_a_unit_are_told(run: Run, tmp_path: Path):
-    short = write_corpus(tmp_path / "short", clips=2, seconds=2.0, fps=30.0, seed=2)
-    line = told(run(short, "--out", tmp_path / "run"))
-    assert "no unit to train on" in line and str(short) in line and not (tmp_path / "run").exists()
-
-
-def test_recordings_too_few_to_split_are_told(run: Run, tmp_path: Path):
-    few = write_corpus(tmp_path / "few", clips=1, seconds=10.0, fps=30.0, seed=2)
-    assert "more recordings" in told(run(few, "--out", tmp_path / "run")) and not (tmp_path / "run").exists()
 
 
 def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[Path, Result], run: Run):
@@ -152,24 +145,21 @@ def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[
     assert files(out) == before
 
 
-def test_resuming_with_other_settings_names_the_setting(trained: tuple[Path, Result], run: Run, corpus: Path):
+@cases(
+    "option, value, line",
+    ("--harmony-weight", 0, "settings.json: train.harmony_weight is 0.5, but 0.0 is asked for"),
+    ("--split-seed", 1, "split.json: "),
+)
+def test_resuming_with_another_setting_or_split_names_the_file(
+    option: str, value: int, line: str, trained: tuple[Path, Result], run: Run, corpus: Path
+):
     out, before = trained[0], files(trained[0])
-    line = told(run(corpus, "--out", out, "--resume", "--harmony-weight", 0))
-    assert f"{out / 'settings.json'}: train.harmony_weight is 0.5, but 0.0 is asked for" in line
-    assert files(out) == before
-
-
-def test_resuming_with_another_split_names_the_file(trained: tuple[Path, Result], run: Run, corpus: Path):
-    out, before = trained[0], files(trained[0])
-    assert f"{out / 'split.json'}: " in told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
+    assert f"{out}/{line}" in told(run(corpus, "--out", out, "--resume", option, value))
     assert files(out) == before
 
 
 def test_a_damaged_state_names_the_file(trained: tuple[Path, Result], run: Run, corpus: Path, tmp_path: Path):
-    out = tmp_path / "run"
-    out.mkdir()
-    for name, content in files(trained[0]).items():
-        (out / name).write_bytes(content)
+    out = shutil.copytree(trained[0], tmp_path / "run")
     (out / "state.safetensors").write_bytes((out / "state.safetensors").read_bytes()[:1000])
     before = files(out)
     assert told(run(corpus, "--out", out, "--resume")).startswith(f"harmolab: {out / 'state.safetensors'}: is damaged")
@@ -213,13 +203,7 @@ def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.Monk
 TERMS = {"kl": 0.01, "mse": 250.0, "feature": 50.0, "gan": 1.41, "harmony": -0.25, "smoothness": 0.5}
 TERMS |= {"energy": 0.2, "foot": 0.1}
 JUDGES = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
-SCORES = {
-    "val_mse": 260.0,
-    "val_harmony": 0.375,
-    "val_hit_rate": 0.5,
-    "val_above_chance": 0.125,
-    "val_count_ratio": 1.25,
-}
+SCORES = {"val_mse": 260.0, "val_harmony": 0.375, "val_hit_rate": 0.5, "val_above_chance": 0.125}
 
 
 def on_terminal(draw: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> str:
@@ -235,11 +219,9 @@ def on_terminal(draw: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> st
         terminal.flush()
         os.set_blocking(ours, False)
         shown = b""
-        while True:
-            try:
+        with suppress(BlockingIOError):
+            while True:
                 shown += os.read(ours, 65536)
-            except BlockingIOError:
-                break
     os.close(ours)
     return shown.decode()
 

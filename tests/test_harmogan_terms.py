@@ -6,21 +6,11 @@ import torch
 from torch import Tensor
 
 from harmolab.soft_score import SoftHarmony
-from harmolab.systems.harmogan.losses import (
-    above_chance_loss,
-    adversarial_value,
-    charbonnier_mse,
-    discriminator_loss,
-    energy_loss,
-    feature_loss,
-    foot_loss,
-    generator_gan_loss,
-    harmony_loss,
-    jerk_loss,
-    kl_loss,
-)
+from harmolab.systems.harmogan import losses
 from harmolab.systems.training.loop import total_loss
-from tests.builders import refused
+from tests.builders import cases, refused
+
+FPS = 10.0
 
 
 def soft(**known: list[float]) -> SoftHarmony:
@@ -34,12 +24,23 @@ def number(value: Tensor) -> float:
     return float(value.detach())
 
 
+def ones(motion: Tensor) -> Tensor:
+    return torch.ones(motion.shape[:2])
+
+
+def path_cost(path: Tensor, recorded: Tensor) -> float:
+    return number(losses.path_loss(path, recorded, ones(path)))
+
+
+def spread(joints: Tensor, recorded: Tensor) -> float:
+    return number(losses.spread_loss(joints, recorded, ones(joints), fps=FPS))
+
+
+def ankles(joints: Tensor, recorded: Tensor) -> float:
+    return number(losses.ankle_loss(joints, recorded, ones(joints), (0, 1)))
+
+
 # Pose losses
-
-
-def test_equal_poses_do_not_diverge():
-    flat = torch.rand(2, 5, 4, 2)
-    assert number(kl_loss(flat, flat, torch.ones(2, 5))) == 0
 
 
 def test_kl_is_that_of_the_gaussians_drawn_out():
@@ -48,31 +49,33 @@ def test_kl_is_that_of_the_gaussians_drawn_out():
     here, there = torch.tensor([0.05, 0.0]), torch.tensor([0.0, 0.05])
     p, q = (torch.softmax((-(grid - mean).square().sum(dim=-1) / (2 * 0.1**2)).flatten(), 0) for mean in (here, there))
     expected = (p * (p.clamp(min=1e-30) / q.clamp(min=1e-30)).log()).sum()
-    found = kl_loss(there[None, None, None], here[None, None, None], torch.ones(1, 1))
+    found = losses.kl_loss(there[None, None, None], here[None, None, None], torch.ones(1, 1))
     assert number(found) == pytest.approx(number(expected), rel=1e-3)
 
 
 def test_a_pose_shifted_as_a_whole_diverges():
     flat = torch.rand(1, 2, 3, 2)
     # |(0.1, 0)|^2 / (2 * 0.1^2) = 0.5 nats for every joint.
-    assert number(kl_loss(flat + torch.tensor([0.1, 0.0]), flat, torch.ones(1, 2))) == pytest.approx(0.5, rel=1e-4)
+    assert number(losses.kl_loss(flat + torch.tensor([0.1, 0.0]), flat, torch.ones(1, 2))) == pytest.approx(
+        0.5, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("loss", ["kl", "mse", "jerk", "foot"])
 def test_padded_frames_do_not_count(loss: str):
     torch.manual_seed(0)
-    ours, theirs = torch.rand(2, 12, 3, 3), torch.rand(2, 12, 3, 3)
+    ours, theirs = torch.rand(2, 2, 12, 3, 3) * torch.tensor([1.0, 0.1, 1.0])  # near the floor
     mask = (torch.arange(12) < torch.tensor([[12], [7]])).float()
     junk = torch.where(mask[..., None, None] > 0, ours, 9 * torch.rand(2, 12, 3, 3))
 
     def value(motion: Tensor) -> Tensor:
         if loss == "kl":
-            return kl_loss(motion[..., :2], theirs[..., :2], mask)
+            return losses.kl_loss(motion[..., :2], theirs[..., :2], mask)
         if loss == "mse":
-            return charbonnier_mse(motion.flatten(2), theirs.flatten(2), torch.zeros(2, 12), mask)
+            return losses.charbonnier_mse(motion.flatten(2), theirs.flatten(2), torch.zeros(2, 12), mask)
         if loss == "jerk":
-            return jerk_loss(motion, 0.1 * theirs, mask, fps=15.0)
-        return foot_loss(motion, 0.1 * theirs, mask, feet=[0, 2], fps=15.0, height=0.1)
+            return losses.jerk_loss(motion, 0.1 * theirs, mask, fps=15.0)
+        return losses.foot_loss(motion, 0.1 * theirs, mask, feet=[0, 2], fps=15.0)
 
     assert number(value(ours)) > 0
     torch.testing.assert_close(value(junk), value(ours))
@@ -80,15 +83,15 @@ def test_padded_frames_do_not_count(loss: str):
 
 def test_gradient_is_finite_where_nothing_differs():
     motion = torch.zeros(2, 6, 9, requires_grad=True)
-    charbonnier_mse(motion, torch.zeros(2, 6, 9), torch.zeros(2, 6), torch.ones(2, 6)).backward()
+    losses.charbonnier_mse(motion, torch.zeros(2, 6, 9), torch.zeros(2, 6), torch.ones(2, 6)).backward()
     torch.testing.assert_close(motion.grad, torch.zeros(2, 6, 9))
 
 
 def test_features_of_layers_of_different_size_weigh_alike():
     small = torch.zeros(3, 2, 5, 4), torch.ones(3, 2, 5, 4)
     large = torch.zeros(3, 8, 5, 16), torch.ones(3, 8, 5, 16)
-    alone = feature_loss([small[0]], [small[1]], epsilon=0.0)
-    both = feature_loss([small[0], large[0]], [small[1], large[1]], epsilon=0.0)
+    alone = losses.feature_loss([small[0]], [small[1]], epsilon=0.0)
+    both = losses.feature_loss([small[0], large[0]], [small[1], large[1]], epsilon=0.0)
     assert number(alone) == number(both) == pytest.approx(5)  # five frames, 1 each
 
 
@@ -97,27 +100,27 @@ def test_features_of_layers_of_different_size_weigh_alike():
 
 def test_the_root_of_the_counts_is_smooth_where_they_agree():
     visual = torch.tensor([5.0], requires_grad=True)
-    harmony_loss(SoftHarmony(**{**vars(soft(n_audio=[5.0])), "n_visual": visual})).backward()
+    losses.harmony_loss(SoftHarmony(**{**vars(soft(n_audio=[5.0])), "n_visual": visual})).backward()
     assert number(visual.grad) == 0
 
 
 def test_count_weight_weighs_the_count_alone():
     score = soft(hitting_score=[2.0], n_visual=[9.0], n_audio=[9.0 - np.sqrt(15)])
     # (15 + 1)^(1/4) - 1 = 1.
-    assert number(harmony_loss(score)) == pytest.approx(-2 + 1, abs=1e-5)
-    assert number(harmony_loss(score, count_weight=0.5)) == pytest.approx(-2 + 0.5, abs=1e-5)
+    assert number(losses.harmony_loss(score)) == pytest.approx(-2 + 1, abs=1e-5)
+    assert number(losses.harmony_loss(score, count_weight=0.5)) == pytest.approx(-2 + 0.5, abs=1e-5)
 
 
 def test_above_chance_loss_by_hand():
     # Clip 1: -0.5 + ln((7 + 1) / (3 + 1))^2; clip 2: without music beats, 0. Mean over two.
     score = soft(above_chance=[0.5, 0.0], n_visual=[7.0, 6.0], n_audio=[3.0, 0.0])
-    assert number(above_chance_loss(score)) == pytest.approx((np.log(2) ** 2 - 0.5) / 2)
-    assert number(above_chance_loss(score, count_weight=0.0)) == pytest.approx(-0.25)
+    assert number(losses.above_chance_loss(score)) == pytest.approx((np.log(2) ** 2 - 0.5) / 2)
+    assert number(losses.above_chance_loss(score, count_weight=0.0)) == pytest.approx(-0.25)
 
 
 def test_twice_and_half_the_beats_cost_the_same():
     many, few = (soft(above_chance=[0.0], n_visual=[visual], n_audio=[9.0]) for visual in (19.0, 4.0))
-    assert number(above_chance_loss(many)) == pytest.approx(number(above_chance_loss(few)))
+    assert number(losses.above_chance_loss(many)) == pytest.approx(number(losses.above_chance_loss(few)))
 
 
 # Adversarial
@@ -125,37 +128,21 @@ def test_twice_and_half_the_beats_cost_the_same():
 
 def test_a_sure_critic_stays_finite():
     logits = torch.tensor([200.0, -200.0], requires_grad=True)
-    loss = discriminator_loss(logits, -logits) + generator_gan_loss(logits, logits)
+    loss = losses.discriminator_loss(logits, -logits) + losses.generator_gan_loss(logits, logits)
     loss.backward()
     assert torch.isfinite(loss)
     assert torch.isfinite(logits.grad).all()
 
 
-def test_a_discriminator_that_guesses_is_worth_two_bits():
-    zero = torch.zeros(4)
-    assert number(discriminator_loss(zero, zero)) == pytest.approx(2 * np.log(2))
-    assert number(adversarial_value(zero, zero)) == pytest.approx(-2 * np.log(2))
-
-
-def test_the_generator_gains_by_being_believed():
-    believed, found_out = torch.full((3,), 2.0), torch.full((3,), -2.0)
-    assert number(generator_gan_loss(believed, believed)) < number(generator_gan_loss(found_out, believed))
-
-
 # What the paper does not have
 
 
-def test_jerk_no_greater_than_the_recorded_costs_nothing():
+@cases("factor, cost", (0.5, 0), (1, 0), (3, 2))
+def test_only_more_jerk_than_the_recorded_costs(factor: float, cost: float):
     torch.manual_seed(1)
     motion = torch.rand(2, 20, 3, 3)
-    assert number(jerk_loss(motion, motion, torch.ones(2, 20), fps=15.0)) == pytest.approx(0, abs=1e-6)
-    assert number(jerk_loss(0.5 * motion, motion, torch.ones(2, 20), fps=15.0)) == 0
-
-
-def test_thrice_the_jerk_costs_two():
-    torch.manual_seed(1)
-    motion = torch.rand(2, 20, 3, 3)
-    assert number(jerk_loss(3 * motion, motion, torch.ones(2, 20), fps=15.0)) == pytest.approx(2, rel=1e-5)
+    loss = losses.jerk_loss(factor * motion, motion, torch.ones(2, 20), fps=15.0)
+    assert number(loss) == pytest.approx(cost, rel=1e-5, abs=1e-6)
 
 
 def test_jerk_of_a_cubic_by_hand():
@@ -163,36 +150,32 @@ def test_jerk_of_a_cubic_by_hand():
     time = torch.arange(30, dtype=torch.float64) / 25
     motion = torch.zeros(1, 30, 1, 3, dtype=torch.float64)
     motion[0, :, 0, 0] = time**3
-    loss = jerk_loss(motion, torch.zeros_like(motion), torch.ones(1, 30), fps=25.0)
+    loss = losses.jerk_loss(motion, torch.zeros_like(motion), torch.ones(1, 30), fps=25.0)
     assert number(loss) == pytest.approx(5, rel=1e-6)
 
 
 def test_too_short_a_clip_has_no_jerk():
     motion = torch.rand(1, 3, 2, 3, requires_grad=True)
-    loss = jerk_loss(motion, torch.zeros(1, 3, 2, 3), torch.ones(1, 3), fps=15.0)
+    loss = losses.jerk_loss(motion, torch.zeros(1, 3, 2, 3), torch.ones(1, 3), fps=15.0)
     loss.backward()
     assert number(loss) == 0
     assert torch.isfinite(motion.grad).all()
 
 
 def test_twice_as_much_movement_and_half_as_much_cost_the_same():
-    still = torch.zeros(1, 5, 2, 3)
-    moving = still.clone()
+    still = torch.zeros(1, 5, 2, 3, requires_grad=True)
+    moving = torch.zeros(1, 5, 2, 3)
     moving[0, :, :, 0] = 0.2 * torch.arange(5.0)[:, None]
     mask = torch.ones(1, 5)
     for factor in (0.5, 2.0):
-        assert number(energy_loss(factor * moving, moving, mask)) == pytest.approx(np.log(2), rel=1e-4)
-    assert number(energy_loss(moving, moving, mask)) == 0
-    assert number(energy_loss(still, still, mask)) == 0
+        assert number(losses.energy_loss(factor * moving, moving, mask)) == pytest.approx(np.log(2), rel=1e-4)
+    assert number(losses.energy_loss(moving, moving, mask)) == 0
+    assert number(losses.energy_loss(still, still, mask)) == 0
+    losses.energy_loss(still, moving, mask).backward()
+    assert torch.isfinite(still.grad).all()
     cut = moving.clone()
     cut[0, 3:] = 9.0  # padding
-    assert number(energy_loss(cut, moving, torch.tensor([[1.0, 1, 1, 0, 0]]))) == 0
-
-
-def test_standing_still_has_a_finite_gradient():
-    still = torch.zeros(1, 5, 2, 3, requires_grad=True)
-    energy_loss(still, torch.rand(1, 5, 2, 3), torch.ones(1, 5)).backward()
-    assert torch.isfinite(still.grad).all()
+    assert number(losses.energy_loss(cut, moving, torch.tensor([[1.0, 1, 1, 0, 0]]))) == 0
 
 
 def foot_on_the_floor() -> tuple[Tensor, Tensor]:
@@ -207,22 +190,22 @@ def foot_on_the_floor() -> tuple[Tensor, Tensor]:
 def test_a_foot_slides_only_while_the_recorded_one_stands():
     sliding, target = foot_on_the_floor()
     # Three steps on the floor at 0.1 m * 10 Hz = 1 m/s; in the air it may move.
-    assert number(foot_loss(sliding, target, torch.ones(1, 8), feet=[1], fps=10.0)) == pytest.approx(1)
+    assert number(losses.foot_loss(sliding, target, torch.ones(1, 8), feet=[1], fps=10.0)) == pytest.approx(1)
     late = target.clone()
     late[0, 4:, 1, 0] = torch.arange(4.0)
-    assert number(foot_loss(late, target, torch.ones(1, 8), feet=[1], fps=10.0)) == 0
+    assert number(losses.foot_loss(late, target, torch.ones(1, 8), feet=[1], fps=10.0)) == 0
 
 
 def test_a_foot_may_slide_as_fast_as_the_recorded_one():
     sliding, _ = foot_on_the_floor()
-    assert number(foot_loss(sliding, sliding, torch.ones(1, 8), feet=[1], fps=10.0)) == 0
+    assert number(losses.foot_loss(sliding, sliding, torch.ones(1, 8), feet=[1], fps=10.0)) == 0
 
 
 def test_up_and_down_is_no_slide():
     target = torch.zeros(1, 8, 1, 3)
     bouncing = target.clone()
     bouncing[0, ::2, 0, 1] = 0.01
-    assert number(foot_loss(bouncing, target, torch.ones(1, 8), feet=[0], fps=10.0)) == 0
+    assert number(losses.foot_loss(bouncing, target, torch.ones(1, 8), feet=[0], fps=10.0)) == 0
 
 
 def test_in_another_dance_a_foot_stands_where_it_is_on_the_floor_itself():
@@ -232,7 +215,7 @@ def test_in_another_dance_a_foot_stands_where_it_is_on_the_floor_itself():
         return motion
 
     def loss(ours: torch.Tensor, theirs: torch.Tensor) -> float:
-        return number(foot_loss(ours, theirs, torch.ones(1, 8), feet=[0], fps=10.0, same_dance=False))
+        return number(losses.foot_loss(ours, theirs, torch.ones(1, 8), feet=[0], fps=10.0, same_dance=False))
 
     assert loss(sliding(0.5), sliding(0.2)) == pytest.approx(0.3)
     assert loss(sliding(0.2), sliding(0.5)) == 0
@@ -249,19 +232,171 @@ def test_in_another_dance_a_foot_stands_where_it_is_on_the_floor_itself():
 def test_terms_and_weights_must_name_each_other():
     term = torch.tensor(1.0)
     refused("no weight for the loss terms gan; weights are mse", total_loss, {"mse": term, "gan": term}, {"mse": 1.0})
-    with pytest.raises(ValueError, match="no loss term for the weights harmony; terms are mse"):
-        total_loss({"mse": term}, {"mse": 1.0, "harmony": 1.0})
+    message = "no loss term for the weights harmony; terms are mse"
+    refused(message, total_loss, {"mse": term}, {"mse": 1.0, "harmony": 1.0})
     refused("there is no loss term to add up", total_loss, {}, {})
     assert number(total_loss({"mse": term}, {"mse": 2.0, "harmony": 0.0})) == 2
 
 
 def test_shapes_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"one shape \(N, T, ...\), got \(1, 4, 3, 2\) and \(1, 5, 3, 2\)"):
-        kl_loss(torch.rand(1, 4, 3, 2), torch.rand(1, 5, 3, 2), torch.ones(1, 4))
-    with pytest.raises(ValueError, match=r"mask must be \(1, 4\), one entry per frame; got \(1, 5\)"):
-        charbonnier_mse(torch.rand(1, 4, 3), torch.rand(1, 4, 3), torch.zeros(1, 4), torch.ones(1, 5))
-    with pytest.raises(ValueError, match="spread must be positive, got 0"):
-        kl_loss(torch.rand(1, 4, 3, 2), torch.rand(1, 4, 3, 2), torch.ones(1, 4), spread=0)
-    refused("feature maps must be two equal lists of layers", feature_loss, [torch.rand(1, 2, 3)], [])
-    with pytest.raises(ValueError, match="foot_loss needs the indices of the feet, got none"):
-        foot_loss(torch.rand(1, 4, 3, 3), torch.rand(1, 4, 3, 3), torch.ones(1, 4), feet=[], fps=15.0)
+    four, five, one = torch.rand(1, 4, 3, 3), torch.rand(1, 5, 3, 3), torch.ones(1, 4)
+    refused(r"one shape \(N, T, ...\), got \(1, 4, 3, 3\) and \(1, 5, 3, 3\)", losses.kl_loss, four, five, one)
+    message = r"mask must be \(1, 4\), one entry per frame; got \(1, 5\)"
+    refused(message, losses.charbonnier_mse, four, four, one, torch.ones(1, 5))
+    refused("feature maps must be two equal lists of layers", losses.feature_loss, [torch.rand(1, 2, 3)], [])
+    refused("foot_loss needs the indices of the feet, got none", losses.foot_loss, four, four, one, feet=[], fps=15.0)
+
+
+# Path, spread and ankles
+
+
+def dance(seed: int = 0) -> Tensor:
+    """Three clips of 40 frames of four joints that wander about places 0.3 m apart."""
+    torch.manual_seed(seed)
+    return 0.3 * torch.randn(3, 1, 4, 3) + 0.05 * torch.randn(3, 40, 4, 3).cumsum(dim=1)
+
+
+# Path
+
+
+def going(side: float, forward: float, yaw: float) -> Tensor:
+    """Two clips of six frames that go on and on at these rates."""
+    return torch.tensor([side, forward, yaw]).expand(2, 6, 3).clone()
+
+
+def test_the_recorded_path_and_less_of_it_cost_nothing():
+    path = torch.randn(2, 30, 3)
+    assert path_cost(path, path) == 0
+    assert path_cost(0.5 * path, path) == 0
+
+
+def test_turning_five_times_as_fast_costs_by_hand():
+    # Rates of .05 count beside the true ones: sqrt((5^2 + .05^2) / (1^2 + .05^2)), of frames and of clips.
+    slow, fast = going(0.2, 0.0, 1.0), going(0.2, 0.0, 5.0)
+    expected = 2 * np.log(np.sqrt((25 + 0.05**2) / (1 + 0.05**2)))
+    assert path_cost(fast, slow) == pytest.approx(expected, rel=1e-5)
+
+
+def test_to_sway_costs_less_than_to_circle():
+    recorded = going(0.0, 0.0, 0.1)
+    circling, swaying = going(0.0, 0.0, 2.0), going(0.0, 0.0, 2.0)
+    swaying[:, ::2] *= -1
+    assert path_cost(swaying, recorded) < path_cost(circling, recorded)
+
+
+# Spread
+
+
+def test_the_recorded_batch_itself_has_the_right_spread():
+    motion = dance()
+    assert number(losses.spread_loss(motion, motion, ones(motion), fps=FPS, ankles=(0, 1))) == 0
+
+
+def test_a_statue_on_the_mean_pose_lacks_time_and_speed():
+    motion = dance()
+    statue = motion.mean(dim=1, keepdim=True).expand_as(motion)
+    variance = (motion - statue).square().sum(dim=-1).mean(dim=(0, 1))
+    speed = (motion.diff(dim=1) * FPS).norm(dim=-1).mean(dim=(0, 1))
+    expected = torch.log(variance / 1e-4 + 1).mean() + 2 * torch.log(speed / 0.01 + 1).mean()
+    assert spread(statue, motion) == pytest.approx(number(expected), rel=1e-4)
+
+
+def test_twice_the_spread_costs_as_much_as_half_of_it():
+    # All of it a movement in time about one place: 4 times the variance, twice the speed; 1 cm counts beside them.
+    motion = 100 * (dance() - dance().mean(dim=1, keepdim=True))
+    expected = np.log(4) + 2 * np.log(2)
+    for factor in (0.5, 2.0):
+        assert spread(factor * motion, motion) == pytest.approx(expected, rel=1e-3)
+
+
+def test_clips_that_are_all_alike_cost_what_lies_between_the_recorded():
+    motion = dance()
+    places = motion.mean(dim=1, keepdim=True)
+    alike = motion - places + places.mean(dim=0, keepdim=True)
+    expected = torch.log((places - places.mean(dim=0)).square().sum(dim=-1).mean(dim=(0, 1)) / 1e-4 + 1).mean()
+    assert spread(alike, motion) == pytest.approx(number(expected), rel=1e-4)
+
+
+def test_one_standard_deviation_away_costs_one():
+    motion = 100 * dance()
+    deviation = motion.flatten(0, 1).std(dim=0, correction=0)
+    assert spread(motion + deviation, motion) == pytest.approx(1, rel=1e-3)
+
+
+@pytest.mark.parametrize("loss", ["path", "spread"])
+def test_what_does_not_count_does_not_matter(loss: str):
+    ours, theirs = dance(1), dance(2)
+    counted = torch.ones(3, 40)
+    counted[0, 30:] = counted[1, :10] = 0
+    junk = torch.where(counted[..., None, None] > 0, ours, 9 * torch.rand_like(ours))
+
+    def value(motion: Tensor) -> Tensor:
+        if loss == "path":
+            return losses.path_loss(motion[:, :, 0], 0.1 * theirs[:, :, 0], counted)
+        return losses.spread_loss(motion, theirs, counted, fps=FPS, ankles=(2, 3))
+
+    assert number(value(ours)) > 0
+    torch.testing.assert_close(value(junk), value(ours))
+
+
+def test_spread_and_turning_by_hand():
+    motion = torch.zeros(2, 5, 1, 3)
+    motion[0, :, 0, 0] = torch.tensor([-1.0, 1.0, -1.0, 1.0, 9.0])
+    counted = torch.tensor([[1.0, 1, 1, 1, 0], [1, 1, 1, 1, 0]])
+    code = torch.cat([motion.flatten(2), torch.zeros(2, 5, 2), motion[:, :, 0, :1]], dim=-1)
+    distance, turning = losses.spread_and_turning(code, counted)
+    assert number(distance) == pytest.approx(0.5)  # one clip 1 m about its mean, one at rest
+    assert number(turning) == 0  # there and back
+    assert number(losses.spread_and_turning(code.abs(), counted)[1]) == pytest.approx(0.5)
+
+
+# Ankles
+
+
+def standing(left: tuple[float, float], right: tuple[float, float]) -> Tensor:
+    """A clip of five frames with the ankles at these places (x, z) on the floor."""
+    places = torch.tensor([[left[0], 0.1, left[1]], [right[0], 0.1, right[1]]])
+    return places.expand(1, 5, 2, 3).clone()
+
+
+def test_ankles_by_hand():
+    recorded = standing((0.2, 0.0), (-0.2, 0.0))
+    closer = standing((0.1, 0.0), (-0.1, 0.0))  # .2 m nearer to each other, .2 m less to the side
+    crossed = standing((-0.2, 0.0), (0.2, 0.0))  # as far apart, .8 m on the other side, .4 m crossed
+    assert ankles(recorded, recorded) == 0
+    assert ankles(closer, recorded) == pytest.approx((0.2 + 0.2) / 0.1, rel=1e-5)
+    assert ankles(crossed, recorded) == pytest.approx((0.8 + 4) / 0.1, rel=1e-5)
+    # Ankles that cross less than the recorded ones: only their side is other.
+    assert ankles(recorded, crossed) == pytest.approx(0.8 / 0.1, rel=1e-5)
+
+
+def test_feet_that_never_step_cost_the_steps():
+    recorded = standing((0.2, 0.0), (-0.2, 0.0))
+    recorded[:, :, 0, 0] += 0.1 * torch.tensor([-1.0, 1.0, 0.0, 1.0, -1.0])
+    still = standing((0.2, 0.0), (-0.2, 0.0))
+    deviation = 0.1 * np.sqrt(0.8)
+    expected = np.log(np.sqrt((deviation**2 + 0.01**2) / 0.01**2))
+    assert ankles(still, recorded) == pytest.approx(expected, rel=1e-4)
+
+
+# At rest
+
+
+def test_gradients_are_finite_where_nothing_moves():
+    still = torch.zeros(2, 6, 2, 3, requires_grad=True)
+    path = torch.zeros(2, 6, 3, requires_grad=True)
+    for recorded in (torch.zeros(2, 6, 2, 3), torch.rand(2, 6, 2, 3)):
+        losses.spread_loss(still, recorded, ones(recorded), fps=FPS, ankles=(0, 1)).backward()
+        losses.path_loss(path, recorded[:, :, 0], ones(recorded)).backward()
+    assert torch.isfinite(still.grad).all()
+    assert torch.isfinite(path.grad).all()
+
+
+def test_nothing_counted_costs_nothing():
+    motion = dance().requires_grad_()
+    loss = losses.spread_loss(motion, dance(1), torch.zeros(3, 40), fps=FPS) + losses.path_loss(
+        motion[:, :, 0], dance(1)[:, :, 0], torch.zeros(3, 40)
+    )
+    loss.backward()
+    assert number(loss) == 0
+    assert torch.isfinite(motion.grad).all()

@@ -11,21 +11,13 @@ import pytest
 import torch
 from lightning_fabric import Fabric
 
+from harmolab.params import HarmonyParams
+from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan import train as harmogan
-from harmolab.systems.harmogan.losses import (
-    Danced,
-    Networks,
-    body_joints,
-    danced,
-    discriminator_loss,
-    discriminator_terms,
-    generator_terms,
-    meter_span,
-    pose_terms,
-)
-from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
+from harmolab.systems.harmogan.losses import Danced, danced, discriminator_terms, generator_terms, pose_terms
+from harmolab.systems.harmogan.networks import GeneratorOutput, Networks, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
-from harmolab.systems.harmogan.train import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
+from harmolab.systems.harmogan.train import adversarial_rate, phases, pretrain_rate, train_harmogan, validate
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import local_joints
@@ -37,10 +29,8 @@ from tests.builders import cases, refused
 
 PAPER: TrainParams = tiny.PAPER
 RECOMMENDED: TrainParams = tiny.RECOMMENDED
-OTHERS = [
-    f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot", "path", "spread")
-]  # beside pose and harmony
 MODEL: ModelParams = tiny.MODEL
+TERMS = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
 
 
 @pytest.fixture(scope="module")
@@ -57,12 +47,16 @@ def fabric() -> Fabric:
 def networks(split: Split) -> Networks:
     torch.manual_seed(0)
     pose_net = PoseNet(split.train.skeleton, fps=split.train.features.fps).eval().requires_grad_(False)
-    return _networks(split.train, Tensors.of(split.train), MODEL, pose_net, seed=1)
+    return Networks.fresh(split.train, Tensors.of(split.train), MODEL, pose_net, seed=1)
 
 
 @pytest.fixture(scope="module")
 def batch(split: Split) -> Tensors:
-    return Tensors.of(split.train).take(torch.arange(4))
+    return units_at(split, [0, 1, 2, 3])
+
+
+def units_at(split: Split, numbers: list[int]) -> Tensors:
+    return Tensors.of(split.train).take(torch.tensor(numbers))
 
 
 def weights(module: torch.nn.Module) -> torch.Tensor:
@@ -72,21 +66,15 @@ def weights(module: torch.nn.Module) -> torch.Tensor:
 # Schedule
 
 
-@pytest.mark.parametrize(
-    ("epoch", "rate"),
-    [(0, 1e-3), (49, 1e-3), (50, 5e-4), (99, 5e-4), (100, 1e-4), (150, 2e-5), (200, 1e-5), (224, 1e-5), (400, 1e-5)],
-)
-def test_pretraining_rate_falls_every_50_epochs(epoch: int, rate: float):
+def test_pretraining_rate_falls_every_50_epochs():
     # 0.001, times 0.5, 0.2, 0.2, 0.5 in this order; the last one stays.
-    assert pretrain_rate(epoch, TrainParams.paper()) == pytest.approx(rate)
+    rates = [pretrain_rate(epoch, TrainParams.paper()) for epoch in (0, 49, 50, 99, 100, 150, 200, 400)]
+    assert rates == pytest.approx([1e-3, 1e-3, 5e-4, 5e-4, 1e-4, 2e-5, 1e-5, 1e-5])
 
 
-@pytest.mark.parametrize(
-    ("epoch", "rate"),
-    [(0, 1e-4), (4, 1e-4), (5, 5e-5), (10, 1e-5), (15, 5e-6), (20, 1e-6), (25, 5e-7), (40, 1e-8), (44, 1e-8)],
-)
-def test_adversarial_rate_is_divided_by_2_and_5_in_turn(epoch: int, rate: float):
-    assert adversarial_rate(epoch, TrainParams.paper()) == pytest.approx(rate)
+def test_adversarial_rate_is_divided_by_2_and_5_in_turn():
+    rates = [adversarial_rate(epoch, TrainParams.paper()) for epoch in (0, 4, 5, 10, 15, 20, 25, 40, 44)]
+    assert rates == pytest.approx([1e-4, 1e-4, 5e-5, 1e-5, 5e-6, 1e-6, 5e-7, 1e-8, 1e-8])
 
 
 @pytest.mark.parametrize(("n_units", "sizes"), [(20, [10, 10]), (23, [8, 8, 7]), (11, [6, 5]), (7, [7]), (1, [1])])
@@ -107,18 +95,21 @@ def test_the_order_is_drawn_anew_each_epoch_and_by_the_seed():
 # Patience
 
 
-def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch(
-    networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    errors = iter([3.0, 1.0, 2.0, 2.0, 2.0])
-    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
+def validated_as(monkeypatch: pytest.MonkeyPatch, *errors: float) -> None:
+    """Every epoch is validated, and has the next of these errors."""
+    told = iter(errors)
+    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(told)})
     monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
+
+
+def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch(
+    networks: Networks, split: Split, fabric: Fabric, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    validated_as(monkeypatch, 3.0, 1.0, 2.0, 2.0, 2.0)
     kept: list[torch.Tensor] = []
     patient = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=2)
-    rows = run(
-        make_fabric(accelerator="cpu"), networks, split, patient, tmp_path,
-        report=lambda row, end: kept.append(weights(networks.generator)),
-    )  # fmt: skip
+    report = lambda row, end: kept.append(weights(networks.generator))  # noqa: E731
+    rows = run(fabric, networks, split, patient, tmp_path, report=report)
     assert [row["epoch"] for row in rows] == [0, 1, 2, 3]
     assert torch.equal(weights(networks.generator), kept[1])
     assert not torch.equal(kept[1], kept[3])
@@ -134,14 +125,12 @@ def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
 
 
 def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
-    networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    networks: Networks, split: Split, fabric: Fabric, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    errors = iter([1.0, 2.0, 3.0])
-    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
-    monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
+    validated_as(monkeypatch, 1.0, 2.0, 3.0)
     before = weights(networks.generator)
     stubborn = replace(PAPER, pretrain_epochs=3, adversarial_epochs=0, patience=None)
-    assert len(run(make_fabric(accelerator="cpu"), networks, split, stubborn, tmp_path)) == 3
+    assert len(run(fabric, networks, split, stubborn, tmp_path)) == 3
     stored = load_generator(tmp_path / "pretrained")
     assert torch.equal(weights(stored), weights(networks.generator))
     assert not torch.equal(weights(stored), before)
@@ -166,27 +155,22 @@ def test_a_batch_is_as_long_as_its_longest_unit(split: Split):
     assert lengths.max() == 32 and Tensors.of(split.train).take(short).motion.shape[1] == 24
 
 
-def test_the_span_of_a_unit_is_its_meter(split: Split):
-    expected = [[unit.n_prior / 15, unit.n_frames / 15] for unit in split.train.units[:4]]
-    torch.testing.assert_close(meter_span(Tensors.of(split.train).take(torch.arange(4)), 15.0), torch.tensor(expected))
+def test_harmony_is_that_of_each_units_meter(networks: Networks, batch: Tensors, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(losses, "soft_harmony", lambda *_, span, **more: span)
+    span = losses.score_batch(networks.generator, batch.motion, batch, 0.5, HarmonyParams.paper())
+    assert (span * 15).round().tolist() == [[prior, 2 * prior] for prior in batch.index.sum(dim=1)]
 
 
 # Terms
 
 
-def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
-    made = danced(networks.generator, batch)
-    assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
+def test_terms_are_those_of_equation_32_and_ours_are_five_more(networks: Networks, batch: Tensors):
+    made, paper = danced(networks.generator, batch), {"kl", "mse", "feature", "gan", "harmony"}
+    ablation = replace(PAPER, harmony_weight=0.0)
+    for params, terms in ((PAPER, paper), (ablation, paper - {"harmony"}), (RECOMMENDED, TERMS)):
+        assert set(generator_terms(networks, made, batch, params, 0.5)) == terms
     assert set(pose_terms(networks.generator, made.own, batch, PAPER)) == {"kl", "mse"}
     assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
-
-
-def test_the_ablation_has_no_harmony_term_and_ours_has_five_more(networks: Networks, batch: Tensors):
-    made = danced(networks.generator, batch)
-    without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
-    assert set(without) == {"kl", "mse", "feature", "gan"}
-    ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
-    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
@@ -196,7 +180,7 @@ def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batc
 
 
 def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
-    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    others = units_at(split, [1, 2, 3, 0])
     later = others.continued_from(batch.motion, batch.mask)
     own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
     after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
@@ -208,8 +192,8 @@ def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks,
 
 
 def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
-    first = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
-    small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
+    next_units, small, few = (units_at(split, numbers) for numbers in ([1, 2, 3, 0], [0, 1], [2, 3]))
+    first = danced(networks.generator, batch, next_units)
     later, _ = danced(networks.generator, small, few, first).later
     expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
     torch.testing.assert_close(later.initial, expected.initial)
@@ -217,11 +201,11 @@ def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks
 
 
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
-    both = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
+    both = danced(networks.generator, batch, units_at(split, [1, 2, 3, 0]))
     alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
     later, after = both.later
     judge = networks.spatial_temporal
-    more = discriminator_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
+    more = losses.discriminator_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
     torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
     assert not torch.equal(more, alone["critic_st"])
 
@@ -245,7 +229,7 @@ def test_going_on_begins_with_the_last_frames_and_then_their_mean():
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
 def test_going_on_from_less_than_the_beats_before_is_finite(params: TrainParams, networks: Networks, split: Split):
-    batch = Tensors.of(split.train).take(torch.arange(2))
+    batch = units_at(split, [0, 1])
     short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
     harmony = generator_terms(networks, danced(networks.generator, short, short), short, params, 0.5)["harmony"]
     gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
@@ -299,20 +283,18 @@ def test_path_and_spread_look_at_the_meter_alone(networks: Networks, batch: Tens
 
 
 def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
-    joints = body_joints(networks.generator, batch.motion)
+    joints = losses.body_joints(networks.generator, batch.motion)
     assert torch.equal(joints[:, :, 0], torch.zeros_like(joints[:, :, 0]))
     raised = batch.motion.clone()
     raised[..., 1:-3:3] += torch.rand(*raised.shape[:2], 1)  # a jump
-    torch.testing.assert_close(body_joints(networks.generator, raised), joints)
+    torch.testing.assert_close(losses.body_joints(networks.generator, raised), joints)
 
 
 def test_total_is_the_terms_by_the_weights_of_section_5_2(
     split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
 ):
-    rows = run(
-        fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13), tmp_path
-    )
-    pretrain, row = rows
+    once = replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13)
+    pretrain, row = run(fabric, networks, split, once, tmp_path)
     assert pretrain["total"] == pytest.approx(0.1 * pretrain["kl"] + pretrain["mse"], rel=1e-5)
     lambdas = {"kl": 1e-4, "mse": 1e-3, "feature": 1e-3, "harmony": 1.0, "gan": 1e-3}
     assert row["total"] == pytest.approx(sum(weight * row[name] for name, weight in lambdas.items()), rel=1e-5)
@@ -327,98 +309,74 @@ def run(fabric: Fabric, networks: Networks, split: Split, params: TrainParams, f
     return fit(fabric, steps, Tensors.of(split.train), batching, folder, **more)
 
 
-def test_two_steps_change_generator_and_both_discriminators(
-    split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
+@cases("phase, own", ("pretrain", ["generator"]), ("adversarial", ["generator", "cross_domain", "spatial_temporal"]))
+def test_a_phase_changes_its_own_networks_alone(
+    phase: str, own: list[str], split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
 ):
-    before = {name: weights(part) for name, part in networks.modules().items()}
-    run(fabric, networks, split, replace(PAPER, pretrain_epochs=0, adversarial_epochs=1, batch_size=7), tmp_path)
-    for name, part in networks.modules().items():
-        assert (weights(part) != before[name]).float().mean() > 0.95, name
+    parts = networks.modules() | {"pose_net": networks.pose_net}
+    before = {name: weights(part) for name, part in parts.items()}
+    epochs = {"pretrain_epochs": 0, "adversarial_epochs": 0, f"{phase}_epochs": 1}
+    run(fabric, networks, split, replace(PAPER, **epochs, batch_size=7), tmp_path)
+    shares = {name: float((weights(part) != before[name]).float().mean()) for name, part in parts.items()}
+    assert [name for name, share in shares.items() if share > 0.95] == own
+    assert all(share == 0 for name, share in shares.items() if name not in own)
 
 
-def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor]):
+def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor], tmp_path: Path):
     # 13 units in shards of 5, 4 and 4; rounding differs.
     one, three = trained("one"), trained("three", shards=3)
     assert not torch.equal(one, three)
     torch.testing.assert_close(one, three, rtol=1e-4, atol=1e-5)
+    histories = ((tmp_path / name / "history.csv").read_text().splitlines() for name in ("one", "three"))
+    errors, in_shards = ([float(row["mse"]) for row in csv.DictReader(history)] for history in histories)
+    assert in_shards == pytest.approx(errors, rel=1e-4)
 
 
-def test_pretraining_leaves_the_discriminators_alone(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
-    before = {name: weights(part) for name, part in networks.modules().items()}
-    run(fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=0), tmp_path)
-    same = {name: torch.equal(weights(part), before[name]) for name, part in networks.modules().items()}
-    assert same == {"generator": False, "cross_domain": True, "spatial_temporal": True}
-
-
-def test_nobody_trains_the_pose_network(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
-    before = weights(networks.pose_net)
-    run(fabric, networks, split, replace(RECOMMENDED, pretrain_epochs=1, adversarial_epochs=1), tmp_path)
-    assert torch.equal(weights(networks.pose_net), before)
-
-
-@pytest.mark.slow
 def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
-    generator = _networks(
-        split.train, Tensors.of(split.train), replace(MODEL, hidden=64, pose_features=64), networks.pose_net, seed=1
-    ).generator
+    larger = replace(MODEL, hidden=64, pose_features=64)
+    generator = Networks.fresh(split.train, Tensors.of(split.train), larger, networks.pose_net, seed=1).generator
     optimiser = torch.optim.Adam(generator.parameters(), lr=5e-3)
-    losses = []
-    for _ in range(100):
+    errors = []
+    for _ in range(60):
         output = generator(batch.audio, batch.initial)
         loss = total_loss(pose_terms(generator, output, batch, PAPER), {"kl": 0.1, "mse": 1.0})
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        losses.append(float(loss.detach()))
-    assert losses[-1] < 0.1 * losses[0]
+        errors.append(float(loss.detach()))
+    assert errors[-1] < 0.2 * errors[0]
 
 
-@cases("params", pytest.param(PAPER, marks=pytest.mark.slow), RECOMMENDED, ids=["paper", "recommended"])
+@cases("params", PAPER, RECOMMENDED, ids=["paper", "recommended"])
 def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
-    alone = replace(params, **dict.fromkeys(OTHERS, 0.0))
+    alone = replace(params, **{f"{name}_weight": 0.0 for name in TERMS - {"kl", "mse", "harmony"}})
     optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)
-    losses = []
-    for _ in range(40):
+    errors = []
+    for _ in range(25):
         loss = generator_terms(networks, danced(networks.generator, batch), batch, alone, 0.3)["harmony"]
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        losses.append(float(loss.detach()))
-    assert np.mean(losses[-5:]) < np.mean(losses[:5]) - 0.2
+        errors.append(float(loss.detach()))
+    assert np.mean(errors[-5:]) < np.mean(errors[:5]) - 0.1
 
 
 # Validation
 
 
-class _Echo(torch.nn.Module):
-    """Stands for a generator that dances as recorded."""
-
-    def __init__(self, networks: Networks, motion: torch.Tensor) -> None:
-        super().__init__()
-        self.known = networks.generator
-        self.motion = motion
-        self.fps, self.skeleton, self.motion_scale = self.known.fps, self.known.skeleton, self.known.motion_scale
-        self.positions = self.known.positions
-
-    def forward(self, audio: torch.Tensor, initial: torch.Tensor) -> GeneratorOutput:
-        return GeneratorOutput(self.motion, self.motion[..., :2])
-
-
 def test_recorded_motion_is_validated_without_error(split: Split, networks: Networks):
     units = Tensors.of(split.validation)
-    found = validate(_Echo(networks, units.motion), units, PAPER)
+    networks.generator.forward = lambda audio, initial: GeneratorOutput(
+        units.motion, units.motion
+    )  # dances as recorded
+    found = validate(networks.generator.train(), units, PAPER)
+    assert networks.generator.training
     # Nothing differs, so every frame adds epsilon.
     assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
     names = ("mse", "harmony", "hit_rate", "above_chance", "body_above_chance", "count_ratio", "spread", "turning")
     assert list(found) == [f"val_{name}" for name in names]
     assert found["val_spread"] == found["val_turning"] == pytest.approx(1)
     assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
-
-
-def test_validation_goes_on_in_training_mode(split: Split, networks: Networks):
-    networks.generator.train()
-    validate(networks.generator, Tensors.of(split.validation), PAPER)
-    assert networks.generator.training
 
 
 # A whole run
@@ -455,8 +413,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("pretrain", str(epoch)) for epoch in range(3)),
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
-    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
-    terms |= {"critic_st", "total"}
+    terms = TERMS | {"critic_st", "total"}
     assert "critic_cd" not in rows[-1]  # its weight is 0
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is

@@ -9,16 +9,8 @@ import pytest
 import soundfile
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.data.recordings import (
-    PAPER_21,
-    TANG_23,
-    dance_of,
-    load_config,
-    load_recording,
-    load_skeletons,
-    on_the_floor,
-    splice_steps,
-)
+from harmolab.data import recordings
+from harmolab.data.recordings import PAPER_21, TANG_23, load_recording, load_skeletons, splice_steps
 from tests.builders import cases, refused
 
 FRAMES = 60
@@ -55,6 +47,12 @@ def write_recording(
     return folder
 
 
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A recording of a swaying dancer."""
+    return write_recording(tmp_path / "somewhere" / "DANCE_W_1", swaying())
+
+
 def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: Path):
     centre = np.tile([100.0, 90.0, 50.0], (FRAMES, 1))
     folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
@@ -71,33 +69,24 @@ def test_without_travel_only_the_pose_is_left(tmp_path: Path):
     np.testing.assert_allclose(motion.positions, swaying() * [0.01, 0.01, -0.01])
 
 
-def test_clip_starts_at_start_position_over_25_and_knows_its_dance(tmp_path: Path):
-    clip = load_recording(write_recording(tmp_path / "somewhere" / "DANCE_W_1", swaying())).clip
+def test_clip_starts_at_start_position_over_25_and_knows_its_dance(folder: Path):
+    clip = load_recording(folder).clip
     assert (clip.name, clip.offset, clip.dance, clip.source) == ("DANCE_W_1", 1.0, "waltz", "somewhere")
     assert clip.audio.duration == 5.0
 
 
-@cases(
-    "name, dance",
-    ("DANCE_C_2", "cha-cha"),
-    ("DANCE_R_10", "rumba"),
-    ("DANCE_T_5", "tango"),
-    ("DANCE_W_1", "waltz"),
-    ("DANCE_X_1", ""),
-)
-def test_dance_is_read_from_the_folder_name(name: str, dance: str):
-    assert dance_of(Path("a") / name) == dance
+def test_dance_is_read_from_the_folder_name():
+    names = {"DANCE_C_2": "cha-cha", "DANCE_R_10": "rumba", "DANCE_T_5": "tango", "DANCE_W_1": "waltz", "DANCE_X_1": ""}
+    assert {name: recordings.dance_of(Path("a") / name) for name in names} == names
 
 
-def test_clock_stretches_the_motion_without_touching_a_frame(tmp_path: Path):
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
+def test_clock_stretches_the_motion_without_touching_a_frame(folder: Path):
     plain, stretched = (load_recording(folder, clock=clock).clip.motion for clock in (1.0, 1.013))
     np.testing.assert_array_equal(stretched.positions, plain.positions)
     assert stretched.duration == pytest.approx(1.013 * plain.duration)
 
 
-def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(tmp_path: Path):
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
+def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(folder: Path):
     motion = load_recording(folder, points=21).clip.motion
     np.testing.assert_array_equal(motion.positions, load_recording(folder).clip.motion.positions[:, :21])
     assert motion.skeleton == PAPER_21
@@ -116,10 +105,6 @@ def test_frames_that_a_splice_leads_to_are_not_valid(tmp_path: Path):
     np.testing.assert_array_equal(np.flatnonzero(~motion.valid), [21, 22, 23, 24, 25, 26])
 
 
-def test_splice_is_found_between_its_two_real_frames():
-    assert splice_steps(spliced(20, 26) / 100) == ([20], [26])
-
-
 def test_dance_without_splices_and_a_dancer_who_stands_still_are_all_valid():
     assert splice_steps(swaying() / 100) == ([], [])
     still = swaying()
@@ -127,18 +112,19 @@ def test_dance_without_splices_and_a_dancer_who_stands_still_are_all_valid():
     assert splice_steps(still / 100) == ([], [])
 
 
-def test_rounding_to_a_hundredth_of_a_millimetre_does_not_hide_a_splice():
-    assert splice_steps(np.round(spliced(20, 26), 3) / 100) == ([20], [26])
+def test_splice_is_found_between_its_two_real_frames_also_where_they_are_rounded():
+    for poses in (spliced(20, 26), np.round(spliced(20, 26), 3)):
+        assert splice_steps(poses / 100) == ([20], [26])
 
 
 def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
     raw = spliced(20, 26, rise=30.0) / 100
-    grounded = on_the_floor(raw, [20], [26])
+    grounded = recordings.on_the_floor(raw, [20], [26])
     lowest = grounded[:, :, 1].min(axis=1)
     assert np.median(lowest[:21]) == pytest.approx(0)
     assert np.median(lowest[26:]) == pytest.approx(0)
-    np.testing.assert_allclose(np.diff(grounded[:21], axis=0), np.diff(raw[:21], axis=0), atol=1e-12)
-    np.testing.assert_allclose(np.diff(grounded[26:], axis=0), np.diff(raw[26:], axis=0), atol=1e-12)
+    for own in (slice(21), slice(26, None)):
+        np.testing.assert_allclose(np.diff(grounded[own], axis=0), np.diff(raw[own], axis=0), atol=1e-12)
 
 
 def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
@@ -153,8 +139,7 @@ def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate
 
 
 @pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])
-def test_missing_part_is_named(tmp_path: Path, part: str):
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
+def test_missing_part_is_named(folder: Path, part: str):
     (folder / part).unlink()
     with pytest.raises(FileNotFoundError, match=part):
         load_recording(folder)
@@ -169,8 +154,8 @@ def test_missing_part_is_named(tmp_path: Path, part: str):
     ({"center": [[0, 0, 1e9]] * 60}, "positions over 1 km"),
     ({"center": [[0, 0, float("nan")]] * 60}, "center hold NaN or infinity at frame 0"),
 )
-def test_damaged_skeletons_are_refused_with_their_fault(tmp_path: Path, change: dict[str, object], fault: str):
-    path = write_recording(tmp_path / "DANCE_W_1", swaying()) / "skeletons.json"
+def test_damaged_skeletons_are_refused_with_their_fault(folder: Path, change: dict[str, object], fault: str):
+    path = folder / "skeletons.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     refused(rf"skeletons\.json: .*{fault}", load_skeletons, path)
 
@@ -194,7 +179,7 @@ def test_nan_in_a_skeleton_names_frame_and_joint(tmp_path: Path):
 )
 def test_damaged_config_is_refused_with_its_fault(tmp_path: Path, content: str, fault: str):
     (tmp_path / "config.json").write_text(content)
-    refused(rf"config\.json: .*{fault}", load_config, tmp_path / "config.json")
+    refused(rf"config\.json: .*{fault}", recordings.load_config, tmp_path / "config.json")
 
 
 def test_motion_that_starts_behind_the_end_of_the_audio_is_refused(tmp_path: Path):
@@ -203,15 +188,12 @@ def test_motion_that_starts_behind_the_end_of_the_audio_is_refused(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("option", "value"), [("points", 25), ("clock", 0.0), ("clock", 25.0)])
-def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, value: float):
-    refused(option, load_recording, write_recording(tmp_path / "DANCE_W_1", swaying()), **{option: value})
+def test_option_out_of_range_is_refused_by_name(folder: Path, option: str, value: float):
+    refused(option, load_recording, folder, **{option: value})
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(
-    ("name", "frames", "offset", "splices"),
-    [("DANCE_C_2", 1890, 6.24, 24), ("DANCE_W_16", 1320, 0.0, 19), ("DANCE_R_2", 2312, 0.32, 30)],
-)
+@cases("name, frames, offset, splices", ("DANCE_C_2", 1890, 6.24, 24), ("DANCE_W_16", 1320, 0.0, 19))
 def test_recording_has_its_known_frames_offset_and_splices(
     data_root: Path, name: str, frames: int, offset: float, splices: int
 ):

@@ -4,7 +4,6 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,10 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.readers.motion import save_motion
 from harmolab.systems.training.features import FeatureParams, audio_features
-from harmolab.systems.training.groups import Segment
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.splits import split_units
-from harmolab.systems.training.units import load_units, meter_spans, recording_units
-from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.systems.training.units import DanceUnit, cut_recording, grouped_units, load_units, meter_spans
+from harmolab.types import Audio, Clip, Motion
 from tests.builders import cases, metronome, refused
 
 PARAMS = FeatureParams(fps=10.0, n_mfcc=4)
@@ -48,20 +46,21 @@ def danced(swinging_arm: Callable[..., Motion], click_track: Callable[..., Audio
     return build
 
 
+def recording_units(recording: Recording, params: FeatureParams, *, step: int | None = None) -> list[DanceUnit]:
+    """The units of one recording, whose motion groups are found in it alone."""
+    cut = cut_recording(recording, params, step=step)
+    return list(grouped_units([cut], params, [], [])[0].units) if cut.units else []
+
+
 # Meter spans
-
-
-def ends_meet(spans: list[tuple[int, int]], total: int) -> bool:
-    """Whether spans follow one another without gap from beat 0 to beat `total`."""
-    edges = [(first, first + count) for first, count in spans]
-    return edges[0][0] == 0 and edges[-1][1] == total and all(a[1] == b[0] for a, b in pairwise(edges))
 
 
 @pytest.mark.parametrize("n_beats", [5, 6, 7, 9, 10, 11, 12, 13, 30, 101])
 def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int):
     for seed in range(5):
         spans = meter_spans(metronome(np.random.default_rng(seed).random(n_beats)), PARAMS)
-        assert ends_meet(spans, n_beats - 1)
+        assert [first for first, _ in spans] == [0, *np.cumsum([count for _, count in spans])[:-1]]
+        assert sum(count for _, count in spans) == n_beats - 1
         assert {count for _, count in spans} <= {4, 5, 6}
 
 
@@ -82,10 +81,7 @@ def test_a_gap_too_short_for_a_meter_joins_a_neighbour():
 @cases("n_beats, spans", (0, []), (1, []), (2, [(0, 1)]), (4, [(0, 3)]), (5, [(0, 4)]), (8, [(0, 7)]))
 def test_few_beats_make_one_span_or_none(n_beats: int, spans: list[tuple[int, int]]):
     assert meter_spans(metronome(np.ones(n_beats)), PARAMS) == spans
-
-
-def test_seven_intervals_are_two_spans_where_units_are_that_short():
-    assert meter_spans(metronome(np.ones(8)), FeatureParams(unit_beats=7)) == [(0, 4), (4, 3)]
+    assert meter_spans(metronome(np.ones(8)), FeatureParams(unit_beats=7)) == [(0, 4), (4, 3)]  # where units are short
 
 
 # Units of a sequence
@@ -137,17 +133,14 @@ def test_units_lie_within_motion_and_music(danced: Callable[..., Recording], off
     sequence = danced(offset=offset, seconds=seconds)
     units = recording_units(sequence, PARAMS, step=1)
     assert units
+    meters = [unit for unit in units if not unit.extra]
+    assert [one.meter_start for one in meters[1:]] == pytest.approx([one.end for one in meters[:-1]])
     for unit in units:
         assert unit.start >= offset - 1e-9
         assert unit.end <= offset + sequence.clip.motion.duration + 1e-9
         assert unit.beats.min() >= 0
         assert unit.beats.max() < unit.n_frames / unit.fps
         assert (np.diff(unit.index) <= 0).all()
-
-
-def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Recording]):
-    for one, other in pairwise(recording_units(danced(offset=2.03), PARAMS)):
-        assert other.meter_start == pytest.approx(one.end)
 
 
 def test_a_motion_too_short_for_a_unit_has_none(danced: Callable[..., Recording]):
@@ -162,11 +155,6 @@ def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Reco
     assert [unit.name for unit in units if not unit.extra] == [unit.name for unit in recording_units(danced(), PARAMS)]
 
 
-@pytest.mark.parametrize("step", [0, -2])
-def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Recording], step: int):
-    refused(f"step must be a positive number of beats, got {step}", recording_units, danced(), PARAMS, step=step)
-
-
 def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Recording]):
     # A splice of .3 s costs four or five frames of forty.
     spliced = recording_units(danced(valid=lambda time: (time < 3.0) | (time > 3.25)), PARAMS)
@@ -176,33 +164,27 @@ def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..
     assert [unit.start for unit in broken] == [6.0, 8.0, 10.0]
 
 
-def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Recording]):
+def test_beats_far_apart_make_no_unit(danced: Callable[..., Recording]):
     sequence = danced()
-    music = BeatTrack(np.arange(12) * 60.0, np.ones(12), 100.0, 1000.0)
-    motion = replace(sequence.clip.motion, fps=0.5)
-    clip = replace(sequence.clip, motion=motion, offset=0.0, audio=Audio(np.zeros(22050), 22050.0))
-    slow = BeatAnnotation(music.times[:2])
+    clip = replace(sequence.clip, motion=replace(sequence.clip.motion, fps=0.5), offset=0.0)
+    clip = replace(clip, audio=Audio(np.zeros(8000 * 100), 8000.0))
+    slow = BeatAnnotation(np.arange(13) * 7.3)  # a unit of eight would take 58 s
     assert recording_units(replace(sequence, clip=clip, annotation=slow), FeatureParams(fps=0.5, n_mfcc=4)) == []
 
 
-def test_a_unit_names_the_groups_that_it_and_its_meter_touch(danced: Callable[..., Recording]):
-    figures = [Segment(2.0, 4.0, "box"), Segment(4.0, 7.0, "turn"), Segment(7.0, 14.0, "walk")]
-    units = recording_units(danced(), PARAMS, segments=figures)
+def test_a_unit_names_the_figures_that_it_and_its_meter_touch(danced: Callable[..., Recording]):
+    figures = [Unit("a", 2.0, 4.0, 4, "box"), Unit("b", 4.0, 7.0, 6, "turn"), Unit("c", 7.0, 14.0, 14, "walk")]
+    units = recording_units(danced(units=tuple(figures)), PARAMS)
     assert [sorted(unit.groups) for unit in units[:3]] == [["box", "turn"], ["turn", "walk"], ["turn", "walk"]]
     assert [sorted(unit.meter_groups) for unit in units[:3]] == [["turn"], ["turn", "walk"], ["walk"]]
 
 
-def test_without_segments_groups_are_the_annotated_figures(danced: Callable[..., Recording]):
-    figures = (Unit("a", 2.0, 8.0, 12, "box"), Unit("b", 8.0, 14.0, 12, "turn"))
-    units = recording_units(danced(units=figures), PARAMS)
-    assert [sorted(unit.groups) for unit in units] == [["box"], ["box"], ["box", "turn"], ["turn"], ["turn"]]
-
-
-def test_motion_in_a_picture_is_refused(danced: Callable[..., Recording]):
+def test_what_cannot_be_cut_is_refused(danced: Callable[..., Recording]):
     sequence = danced()
+    refused("step must be a positive number of beats, got 0", cut_recording, sequence, PARAMS, step=0)
     flat = replace(sequence.clip.motion, positions=sequence.clip.motion.positions[..., :2])
-    with pytest.raises(ValueError, match="corpus/arm: needs a motion in three dimensions"):
-        recording_units(replace(sequence, clip=replace(sequence.clip, motion=flat)), PARAMS)
+    in_a_picture = replace(sequence, clip=replace(sequence.clip, motion=flat))
+    refused("corpus/arm: needs a motion in three dimensions", cut_recording, in_a_picture, PARAMS)
 
 
 # Corpora
@@ -214,23 +196,19 @@ def synthetic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("data") / "synthetic", clips=14, seconds=12.0)
 
 
-def test_a_synthetic_corpus_is_a_set_of_units(synthetic: Path):
+def test_a_synthetic_corpus_is_a_set_of_units_that_can_be_split(synthetic: Path):
     units = load_units(synthetic, FeatureParams(), step=2)
     assert len({unit.sequence for unit in units.units}) == 14
     assert len({unit.dance for unit in units.units}) == 7
     assert (units.source, units.notes) == ("synthetic", ())
     assert all(unit.groups and unit.meter_groups <= unit.groups for unit in units.units)
-    assert {group.partition(" ")[0] for unit in units.units if unit.dance == "waltz" for group in unit.groups} == {
-        "waltz"
-    }
+    waltzes = [unit.groups for unit in units.units if unit.dance == "waltz"]
+    assert {group.partition(" ")[0] for groups in waltzes for group in groups} == {"waltz"}
     assert units.units[0].motion.shape[1] == 3 * 21 + 3
     assert all(unit.beats.size == 8 for unit in units.units)
     # The thigh, from hip to knee, is a quarter of the stature.
     assert 0.35 < units.bone_lengths[units.skeleton.joints.index("knee L")] < 0.5
-
-
-def test_a_synthetic_corpus_can_be_split(synthetic: Path):
-    split = split_units(load_units(synthetic, FeatureParams(), step=2))
+    split = split_units(units)
     assert min(len(split.train), len(split.validation), len(split.test)) >= 5
     assert len({unit.dance for unit in split.test.units}) >= 4
 
@@ -243,21 +221,16 @@ def test_overlapping_roots_are_read_once(synthetic: Path, tmp_path: Path):
 
 def test_progress_sees_every_sequence(synthetic: Path):
     seen = []
-
-    def progress(items, label):
-        for item in items:
-            seen.append((item.name, label))
-            yield item
-
-    load_units(sorted(synthetic.glob("clip_*"))[:2], PARAMS, progress=progress)
-    assert [name for name, _ in seen] == ["clip_0001_cha-cha", "clip_0002_jive"]
-    assert {label for _, label in seen} == {"reading sequences"}
+    clips = sorted(synthetic.glob("clip_*"))[:2]
+    load_units(clips, PARAMS, progress=lambda items, label: seen.append((label, [*items])) or seen[0][1])
+    assert [(label, [item.name for item in items]) for label, items in seen] == [
+        ("reading sequences", ["clip_0001_cha-cha", "clip_0002_jive"])
+    ]
 
 
 def copied(synthetic: Path, folder: Path) -> Path:
     """The first synthetic clip as a sequence of another name."""
-    shutil.copytree(synthetic / "clip_0001_cha-cha", folder)
-    return folder
+    return shutil.copytree(synthetic / "clip_0001_cha-cha", folder)
 
 
 def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path, tmp_path: Path):

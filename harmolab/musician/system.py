@@ -13,7 +13,8 @@ from harmolab.musician.sequences import PlayedSplit, played_set
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Notice, TrainOptions
-from harmolab.systems.training.network_system import Learner, changed, check_choice
+from harmolab.systems.training.features import check_choice
+from harmolab.systems.training.network_system import Learner, changed
 from harmolab.systems.training.splits import SIDES
 from harmolab.systems.training.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion, Notes

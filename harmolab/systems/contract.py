@@ -31,10 +31,14 @@ class Trainable(Protocol):
 
     @classmethod
     def train(cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, **more: Any) -> Any:
-        """The network or system trained on corpora (folders), and saved in `out`, as `System.train` says."""
+        """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
+
+        Among the further keywords, ``report`` (`harmolab.systems.training.checkpoints.Report`) is called after every
+        epoch.
+        """
 
 
-class System(Protocol):
+class System(Trainable, Protocol):
     """The methods that all systems have. Each may take more keywords than these; all of them have defaults."""
 
     def generate(
@@ -70,16 +74,6 @@ class System(Protocol):
     @classmethod
     def load(cls, folder: PathLike) -> Self:
         """The system that was saved in a folder; ValueError or FileNotFoundError names the file at fault."""
-
-    @classmethod
-    def train(
-        cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, **more: Any
-    ) -> Self:
-        """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
-
-        Among the further keywords, ``report`` (`harmolab.systems.training.checkpoints.Report`) is called after every
-        epoch.
-        """
 
 
 def names() -> list[str]:

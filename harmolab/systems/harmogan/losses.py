@@ -11,35 +11,31 @@ never matters.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn.functional import relu, softplus
 
 from harmolab.body.skeletons import Skeleton, foot_joints, named_joints
 from harmolab.params import HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.soft_score import SoftHarmony, soft_harmony
-from harmolab.systems.harmogan.networks import (
-    CrossDomainDiscriminator,
-    Generator,
-    GeneratorOutput,
-    SpatialTemporalDiscriminator,
-)
+from harmolab.systems.harmogan.networks import Generator, GeneratorOutput, Networks
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.layers import PATH_CHANNELS, local_joints
 from harmolab.systems.training.loop import Tensors
-from harmolab.systems.training.pose_network import PoseNet
+
+SPREAD = 0.1  # metres, standard deviation of the place of a joint in a 2-D pose
+FLOOR = 0.03  # metres above its lowest place in a clip, within which a foot is on the floor
 
 
-def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) -> Tensor:
+def kl_loss(flat: Tensor, target: Tensor, mask: Tensor) -> Tensor:
     """KL divergence between the distributions of recorded and intermediate 2-D poses (Eq. 24).
 
     The paper leaves open how a pose becomes a distribution. We take the heat map of 2-D pose estimation: each joint is
-    a round Gaussian about its position, independent of the others. KL(P || Q) of two such Gaussians is
+    a round Gaussian of `SPREAD` about its position, independent of the others. KL(P || Q) of two such Gaussians is
     ``|difference|^2 / (2 spread^2)`` exactly. A softmax over coordinates, the usual shortcut, would see hardly any
     joint but the highest, and would not see a pose shifted as a whole.
 
@@ -47,16 +43,13 @@ def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) 
     ----------
     flat, target : (N, T, J, 2) tensors, metres
     mask : (N, T) tensor, 1 at real frames
-    spread : float, metres, standard deviation of the Gaussians
 
     Returns
     -------
     Mean over clips of the mean over joints and real frames, in nats.
     """
     check_shapes(flat, target, mask)
-    if not 0 < spread < float("inf"):
-        raise ValueError(f"spread must be positive, got {spread}")
-    divergence = (flat - target).square().sum(dim=-1).mean(dim=-1) / (2 * spread**2)
+    divergence = (flat - target).square().sum(dim=-1).mean(dim=-1) / (2 * SPREAD**2)
     return clip_means(divergence, mask.to(flat.dtype)).mean()
 
 
@@ -245,18 +238,11 @@ def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tenso
 
 
 def foot_loss(
-    positions: Tensor,
-    target: Tensor,
-    mask: Tensor,
-    *,
-    feet: Sequence[int],
-    fps: float,
-    height: float = 0.03,
-    same_dance: bool = True,
+    positions: Tensor, target: Tensor, mask: Tensor, *, feet: Sequence[int], fps: float, same_dance: bool = True
 ) -> Tensor:
     """Excess of the speed at which feet slide over that of the recorded ones.
 
-    A foot is on the floor from one frame to the next when it is within `height` of its lowest place in the clip in
+    A foot is on the floor from one frame to the next when it is within `FLOOR` of its lowest place in the clip in
     both.
 
     Parameters
@@ -265,7 +251,6 @@ def foot_loss(
     mask : (N, T) tensor, 1 at real frames
     feet : indices of the joints of the feet
     fps : float, hertz
-    height : float, metres
     same_dance : bool
         True if the motion should equal the target: then a foot has to stand where the recorded one is on the floor,
         and may slide as that one does. If False, it has to stand where it is on the floor itself, and may slide as the
@@ -280,19 +265,19 @@ def foot_loss(
         raise ValueError("foot_loss needs the indices of the feet, got none")
     joints = torch.as_tensor(list(feet), device=positions.device)
     ours, theirs = positions.index_select(2, joints), target.index_select(2, joints)
-    contact, allowed = _contact(theirs, mask, height), _sliding(theirs, fps)
+    contact, allowed = _contact(theirs, mask), _sliding(theirs, fps)
     if not same_dance:
         allowed = clip_means(allowed, contact)[:, None, None]
-        contact = _contact(ours, mask, height)
+        contact = _contact(ours, mask)
     return clip_means(relu(_sliding(ours, fps) - allowed), contact).mean()
 
 
 @torch.no_grad()
-def _contact(feet: Tensor, mask: Tensor, height: float) -> Tensor:
+def _contact(feet: Tensor, mask: Tensor) -> Tensor:
     """(N, T - 1, F), 1 where a foot is on the floor in two frames in a row."""
     real, altitude = mask.bool()[..., None], feet[..., 1]
     lowest = altitude.masked_fill(~real, float("inf")).amin(dim=1, keepdim=True)
-    low = (altitude <= lowest + height) & real
+    low = (altitude <= lowest + FLOOR) & real
     return (low[:, 1:] & low[:, :-1]).to(feet.dtype)
 
 
@@ -319,10 +304,10 @@ def path_loss(path: Tensor, target: Tensor, counted: Tensor) -> Tensor:
     Sum over both, and over side, forward and yaw; 0 for no more than recorded.
     """
     check_shapes(path, target, counted)
-    excess = [
-        relu(_log_ratio(_mean_square(ours), _mean_square(theirs), STANDING**2) / 2).sum()
-        for ours, theirs in zip(_frames_and_clips(path, counted), _frames_and_clips(target, counted), strict=True)
-    ]
+    clips = [_clip_places(each, counted)[:, None] for each in (path, target)]
+    levels = ((path, target, counted), (*clips, counted.amax(dim=1, keepdim=True)))
+    squares = [[_mean(each.square(), weights) for each in (ours, theirs)] for ours, theirs, weights in levels]
+    excess = [relu(_log_ratio(ours, theirs, STANDING**2) / 2).sum() for ours, theirs in squares]
     return excess[0] + excess[1]
 
 
@@ -382,15 +367,16 @@ def ankle_loss(joints: Tensor, target: Tensor, counted: Tensor, ankles: tuple[in
     return metres / STRIDE + _log_ratio(spreads[0], spreads[1], PLACE**2).abs() / 2
 
 
-def mean_spread(joints: Tensor, counted: Tensor) -> Tensor:
-    """Mean distance of joints (N, T, J, 3) from their mean place in the clip, metres, over frames that count."""
+def spread_and_turning(code: Tensor, counted: Tensor) -> tuple[Tensor, Tensor]:
+    """Two means of motion codes (N, T, C) over frames that count.
+
+    The distance of the joints from their mean place in the clip, metres; and the size of the clips' mean yaw rate, in
+    which there and back cancel.
+    """
+    joints = local_joints(code)
     places = _clip_places(joints, counted)[:, None]
-    return _mean(torch.linalg.vector_norm(joints - places, dim=-1), counted).mean()
-
-
-def net_turning(yaw: Tensor, counted: Tensor) -> Tensor:
-    """Mean size of the mean yaw rate (N, T) of a clip over frames that count; there and back cancel."""
-    return _clip_places(yaw, counted).abs().mean()
+    spread = _mean(torch.linalg.vector_norm(joints - places, dim=-1), counted).mean()
+    return spread, _clip_places(code[..., -1], counted).abs().mean()
 
 
 def _spreads(joints: Tensor, counted: Tensor, fps: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -402,20 +388,10 @@ def _spreads(joints: Tensor, counted: Tensor, fps: float) -> tuple[Tensor, Tenso
     return in_time, between, _mean(speed, counted[:, 1:] * counted[:, :-1])
 
 
-def _frames_and_clips(path: Tensor, counted: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """The path of every frame, and its mean in every clip, as (values, what counts) each."""
-    means = _clip_places(path, counted)[:, None]
-    return (path, counted), (means, counted.amax(dim=1, keepdim=True))
-
-
 def _clip_places(values: Tensor, counted: Tensor) -> Tensor:
     """(N, ...) means over the frames of each clip that count, of (N, T, ...) values."""
     weights = counted.to(values.dtype) / counted.sum(dim=1, keepdim=True).clamp(min=1)
     return torch.einsum("nt,nt...->n...", weights, values)
-
-
-def _mean_square(values: tuple[Tensor, Tensor]) -> Tensor:
-    return _mean(values[0].square(), values[1])
 
 
 def _mean(values: Tensor, counted: Tensor) -> Tensor:
@@ -431,25 +407,6 @@ def _log_ratio(ours: Tensor, theirs: Tensor, least: float) -> Tensor:
 # Loss terms of one batch by name: of pretraining, of the discriminators and of the generator (Eq. 24-32).
 
 TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
-
-
-@dataclass(frozen=True, eq=False)
-class Networks:
-    """The trained networks, and the pose network of the feature loss, which is not trained."""
-
-    generator: Generator
-    cross_domain: CrossDomainDiscriminator
-    spatial_temporal: SpatialTemporalDiscriminator
-    pose_net: PoseNet
-
-    def modules(self) -> dict[str, nn.Module]:
-        """The trained networks by name."""
-        return {name: getattr(self, name) for name in ("generator", "cross_domain", "spatial_temporal")}
-
-    def discriminators(self, params: TrainParams) -> list[nn.Parameter]:
-        """Parameters of the discriminators that the generator's loss has a part for."""
-        parameters = [*self.spatial_temporal.parameters()]
-        return [*self.cross_domain.parameters(), *parameters] if params.cross_domain_weight else parameters
 
 
 class Danced(NamedTuple):
@@ -483,19 +440,14 @@ def danced(generator: Generator, batch: Tensors, others: Tensors | None = None, 
     return Danced(own, (later, after.motion))
 
 
-def meter_span(batch: Tensors, fps: float) -> Tensor:
-    """Start and end (seconds) of each clip's own meter, without the beats before it; (N, 2)."""
-    prior, length = (batch.index * batch.mask).sum(dim=1), batch.mask.sum(dim=1)
-    return torch.stack([prior, length], dim=1) / fps
-
-
 def score_batch(
     generator: Generator, positions: Tensor, batch: Tensors, tau: float, params: HarmonyParams
 ) -> SoftHarmony:
     """Relaxed harmony of joints (N, T, J, 3) with the batch's music, over each clip's own meter."""
+    prior, length = (batch.index * batch.mask).sum(dim=1), batch.mask.sum(dim=1)
     return soft_harmony(
         positions, batch.beats, batch.strengths, batch.beat_mask, batch.mask,
-        fps=generator.fps, tau=tau, params=params, span=meter_span(batch, generator.fps),
+        fps=generator.fps, tau=tau, params=params, span=torch.stack([prior, length], dim=1) / generator.fps,
     )  # fmt: skip
 
 
@@ -590,33 +542,30 @@ def _natural_terms(
     generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, *, same_dance: bool
 ) -> dict[str, Tensor]:
     """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
-    terms = _variety_terms(generator, motion, batch, params)
+    terms, fps = _variety_terms(generator, motion, batch, params), generator.fps
     feet = _feet(generator.skeleton) if params.foot_weight else ()
-    if params.smoothness_weight or feet:
-        positions, target = generator.positions(motion), generator.positions(batch.motion)
-        if params.smoothness_weight:
-            terms["smoothness"] = jerk_loss(positions, target, batch.mask, fps=generator.fps)
-        if feet:
-            terms["foot"] = foot_loss(
-                positions, target, batch.mask, feet=feet, fps=generator.fps, same_dance=same_dance
-            )
+    if not params.smoothness_weight and not feet:
+        return terms
+    ours, theirs = (generator.positions(each) for each in (motion, batch.motion))
+    if params.smoothness_weight:
+        terms["smoothness"] = jerk_loss(ours, theirs, batch.mask, fps=fps)
+    if feet:
+        terms["foot"] = foot_loss(ours, theirs, batch.mask, feet=feet, fps=fps, same_dance=same_dance)
     return terms
 
 
 def _variety_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
     """Energy, path and spread against the recorded units of the batch."""
     terms: dict[str, Tensor] = {}
+    target, counted = batch.motion, meter_mask(batch)
     if params.energy_weight:
-        ours, theirs = (seen_joints(generator, each, params) for each in (motion, batch.motion))
-        counted = batch.mask if params.harmony_frame == "room" else meter_mask(batch)
-        terms["energy"] = energy_loss(ours, theirs, counted)
+        ours, theirs = (seen_joints(generator, each, params) for each in (motion, target))
+        terms["energy"] = energy_loss(ours, theirs, batch.mask if params.harmony_frame == "room" else counted)
     if params.path_weight:
-        ours, theirs = (each[..., -PATH_CHANNELS:] for each in (motion, batch.motion))
-        terms["path"] = path_loss(ours, theirs, meter_mask(batch))
+        terms["path"] = path_loss(motion[..., -PATH_CHANNELS:], target[..., -PATH_CHANNELS:], counted)
     if params.spread_weight:
-        ours, theirs = local_joints(motion), local_joints(batch.motion)
-        ankles = _ankles(generator.skeleton)
-        terms["spread"] = spread_loss(ours, theirs, meter_mask(batch), fps=generator.fps, ankles=ankles)
+        ours, theirs, ankles = local_joints(motion), local_joints(target), _ankles(generator.skeleton)
+        terms["spread"] = spread_loss(ours, theirs, counted, fps=generator.fps, ankles=ankles)
     return terms
 
 
@@ -628,7 +577,7 @@ def _ankles(skeleton: Skeleton) -> tuple[int, int] | None:
     return None if left is None or right is None else (left, right)
 
 
-def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dict[str, float]:
+def likeness_ratios(motion: Tensor, batch: Tensors) -> dict[str, float]:
     """Spread and turning of generated over recorded units: as much of a guard of likeness as short clips can show.
 
     Returns
@@ -636,11 +585,7 @@ def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dic
     dict of spread, the mean distance of the joints from their mean place in the clip, and turning, the mean size of the
     clips' mean yaw rate; 1 is as recorded
     """
-    counted = meter_mask(batch)
-    ours, theirs = (
-        (mean_spread(local_joints(each), counted), net_turning(each[..., -1], counted))
-        for each in (motion, batch.motion)
-    )
+    ours, theirs = (spread_and_turning(each, meter_mask(batch)) for each in (motion, batch.motion))
     names = ("spread", "turning")
     return {name: float((a + TINY) / (b + TINY)) for name, a, b in zip(names, ours, theirs, strict=True)}
 

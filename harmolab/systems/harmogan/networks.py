@@ -11,7 +11,8 @@ last one. The first meter follows a movement from the bank of poses, brought to 
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol, Self
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -20,51 +21,15 @@ from torch import Tensor, nn
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import PathLike
-from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training import layers
 from harmolab.systems.training.dancing import DanceInput, DancerNetwork
-from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.layers import parameter_count
+from harmolab.systems.training.loop import Tensors
 from harmolab.systems.training.motion_code import continued
+from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
 from harmolab.systems.training.weights import MOST_LAYERS, load_weights, renamed, whole
 from harmolab.types import FloatArray, Motion
-
-# Dances of any length: meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b).
-
-
-class MeterDancer(Protocol):
-    """A generator of units: music (N, T, F) and initial poses (N, T, C) in, an output with their ``motion`` out."""
-
-    fps: float
-    n_motion: int
-    bone_lengths: Tensor
-
-    def __call__(self, audio: Tensor, initial: Tensor) -> Any:
-        """The output of both tensors."""
-
-
-@torch.inference_mode()
-def danced_meters(generator: MeterDancer, source: DanceInput) -> FloatArray:
-    """The motion code (n_frames, C) of all meters, one after the other, from the end of the movement before."""
-    origin, prior = source.first, source.prior
-    code = np.zeros((source.meters[-1].end - origin, generator.n_motion))
-    code[: len(prior)] = prior
-    for meter in source.progress(source.meters, "dancing"):
-        begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
-        motion = _meter(generator, source.audio[begin:end], code[begin:end], now - begin)
-        new = max(now, len(prior))
-        code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
-    return code[-origin : source.n_frames - origin]
-
-
-def _meter(generator: MeterDancer, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
-    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
-    initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
-    device = generator.bone_lengths.device
-    motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
-    code_of_meter: FloatArray = motion[0, n_prior:].double().cpu().numpy()
-    return code_of_meter
 
 
 @torch.no_grad()
@@ -117,18 +82,8 @@ class Generator(DancerNetwork):
     system, settings = "harmogan", "model"
     params: ModelParams
 
-    def __init__(
-        self,
-        params: ModelParams,
-        n_audio: int,
-        skeleton: Skeleton,
-        bone_lengths: Tensor,
-        *,
-        fps: float,
-        features: FeatureParams | None = None,
-    ) -> None:
-        super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
-        hidden, channels, n_joints = params.hidden, params.pose_features, len(skeleton.joints)
+    def prepare(self, params: ModelParams) -> None:
+        hidden, channels, n_joints = params.hidden, params.pose_features, len(self.skeleton.joints)
         reach = max(1, round(_HORIZON * self.fps))
         self.hearing = nn.Conv1d(
             self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
@@ -169,13 +124,32 @@ class Generator(DancerNetwork):
         """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
         return layers.decode(motion, self.fps)
 
+    @torch.inference_mode()
     def code(self, source: DanceInput, seed: int) -> FloatArray:
-        """The motion code (n_frames, C) of a dance, meter by meter. It leaves nothing to chance: `seed` is not read."""
-        return danced_meters(self, source)
+        """The motion code (n_frames, C) of a dance, meter by meter, each from the end of the movement before.
+
+        It leaves nothing to chance: `seed` is not read.
+        """
+        origin, prior = source.first, source.prior
+        code = np.zeros((source.meters[-1].end - origin, self.n_motion))
+        code[: len(prior)] = prior
+        for meter in source.progress(source.meters, "dancing"):
+            begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
+            motion = self._meter(source.audio[begin:end], code[begin:end], now - begin)
+            new = max(now, len(prior))
+            code[new:end] = continued(code[:new], motion[new - now :], self.fps)
+        return code[-origin : source.n_frames - origin]
+
+    def _meter(self, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
+        """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
+        initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
+        inputs = (torch.from_numpy(each[None]).to(self.bone_lengths.device) for each in (music, initial))
+        code_of_meter: FloatArray = self(*inputs).motion[0, n_prior:].double().cpu().numpy()
+        return code_of_meter
 
     def parameter_count(self) -> int:
         """Number of values that training changes."""
-        return parameter_count(self)
+        return layers.parameter_count(self)
 
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
@@ -201,10 +175,8 @@ class CrossDomainDiscriminator(layers.Normalised):
         super().__init__()
         n_motion = 3 * len(skeleton.joints) + layers.PATH_CHANNELS
         self.audio_scale, self.motion_scale = layers.Normaliser(n_audio), layers.Normaliser(n_motion)
-        self.hearing, self.seeing = (
-            layers.MotionBranch(n_audio, params.discriminator),
-            layers.MotionBranch(n_motion, params.discriminator),
-        )
+        self.hearing = layers.MotionBranch(n_audio, params.discriminator)
+        self.seeing = layers.MotionBranch(n_motion, params.discriminator)
         self.both = layers.MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
         self.verdict = layers.perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
 
@@ -250,3 +222,36 @@ def segments(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     inside = (frames < borders[:, 1:, None]).to(values.dtype)
     rows = torch.arange(len(values), device=values.device)[:, None, None]
     return values[rows, frames.clamp(max=values.shape[1] - 1)], inside
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """The trained networks, and the pose network of the feature loss, which is not trained."""
+
+    generator: Generator
+    cross_domain: CrossDomainDiscriminator
+    spatial_temporal: SpatialTemporalDiscriminator
+    pose_net: PoseNet
+
+    @classmethod
+    def fresh(cls, units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> Self:
+        """Fresh networks that know the training split's statistics; the same for the same seed."""
+        n_audio, skeleton = units.features.n_audio, units.skeleton
+        lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
+        with layers.drawn_by(seed):
+            generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
+            cross = CrossDomainDiscriminator(model, n_audio, skeleton)
+            temporal = SpatialTemporalDiscriminator(model, skeleton)
+        statistics = layers.Statistics.of(train.audio, train.motion, train.mask)
+        for part in (generator, cross, temporal):
+            part.set_statistics(statistics)
+        return cls(generator, cross, temporal, pose_net)
+
+    def modules(self) -> dict[str, nn.Module]:
+        """The trained networks by name."""
+        return {name: getattr(self, name) for name in ("generator", "cross_domain", "spatial_temporal")}
+
+    def discriminators(self, params: TrainParams) -> list[nn.Parameter]:
+        """Parameters of the discriminators that the generator's loss has a part for."""
+        parameters = [*self.spatial_temporal.parameters()]
+        return [*self.cross_domain.parameters(), *parameters] if params.cross_domain_weight else parameters

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_choice, check_numbers
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,8 @@ class TrainParams:
         for name in ("pretrain_drops", "adversarial_drops"):
             if not all(0 < factor < math.inf for factor in getattr(self, name)):
                 raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
-        if self.harmony not in ("paper", "above_chance"):
-            raise ValueError(f"harmony must be paper or above_chance, got {self.harmony!r}")
-        if self.harmony_frame not in ("room", "body"):
-            raise ValueError(f"harmony_frame must be room or body, got {self.harmony_frame!r}")
+        check_choice("harmony", self.harmony, ("paper", "above_chance"))
+        check_choice("harmony_frame", self.harmony_frame, ("room", "body"))
 
     @classmethod
     def paper(cls) -> "TrainParams":

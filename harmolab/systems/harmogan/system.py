@@ -6,8 +6,8 @@ from harmolab.files import PathLike
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.network_system import PRESETS, NetworkSystem, changed, check_choice, noticed_split
+from harmolab.systems.training.features import FeatureParams, check_choice
+from harmolab.systems.training.network_system import PRESETS, NetworkSystem, changed, noticed_split
 from harmolab.systems.training.units import load_units
 
 LOSSES = ("recommended", "paper")

@@ -23,20 +23,13 @@ from harmolab.files import PathLike, plain
 from harmolab.params import HarmonyParams
 from harmolab.soft_score import anneal
 from harmolab.systems.harmogan import losses
-from harmolab.systems.harmogan.networks import (
-    CrossDomainDiscriminator,
-    Generator,
-    SpatialTemporalDiscriminator,
-    load_generator,
-)
+from harmolab.systems.harmogan.networks import Generator, Networks, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.checkpoints import Report, TrainOptions, check_pretrained
-from harmolab.systems.training.layers import Statistics, drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, make_fabric
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
 from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
-from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import save_weights
 
 POSE_NET, PRETRAINED = "pose_net", "pretrained"
@@ -77,7 +70,7 @@ def train_harmogan(
         stem = run.train_once(POSE_NET, lambda: _pose_net(split, params, before, options.report), params.seed)
         pose_net = load_pose_net(stem).requires_grad_(False)
         train, validation = (Tensors.of(side, fabric.device) for side in (units, split.validation))
-        networks = _networks(units, train, model, pose_net, params.seed)
+        networks = Networks.fresh(units, train, model, pose_net, params.seed)
         if before is not None:
             networks.generator.load_state_dict(load_generator(before / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
@@ -97,22 +90,8 @@ def _pose_net(split: Split, params: TrainParams, pretrained: Path | None, report
     )  # fmt: skip
 
 
-def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> losses.Networks:
-    """Fresh networks that know the training split's statistics; the same for the same seed."""
-    n_audio, skeleton = units.features.n_audio, units.skeleton
-    lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
-    with drawn_by(seed):
-        generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
-        cross = CrossDomainDiscriminator(model, n_audio, skeleton)
-        temporal = SpatialTemporalDiscriminator(model, skeleton)
-    statistics = Statistics.of(train.audio, train.motion, train.mask)
-    for part in (generator, cross, temporal):
-        part.set_statistics(statistics)
-    return losses.Networks(generator, cross, temporal, pose_net)
-
-
 def phases(
-    networks: losses.Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
 ) -> list[Phase]:
     """Pretraining of the generator alone, then discriminators and generator in turn.
 
@@ -128,7 +107,7 @@ def phases(
 
 
 def _pretraining(
-    networks: losses.Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
 ) -> Phase:
     """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
     generator = networks.generator
@@ -154,7 +133,7 @@ def _pretraining(
     )
 
 
-def _adversarial(networks: losses.Networks, validation: Tensors, params: TrainParams) -> Phase:
+def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
     """Discriminators and generator in turn on every batch (Eq. 28-32)."""
     generator = networks.generator
     discriminators = Player(
@@ -217,7 +196,7 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
     paper = losses.score_batch(generator, room, units, HARD, HarmonyParams.paper())
     valleys = losses.score_batch(generator, room, units, HARD, HarmonyParams.valleys())
     in_body = losses.score_batch(generator, body, units, HARD, HarmonyParams.valleys())
-    ratios = losses.likeness_ratios(generator, motion, units)
+    ratios = losses.likeness_ratios(motion, units)
     return {
         "val_mse": float(losses.motion_error(generator, motion, units, params.epsilon)),
         "val_harmony": float(paper.harmony.mean()),

@@ -21,8 +21,9 @@ from harmolab.systems.music2dance.params import Music2DanceParams
 from harmolab.systems.music2dance.sequences import load_sequences, song_features
 from harmolab.systems.training.about import DEFAULT_STEM, json_file, read_about, weights_stem
 from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.feet import foot_contacts
-from harmolab.systems.training.network_system import NetworkSystem, check_choice, noticed_split, preset_settings
+from harmolab.systems.training.network_system import NetworkSystem, noticed_split, preset_settings
 from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.weights import load_weights, save_weights

@@ -119,12 +119,6 @@ FORMAT = "harmolab training state 2"
 SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
 
 
-def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """An optimiser's memory as named tensors: "<parameter number>.<name>"."""
-    state = optimiser.state_dict()["state"]
-    return {f"{number}.{name}": torch.as_tensor(kept[name]) for number, kept in state.items() for name in kept}
-
-
 def save_state(
     folder: Path,
     modules: Mapping[str, nn.Module],
@@ -140,9 +134,12 @@ def save_state(
     about : JSON-able; comes back from `load_state`
     """
     parts = {f"module.{name}.": part.state_dict() for name, part in modules.items()}
-    parts |= {f"optimiser.{name}.": optimiser_tensors(optimiser) for name, optimiser in optimisers.items()}
+    # An optimiser's memory: "<parameter number>.<name>".
+    for name, optimiser in optimisers.items():
+        state = optimiser.state_dict()["state"].items()
+        parts |= {f"optimiser.{name}.{number}.": kept for number, kept in state}
     tensors = {
-        prefix + name: values.detach().cpu().contiguous()
+        prefix + name: torch.as_tensor(values).detach().cpu().contiguous()
         for prefix, part in parts.items()
         for name, values in part.items()
     }

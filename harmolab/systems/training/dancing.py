@@ -15,19 +15,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.files import Progress, silent
 from harmolab.systems.training.about import stored_skeleton
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.feet import grounded
 from harmolab.systems.training.layers import PATH_CHANNELS, Normalised, Normaliser, fix_bones, local_joints
-from harmolab.systems.training.motion_code import decode_motion, encode_motion
+from harmolab.systems.training.motion_code import coded, decode_motion
 from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank, retimed
 from harmolab.systems.training.units import MeterFrames, filled_beats, meter_frames
 from harmolab.systems.training.weights import whole
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, FloatArray, Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,20 +74,6 @@ class Dancer(Protocol):
         """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
 
 
-def check_dancer(
-    n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float, features: FeatureParams | None
-) -> None:
-    """ValueError unless what a dancer is built of fits together: skeleton, bone lengths (J,), audio channels, rate."""
-    ancestors(skeleton.parents)  # refuses bones in a circle
-    n_joints = len(skeleton.joints)
-    if bone_lengths.shape != (n_joints,) or not bool((bone_lengths >= 0).all()):
-        raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {bone_lengths.tolist()}")
-    if n_audio < 1 or not 0 < fps < math.inf:
-        raise ValueError(f"n_audio and fps must be positive, got {n_audio} and {fps}")
-    if features is not None and (features.n_audio, features.fps) != (n_audio, fps):
-        raise ValueError(f"features must have {n_audio} audio channels at {fps} Hz, got {features}")
-
-
 def synthesize_dance(dancer: Dancer, audio: Audio, *, poses: PoseBank | None = None, **options: Any) -> Motion:
     """A dance to music, at the dancer's frame rate; frame 0 belongs to the audio time `start`.
 
@@ -122,33 +107,22 @@ def synthesize_dance(dancer: Dancer, audio: Audio, *, poses: PoseBank | None = N
 
 def danced(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> Motion:
     """`synthesize_dance` of a request."""
-    frames, initial = request.n_frames(dancer.fps), request.initial
-    if dancer.features is None:
+    source = _dance_input(dancer, poses, request)
+    code = _with_bones(dancer, dancer.code(source, request.seed))
+    positions = decode_motion(code, dancer.fps, dancer.skeleton)
+    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=request.plant_feet)
+    return Motion(positions, dancer.fps, dancer.skeleton)
+
+
+def _dance_input(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> DanceInput:
+    """The record of what a network is told of a song."""
+    audio, start, features = request.audio, request.start, dancer.features
+    frames = request.n_frames(dancer.fps)
+    if features is None:
         raise ValueError("this network does not say which audio features it hears; build it with features=...")
     request.check_dance(() if poses is None else poses.dances)
-    code = _first_movement(dancer, poses, request) if initial is None else _coded(dancer, initial)
     track = request.track()
-    meters = meter_frames(track, dancer.features, start=request.start, n_frames=frames, fps=dancer.fps)
-    first = meters[0].begin
-    if initial is None:  # a movement of the bank fills the beats before a meter of four
-        length = max(1, round(meters[0].share * len(code)))
-        prior = retimed(code[-length:], meters[0].meter - first)
-    else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
-        prior = retimed(code[first:], -first)
-    source = _dance_input(dancer.features, request, track, meters, prior, frames)
-    return _dressed(dancer, dancer.code(source, request.seed), plant_feet=request.plant_feet)
-
-
-def _dance_input(
-    features: FeatureParams,
-    request: DanceRequest,
-    track: BeatTrack,
-    meters: list[MeterFrames],
-    prior: FloatArray,
-    frames: int,
-) -> DanceInput:
-    """The record of what a network is told of a song."""
-    audio, start = request.audio, request.start
+    meters = meter_frames(track, features, start=start, n_frames=frames, fps=dancer.fps)
     times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
     beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
     return DanceInput(
@@ -156,17 +130,20 @@ def _dance_input(
         song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
         beats=(beats - start) * features.fps,
         meters=meters,
-        prior=prior,
+        prior=_prior(dancer, poses, request, meters[0]),
         n_frames=frames,
         progress=request.progress,
     )
 
 
-def _dressed(dancer: Dancer, code: FloatArray, *, plant_feet: bool) -> Motion:
-    """The motion of a code (T, C): bones of their lengths, on the floor, feet that stand."""
-    positions = decode_motion(_with_bones(dancer, code), dancer.fps, dancer.skeleton)
-    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=plant_feet)
-    return Motion(positions, dancer.fps, dancer.skeleton)
+def _prior(dancer: Dancer, poses: PoseBank | None, request: DanceRequest, first: MeterFrames) -> FloatArray:
+    """The code of the movement that a dance goes on from, in the beats before its first meter."""
+    if request.initial is None:  # a movement of the bank fills the beats before a meter of four
+        code = _first_movement(dancer, poses, request)
+        return retimed(code[-max(1, round(first.share * len(code))) :], first.meter - first.begin)
+    check_initial(request.initial, dancer.skeleton, "the generator")
+    # It keeps its speed, and ends where the dance begins, which may be inside a meter.
+    return retimed(coded(request.initial, dancer.fps)[first.begin :], -first.begin)
 
 
 def _first_movement(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> FloatArray:
@@ -179,13 +156,6 @@ def _first_movement(dancer: Dancer, poses: PoseBank | None, request: DanceReques
     if clips.shape[2] != dancer.n_motion:
         raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {clips.shape}")
     return poses.drawn(request.dance, request.seed)
-
-
-def _coded(dancer: Dancer, motion: Motion) -> FloatArray:
-    """The motion code (T0, C) of a motion of the dancer's skeleton."""
-    check_initial(motion, dancer.skeleton, "the generator")
-    motion = resample_motion(motion, dancer.fps)
-    return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
 
 
 def _with_bones(dancer: Dancer, code: FloatArray) -> FloatArray:
@@ -214,7 +184,7 @@ class DancerNetwork(Normalised):
     Raises
     ------
     ValueError
-        If these do not fit together (`check_dancer`).
+        If these do not fit together.
     """
 
     settings: ClassVar[str] = "params"  # name of `params` in the description of weights
@@ -231,13 +201,26 @@ class DancerNetwork(Normalised):
         features: FeatureParams | None = None,
     ) -> None:
         super().__init__()
-        bone_lengths = bone_lengths.detach().float()
-        check_dancer(n_audio, skeleton, bone_lengths, fps=fps, features=features)
         self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
         self.features = features
         self.n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
+        self.register_buffer("bone_lengths", bone_lengths.detach().float().clone())
+        self._check()
         self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(self.n_motion)
-        self.register_buffer("bone_lengths", bone_lengths.clone())
+        self.prepare(params)
+
+    def prepare(self, params: Any) -> None:
+        """The network's own layers, where they follow from its sizes and its body alone."""
+
+    def _check(self) -> None:
+        ancestors(self.skeleton.parents)  # refuses bones in a circle
+        n_joints, lengths = len(self.skeleton.joints), self.bone_lengths
+        if lengths.shape != (n_joints,) or not bool((lengths >= 0).all()):
+            raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {lengths.tolist()}")
+        if self.n_audio < 1 or not 0 < self.fps < math.inf:
+            raise ValueError(f"n_audio and fps must be positive, got {self.n_audio} and {self.fps}")
+        if self.features is not None and (self.features.n_audio, self.features.fps) != (self.n_audio, self.fps):
+            raise ValueError(f"features must have {self.n_audio} audio channels at {self.fps} Hz, got {self.features}")
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""

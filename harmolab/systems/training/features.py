@@ -26,6 +26,12 @@ def check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: 
             raise ValueError(f"{name} must be {'positive' if name in positive else 'zero or more'}, got {number}")
 
 
+def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
+    """ValueError unless a setting is one of those there are."""
+    if value not in choices:
+        raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")
+
+
 @dataclass(frozen=True)
 class FeatureParams:
     """Input of the generator from music and motion (Sec. 4.1, 5.1).

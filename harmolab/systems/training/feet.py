@@ -17,7 +17,7 @@ from harmolab.types import BoolArray, FloatArray
 
 FLOOR_WINDOW = 1.2  # seconds; a jump is shorter
 FLOOR_SMOOTHING = 0.6  # seconds
-RESTING_PERCENTILE = 5.0
+RESTING = 5.0  # percentile of the height of a joint, over a whole recording, at which it rests
 CONTACT_HEIGHT = 0.02  # metres above its resting height at which a foot carries little
 CONTACT_SPEED = 1.0  # metres per second at which it is rather swung than slides
 AIR = 0.02  # weight of "no foot carries" beside the weights of the feet, each 0 to 1
@@ -75,7 +75,7 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
     """Horizontal velocity (T - 1, 2) of joints, weighted by their load, and that load (T - 1,), from 0 to 1."""
-    height = positions[:, joints, 1] - np.percentile(positions[:, joints, 1], RESTING_PERCENTILE, axis=0)
+    height = positions[:, joints, 1] - np.percentile(positions[:, joints, 1], RESTING, axis=0)
     height = np.maximum(np.maximum(height[1:], height[:-1]), 0.0)
     velocity = np.diff(positions[:, joints][..., [0, 2]], axis=0) * fps  # (T-1, F, 2)
     speed = np.linalg.norm(velocity, axis=2)
@@ -163,7 +163,6 @@ def _lengths(vectors: FloatArray) -> FloatArray:
 
 HEIGHT = 0.03  # metres above where a joint rests
 SPEED = 0.3  # metres per second along the floor
-RESTING = 5.0  # percentile of a joint's height, over a whole recording
 MEDIAN = 3  # frames
 
 

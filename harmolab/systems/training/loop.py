@@ -24,6 +24,7 @@ from torch import Tensor, nn
 
 from harmolab.files import write_text
 from harmolab.systems.training import checkpoints
+from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.units import Batch, UnitSet, collate
 
 # Units on a device, and batches of them in parts: the same gradients from one process as from several.
@@ -144,15 +145,10 @@ def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -
                 units.take(indices, number, count),
                 units.take(indices.roll(-1), number, count),
                 len(indices[number::count]) / len(indices),
-                _shard_seed(batching.seed, epoch, place, number),
+                int(np.random.SeedSequence((batching.seed, epoch, place, number)).generate_state(1)[0]),
             )
             for number in numbers
         ]
-
-
-def _shard_seed(*numbers: int) -> int:
-    """A seed of its own for the shard of these numbers: of the run, epoch, batch and shard."""
-    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
@@ -210,31 +206,7 @@ def _added(fabric: Fabric, values: Tensor) -> Tensor:
     return total
 
 
-class Means:
-    """Means of named terms over the batches of an epoch."""
-
-    def __init__(self) -> None:
-        self._names: list[str] = []
-        self._sums: Tensor | None = None  # (S, terms)
-        self._count = 0
-
-    def add(self, terms: list[Terms], shards: list[Shard]) -> None:
-        """One more batch: the terms of each of this process's shards."""
-        self._names = list(terms[0])
-        pairs = zip(terms, shards, strict=True)
-        values = torch.stack([torch.stack([*each.values()]).detach().float() * shard.share for each, shard in pairs])
-        self._sums = values if self._sums is None else self._sums + values
-        self._count += 1
-
-    def over(self, fabric: Fabric) -> dict[str, float]:
-        """The means over all processes; none before the first batch."""
-        if self._sums is None:
-            return {}
-        return dict(zip(self._names, (_added(fabric, self._sums) / self._count).tolist(), strict=True))
-
-
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
-ACCELERATORS = ("auto", "cpu", "cuda")
 Optimisers = dict[str, torch.optim.Optimizer]
 
 
@@ -333,8 +305,7 @@ def make_fabric(*, accelerator: str = "auto") -> Fabric:
     ValueError
         If this machine has no such accelerator.
     """
-    if accelerator not in ACCELERATORS:
-        raise ValueError(f"accelerator must be {' or '.join(ACCELERATORS)}, got {accelerator!r}")
+    check_choice("accelerator", accelerator, ("auto", "cpu", "cuda"))
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
     if accelerator == "cuda" and not torch.cuda.is_available():
         raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
@@ -380,18 +351,15 @@ def fit(
         If the state in `folder` is damaged or belongs to other settings.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
-    tensors, about = (checkpoints.load_state(folder) if resume else None) or (
-        None,
-        {"settings": run.settings, "history": []},
-    )
+    new: tuple[None, dict[str, Any]] = None, {"settings": run.settings, "history": []}
+    tensors, about = (checkpoints.load_state(folder) if resume else None) or new
     if about["settings"] != run.settings:
         raise ValueError(f"{folder}: was trained with other settings; resume with those, or choose another folder")
     run.rows += about["history"]
     if fabric.is_global_zero:
         run.events = checkpoints.EventLog(folder, run.rows)
-        write_text(
-            folder / checkpoints.HISTORY, checkpoints.history_text(run.rows)
-        )  # a kill may have come after epochs that no state knows of
+        # A kill may have come after epochs that no state knows of.
+        write_text(folder / checkpoints.HISTORY, checkpoints.history_text(run.rows))
     current = [phase.name for phase in phases].index(run.rows[-1]["phase"]) if run.rows else 0
     try:
         for phase in phases[current:]:
@@ -434,11 +402,15 @@ def _best_epoch(rows: list[checkpoints.Row], phase: Phase) -> int:
 
 def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: checkpoints.Row) -> dict[str, float]:
     """Mean of every loss term over an epoch in which all players learnt."""
-    means, outputs = Means(), None
+    sums: Tensor | float = 0.0  # (shards of this process, terms)
+    terms: list[Terms] = []
+    outputs, count = None, 0
     for shards in epoch_shards(run.fabric, run.units, row["epoch"], run.batching):
         terms, outputs = _batch(run, phase, optimisers, row, shards, outputs or [None] * len(shards))
-        means.add(terms, shards)
-    return means.over(run.fabric)
+        pairs = zip(terms, shards, strict=True)
+        sums += torch.stack([torch.stack([*each.values()]).detach().float() * shard.share for each, shard in pairs])
+        count += 1
+    return dict(zip(terms[0], (_added(run.fabric, torch.as_tensor(sums)) / count).tolist(), strict=True))
 
 
 def _batch(

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton, heading, root_position, tree_order, turned
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, Motion
 
 
 def n_channels(skeleton: Skeleton) -> int:
@@ -47,7 +48,7 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     ValueError
         If the shape does not fit the skeleton, or fps is not positive.
     """
-    _check_fps(fps)
+    check_fps(fps)
     positions = np.asarray(positions, dtype=np.float64)
     if positions.ndim != 3 or positions.shape[1:] != (len(skeleton.joints), 3) or not len(positions):
         expected = f"(frames, {len(skeleton.joints)}, 3)"
@@ -59,6 +60,12 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     steps[:, :3] = turned(steps[:, :3], -facing[1:])
     rates = np.concatenate([steps[:1], steps])[:, [0, 2, 3]] * fps if len(steps) else np.zeros((1, 3))
     return np.concatenate([local.reshape(len(local), -1), rates], axis=1).astype(np.float32)
+
+
+def coded(motion: Motion, fps: float) -> NDArray[np.float32]:
+    """The motion code of a whole motion, at another frame rate."""
+    motion = resample_motion(motion, fps)
+    return encode_motion(motion.positions, motion.fps, motion.skeleton)
 
 
 def decode_motion(
@@ -85,7 +92,7 @@ def decode_motion(
     code = np.asarray(code, dtype=np.float64)
     if code.ndim != 2 or code.shape[1] != n_channels(skeleton):
         raise ValueError(f"code must be (frames, {n_channels(skeleton)}) for this skeleton, got shape {code.shape}")
-    _check_fps(fps)
+    check_fps(fps)
     steps = code[:, -3:] / fps
     steps[:1] = 0.0
     facing = start[2] + np.cumsum(steps[:, 2])
@@ -144,7 +151,8 @@ def frames_at(values: NDArray[Any], places: FloatArray) -> FloatArray:
     return values[before] + (places - before)[:, None] * (values[after] - values[before])
 
 
-def _check_fps(fps: float) -> None:
+def check_fps(fps: float) -> None:
+    """ValueError for a rate that is none."""
     if not 0 < fps < np.inf:
         raise ValueError(f"fps must be positive and finite, got {fps}")
 

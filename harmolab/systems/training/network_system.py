@@ -12,7 +12,7 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Notice, Report, TrainOptions, check_folder
 from harmolab.systems.training.dancing import danced
-from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
 from harmolab.systems.training.runs import PoseBank, load_poses, poses_path, save_poses
 from harmolab.systems.training.splits import SIDES, Split, split_units
@@ -173,9 +173,3 @@ def changed(settings: R, changes: Mapping[str, Any]) -> R:
     if other := sorted(changes.keys() - {field.name for field in fields(settings)}):  # type: ignore[arg-type]
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
     return replace(settings, **changes)  # type: ignore[type-var]
-
-
-def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
-    """ValueError unless a setting is one of those there are."""
-    if value not in choices:
-        raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")

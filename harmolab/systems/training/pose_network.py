@@ -7,7 +7,6 @@ remember enough to draw the motion again.
 
 import copy
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Self, TypeVar
@@ -16,12 +15,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import PathLike
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, channel_statistics, drawn_by
-from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, between, channel_statistics, drawn_by
+from harmolab.systems.training.motion_code import check_fps, coded
 from harmolab.systems.training.units import DanceUnit, UnitSet, collate
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import FloatArray, Motion
@@ -43,15 +41,7 @@ def resample(values: Tensor, mask: Tensor, frames: int = FRAMES) -> Tensor:
     """(N, frames, C): the real frames of (N, T, C), which come first, brought to one length by linear interpolation."""
     last = (mask.sum(dim=1, keepdim=True) - 1).clamp(min=0)  # (N, 1)
     places = torch.linspace(0, 1, frames, device=values.device, dtype=values.dtype) * last
-    return sampled(values, places.minimum(last))  # rounding may pass the last frame
-
-
-def sampled(values: Tensor, places: Tensor) -> Tensor:
-    """(N, K, C): values (N, T, C) at the frame numbers (N, K), which may lie between frames."""
-    before = places.floor().long().clamp(0, values.shape[1] - 1)
-    after = (before + 1).clamp(max=values.shape[1] - 1)
-    rows = torch.arange(len(values), device=values.device)[:, None]
-    return torch.lerp(values[rows, before], values[rows, after], (places - before)[..., None])
+    return between(values, places.minimum(last))  # rounding may pass the last frame
 
 
 class PoseNet(nn.Module):
@@ -69,8 +59,7 @@ class PoseNet(nn.Module):
 
     def __init__(self, skeleton: Skeleton, *, fps: float) -> None:
         super().__init__()
-        if not 0 < fps < math.inf:
-            raise ValueError(f"fps must be positive and finite, got {fps}")
+        check_fps(fps)
         self.skeleton, self.fps = skeleton, float(fps)
         self.motion_scale = Normaliser(3 * len(skeleton.joints) + PATH_CHANNELS)
         sizes = (6, *_WIDTHS)
@@ -138,8 +127,7 @@ def embed_windows(motions: Sequence[Motion], pose_net: PoseNet, *, seconds: floa
     """
     length, pieces = round(seconds * pose_net.fps), []
     for motion in motions:
-        same = resample_motion(motion, pose_net.fps)
-        code = torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
+        code = torch.from_numpy(coded(motion, pose_net.fps))
         pieces += list(code[: len(code) // length * length].split(length))
     batch = torch.stack(pieces)
     return pose_net.eval().embed(batch, torch.ones(batch.shape[:2])).double().numpy()
@@ -150,9 +138,8 @@ def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:
     if motion.skeleton.joints != pose_net.skeleton.joints:
         joints = ", ".join(motion.skeleton.joints)
         raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
-    same = resample_motion(motion, pose_net.fps)
-    code = encode_motion(same.positions, same.fps, same.skeleton)
-    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
+    code = coded(motion, pose_net.fps)
+    return torch.from_numpy(code[round(unit.n_prior * pose_net.fps / unit.fps) :])
 
 
 def _block(n_in: int, n_out: int) -> nn.Sequential:
@@ -165,14 +152,7 @@ def _block(n_in: int, n_out: int) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def train_pose_net(
-    train: UnitSet,
-    validation: UnitSet,
-    *,
-    seed: int = 0,
-    epochs: int = 40,
-    progress: Callable[[dict[str, float]], None] = lambda row: None,
-) -> PoseNet:
+def train_pose_net(train: UnitSet, validation: UnitSet, **options: Any) -> PoseNet:
     """A pose network that learnt three tasks on the training units, on the CPU, in evaluation mode.
 
     The tasks: motion groups and dance (of the training split only); intact or damaged motion (shaking, standing still
@@ -181,6 +161,27 @@ def train_pose_net(
 
     Parameters
     ----------
+    train, validation : UnitSet
+    options : of `train_on_lesson`: ``seed``, ``epochs``, ``progress``; errors as there
+    """
+    return train_on_lesson(lambda: PoseNet(train.skeleton, fps=train.features.fps), train, validation, **options)
+
+
+def train_on_lesson(
+    build: Callable[[], N],
+    train: UnitSet,
+    validation: UnitSet,
+    *,
+    seed: int = 0,
+    epochs: int = 40,
+    progress: Callable[[dict[str, float]], None] = lambda row: None,
+) -> N:
+    """A network of motion that learnt the three tasks of `train_pose_net`.
+
+    Parameters
+    ----------
+    build : function() -> network with fresh weights
+        It has ``motion_scale``, a `Normaliser` of motion codes, and ``embed(motion, mask)``: (N, 32) embeddings.
     train, validation : UnitSet
     seed : int
     epochs : int
@@ -191,28 +192,6 @@ def train_pose_net(
     ------
     ValueError
         Without units on either side, or for fewer than one epoch.
-    """
-    return train_on_lesson(
-        lambda: PoseNet(train.skeleton, fps=train.features.fps), train, validation, seed=seed, epochs=epochs,
-        progress=progress,
-    )  # fmt: skip
-
-
-def train_on_lesson(
-    build: Callable[[], N],
-    train: UnitSet,
-    validation: UnitSet,
-    *,
-    seed: int,
-    epochs: int,
-    progress: Callable[[dict[str, float]], None],
-) -> N:
-    """A network of motion that learnt the three tasks of `train_pose_net`, whose parameters and errors these are too.
-
-    Parameters
-    ----------
-    build : function() -> network with fresh weights
-        It has ``motion_scale``, a `Normaliser` of motion codes, and ``embed(motion, mask)``: (N, 32) embeddings.
     """
     if not len(train) or not len(validation) or epochs < 1:
         sizes = f"{len(train)} units, {len(validation)} validation units and {epochs} epochs"
@@ -270,7 +249,7 @@ def _cut(motion: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     first = ((lengths - cut_lengths) * torch.rand_like(lengths)).floor()
     frames = torch.arange(mask.shape[1], dtype=mask.dtype)
     real = (frames < cut_lengths).to(mask.dtype)
-    return sampled(motion, (first + frames).clamp(max=mask.shape[1] - 1)), real
+    return between(motion, (first + frames).clamp(max=mask.shape[1] - 1)), real
 
 
 class _Lesson(nn.Module):
@@ -288,7 +267,7 @@ class _Lesson(nn.Module):
         strength = 0.02 * 20 ** torch.rand(n, 1, 1)  # standard deviations
         shaken = motion + strength * self.net.motion_scale.std * torch.randn_like(motion)
         hold = torch.randint(3, 9, (n, 1))
-        held = sampled(motion, (torch.arange(frames) // hold * hold).to(motion.dtype))
+        held = between(motion, (torch.arange(frames) // hold * hold).to(motion.dtype))
         foreign = torch.rand(n, 1, (channels - PATH_CHANNELS) // 3) < 0.5
         whose = functional.pad(foreign.repeat_interleave(3, dim=2), (0, PATH_CHANNELS))
         mixed = torch.where(whose, motion.roll(1, dims=0), motion)

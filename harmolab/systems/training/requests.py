@@ -46,8 +46,17 @@ class DanceRequest:
     progress: Progress = silent
 
     def n_frames(self, fps: float) -> int:
-        """Frames of the dance; ValueError if `start` or `seconds` lies outside the music."""
-        return n_frames(self.audio, self.start, self.seconds, fps)
+        """Frames of the dance; ValueError if `start` or `seconds` lies outside the music, or there are not two."""
+        audio, start, seconds = self.audio, self.start, self.seconds
+        if not 0 <= start < audio.duration:
+            raise ValueError(f"start must lie within the music (0 to {audio.duration:.2f} s), got {start:g} s")
+        if seconds is not None and not 0 < seconds < np.inf:
+            raise ValueError(f"seconds must be positive, got {seconds:g}")
+        length = min(audio.duration - start, np.inf if seconds is None else seconds)
+        frames = int(length * fps + 1e-6)
+        if frames < 2:
+            raise ValueError(f"{length:.3f} s of music are less than two frames at {fps:g} per second")
+        return frames
 
     def track(self) -> BeatTrack:
         """The beats of the music."""
@@ -91,22 +100,3 @@ class DanceSystem:
     ) -> Motion:
         """A dance to music (`harmolab.systems.System`); all options are those of `DanceRequest`."""
         return self.respond(DanceRequest(audio, beats, start, seconds, seed, initial, dance, plant_feet, progress))
-
-
-def n_frames(audio: Audio, start: float, seconds: float | None, fps: float) -> int:
-    """Frames of a dance from second `start` of the music on; to its end when `seconds` is None or longer.
-
-    Raises
-    ------
-    ValueError
-        Where there is no music for two frames.
-    """
-    if not 0 <= start < audio.duration:
-        raise ValueError(f"start must lie within the music (0 to {audio.duration:.2f} s), got {start:g} s")
-    if seconds is not None and not 0 < seconds < np.inf:
-        raise ValueError(f"seconds must be positive, got {seconds:g}")
-    length = min(audio.duration - start, np.inf if seconds is None else seconds)
-    frames = int(length * fps + 1e-6)
-    if frames < 2:
-        raise ValueError(f"{length:.3f} s of music are less than two frames at {fps:g} per second")
-    return frames

@@ -32,6 +32,7 @@ from harmolab.types import FloatArray
 
 # Movements that a dance may start from: a few short clips of training motion, kept beside a generator's weights.
 
+POSES = 48  # clips of a bank
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it
 _MAX_BYTES = 64 * 2**20
 _FORMAT = "harmolab poses 1"
@@ -73,8 +74,8 @@ class PoseBank:
         return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
 
-def pose_bank(units: UnitSet, *, count: int = 48, seed: int = 0) -> PoseBank:
-    """A bank of the movements before `count` meters of units (those of the training split), dance by dance.
+def pose_bank(units: UnitSet, *, seed: int = 0) -> PoseBank:
+    """A bank of the movements before `POSES` meters of units (those of the training split), dance by dance.
 
     Only units with a meter of four are taken, so that all clips are equally many beats long; each is brought to the
     median number of frames. Dances share the places evenly, as far as they have units.
@@ -82,17 +83,15 @@ def pose_bank(units: UnitSet, *, count: int = 48, seed: int = 0) -> PoseBank:
     Raises
     ------
     ValueError
-        If no unit has a meter of four beats, or `count` is not positive.
+        If no unit has a meter of four beats.
     """
-    if count < 1:
-        raise ValueError(f"count must be positive, got {count}")
     before = units.features.unit_beats - _BEATS_OF_METER
     # A beat between two frames belongs to the frame before it.
     ends = [(unit, (unit.n_prior - 1e-3) / units.features.fps) for unit in units.units]
     usable = [unit for unit, end in ends if (unit.beats < end).sum() == before]
     if not usable:
         raise ValueError(f"no unit has a meter of {_BEATS_OF_METER} beats to take starting poses from")
-    sample = spread(usable, count, np.random.default_rng(seed))
+    sample = spread(usable, POSES, np.random.default_rng(seed))
     frames = round(float(np.median([unit.n_prior for unit in sample])))
     clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in sample]
     return PoseBank(np.stack(clips), tuple(unit.dance for unit in sample))

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from harmolab.systems.training.units import DanceUnit, UnitSet
-from harmolab.types import BoolArray, IntArray
+from harmolab.types import IntArray
 
 SIDES = ("train", "validation", "test")
 TRAIN, VALIDATION, TEST = range(3)
+# Share of each dance's units to aim at, additional ones not counted. Units that touch groups of two sides are lost,
+# which makes the sides smaller than that.
+TEST_SHARE, VALIDATION_SHARE = 0.15, 0.1
 N_CANDIDATES = 400  # ways to deal the groups out; the one that wastes least is the split
 # Most of the groups that a candidate puts on the test and on the validation side, as multiples of the share of units
 # asked for: a unit touches several groups and stays only where all of them do, so more groups than units are needed.
@@ -41,7 +44,7 @@ class Split:
         return {**self.settings, "source": self.train.source, "groups": self.groups, "units": units}
 
 
-def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: float = 0.1, seed: int = 0) -> Split:
+def split_units(units: UnitSet, *, seed: int = 0) -> Split:
     """Units dealt out by motion group, dance by dance, at random but so that few are lost.
 
     A training unit touches groups of the training side only, its beats before the meter included. A test or validation
@@ -51,27 +54,19 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
     Parameters
     ----------
     units : UnitSet
-    test_share, validation_share : float
-        Share of each dance's units to aim at, additional ones not counted. Units that touch groups of two sides are
-        lost, which makes the sides smaller than that.
     seed : int
 
     Raises
     ------
     ValueError
-        For shares that are not positive or leave nothing to train on; when a side would be empty.
+        When a side would be empty.
     """
-    for name, share in (("test_share", test_share), ("validation_share", validation_share)):
-        if not 0 < share < 1:
-            raise ValueError(f"{name} must lie between 0 and 1, got {share}")
-    if test_share + validation_share >= 1:
-        raise ValueError(f"test_share and validation_share leave nothing to train on: {test_share}, {validation_share}")
     names: dict[int, list[str]] = {side: [] for side in range(3)}
     sides: dict[str, int] = {}
     for number, dance in enumerate(sorted({unit.dance for unit in units.units})):
         rng = np.random.default_rng([seed, number])
-        table = _Table.of([unit for unit in units.units if unit.dance == dance])
-        dealt = _deal(table, sides, (validation_share, test_share), rng)
+        table = _Table([unit for unit in units.units if unit.dance == dance])
+        dealt = _deal(table, sides, rng)
         sides |= dict(zip(table.groups, dealt.tolist(), strict=True))
         for side, rows in enumerate(table.members(dealt)):
             names[side] += [table.units[row].name for row in rows]
@@ -82,26 +77,20 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
                 "more recordings, or other shares, are needed"
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
-    settings = {"seed": seed, "test_share": test_share, "validation_share": validation_share}
+    settings = {"seed": seed, "test_share": TEST_SHARE, "validation_share": VALIDATION_SHARE}
     train, validation, test = (units.select(names[side]) for side in range(3))
     return Split(train, validation, test, groups, settings)
 
 
-@dataclass(frozen=True, eq=False)
 class _Table:
     """Units of one dance and the groups they touch: (U, G) incidence of the whole unit, and of its meter."""
 
-    units: Sequence[DanceUnit]
-    groups: list[str]
-    touches: BoolArray
-    meters: BoolArray
-
-    @classmethod
-    def of(cls, units: Sequence[DanceUnit]) -> "_Table":
-        groups = sorted({group for unit in units for group in unit.groups})
-        touches = np.array([[group in unit.groups for group in groups] for unit in units], dtype=bool)
-        meters = np.array([[group in unit.meter_groups for group in groups] for unit in units], dtype=bool)
-        return cls(units, groups, touches, meters)
+    def __init__(self, units: Sequence[DanceUnit]) -> None:
+        self.units, self.groups = units, sorted({group for unit in units for group in unit.groups})
+        self.touches, self.meters = (
+            np.array([[group in own for group in self.groups] for own in touched], dtype=bool)
+            for touched in ([unit.groups for unit in units], [unit.meter_groups for unit in units])
+        )
 
     def members(self, sides: IntArray) -> tuple[list[int], list[int], list[int]]:
         """Rows of the units on each side when group g is on the side `sides[g]`."""
@@ -123,12 +112,12 @@ class _Table:
         return sorted(kept)
 
 
-def _deal(table: _Table, fixed: dict[str, int], shares: tuple[float, float], rng: np.random.Generator) -> IntArray:
+def _deal(table: _Table, fixed: dict[str, int], rng: np.random.Generator) -> IntArray:
     """The side of each group of one dance, (G,); groups of `fixed` keep theirs.
 
     Of many random ways the best one comes closest to the target numbers of units and loses least training.
     """
-    ordinary = sum(not unit.extra for unit in table.units)
+    shares, ordinary = (VALIDATION_SHARE, TEST_SHARE), sum(not unit.extra for unit in table.units)
     targets = [max(1.0, share * ordinary) for share in shares]
     best, best_gain = np.zeros(len(table.groups), dtype=np.int64), -np.inf
     for _ in range(N_CANDIDATES):

@@ -20,15 +20,7 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.features import FeatureParams, audio_features
-from harmolab.systems.training.groups import (
-    Outline,
-    Segment,
-    group_outlines,
-    motion_groups,
-    motion_in_space,
-    outline,
-    sequence_name,
-)
+from harmolab.systems.training.groups import Outline, Segment, group_outlines, motion_in_space, outline, sequence_name
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 
@@ -241,15 +233,13 @@ def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
     """
     if not units:
         raise ValueError("a batch needs at least one unit")
+    held = [(unit.audio, unit.motion, initial_poses(unit.motion, unit.index)) for unit in units]
+    filled = [
+        (unit.index, np.ones(unit.n_frames), unit.beats, unit.strengths, np.ones(unit.beats.size)) for unit in units
+    ]
     return Batch(
-        _stacked([unit.audio for unit in units]),
-        _stacked([unit.motion for unit in units]),
-        _stacked([initial_poses(unit.motion, unit.index) for unit in units]),
-        _stacked([unit.index for unit in units], fill=0.0),
-        _stacked([np.ones(unit.n_frames) for unit in units], fill=0.0),
-        _stacked([unit.beats for unit in units], fill=0.0),
-        _stacked([unit.strengths for unit in units], fill=0.0),
-        _stacked([np.ones(unit.beats.size) for unit in units], fill=0.0),
+        *(_stacked(arrays) for arrays in zip(*held, strict=True)),
+        *(_stacked(arrays, fill=0.0) for arrays in zip(*filled, strict=True)),
     )
 
 
@@ -349,10 +339,12 @@ class _Coded(NamedTuple):
         return int(np.clip(np.floor((time - self.clip.offset) * self.movement.fps + 1e-6), 0, len(self.code)))
 
 
-def recording_units(
-    recording: Recording, params: FeatureParams, *, step: int | None = None, segments: Sequence[Segment] | None = None
-) -> list[DanceUnit]:
-    """The units of one recording: one for each meter that has motion and enough beats before it.
+def cut_recording(
+    recording: Recording, params: FeatureParams, *, step: int | None = None, bare: bool = False
+) -> CutRecording:
+    """A recording and its units, one for each meter that has motion and enough beats before it.
+
+    Groups are found later, over all recordings.
 
     Parameters
     ----------
@@ -361,29 +353,18 @@ def recording_units(
     params : FeatureParams
     step : int or None
         Additional training units of `unit_beats` beats, with a meter of four, from every `step`-th beat on.
-    segments : spans of audio time and their motion groups; default: `motion_groups` of this recording alone
+    bare : bool
+        Units without features and motion, which say what spans of time a split deals out.
 
     Returns
     -------
-    list of DanceUnit in order of time, additional ones last. Units of which more than a tenth is no recorded movement,
-    or whose beats before the meter lie outside the motion, are left out.
+    CutRecording with units in order of time, additional ones last. Units of which more than a tenth is no recorded
+    movement, or whose beats before the meter lie outside the motion, are left out.
 
     Raises
     ------
     ValueError
         If the recording has no motion in three dimensions, or `step` is not positive.
-    """
-    units = cut_recording(recording, params, step=step).units
-    segments = motion_groups([recording])[0] if segments is None else segments
-    return [_grouped(unit, segments) for unit in units]
-
-
-def cut_recording(
-    recording: Recording, params: FeatureParams, *, step: int | None = None, bare: bool = False
-) -> CutRecording:
-    """A recording and its units, as `recording_units`, whose groups are found later, over all recordings.
-
-    `bare` units have neither features nor motion: they say which spans of time a split deals out.
     """
     if step is not None and step < 1:
         raise ValueError(f"step must be a positive number of beats, got {step}")
@@ -393,8 +374,7 @@ def cut_recording(
     spans = meter_spans(coded.track, params)
     starts = range(0, len(coded.track) - params.unit_beats, step) if step else ()
     extras = {(start + params.unit_beats - EXTRA_METER, EXTRA_METER) for start in starts} - set(spans)
-    units = [_unit(coded, span, params, extra=False) for span in spans]
-    units += [_unit(coded, span, params, extra=True) for span in sorted(extras)]
+    units = [_unit(coded, span, params, extra=span in extras) for span in (*spans, *sorted(extras))]
     cut = [unit for unit in units if unit is not None]
     return CutRecording(recording.folder, cut, outline(recording), motion, track)
 
@@ -469,7 +449,7 @@ def load_units(
         Recordings are read one at a time. Those that cannot be read, and Tang's T_5, which is 2.2 times too fast, are
         left out; `UnitSet.notes` names them, with the reason.
     params : FeatureParams
-    step : as in `recording_units`
+    step : as in `cut_recording`
     progress : function(iterable, label) -> iterable
 
     Raises
