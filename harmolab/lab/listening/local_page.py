@@ -228,8 +228,8 @@ class StudyServer(LocalPage):
         trials, waiting = self._trials, self._log.resume(self._trials)
         if not waiting:
             return (), _page(text=f"Thank you. All {len(trials)} answers are saved; you can close this page.")
-        asked = {"trial": waiting[0], "number": len(trials) - len(waiting) + 1, "frame": framed(self._show(waiting[0]))}
-        return waiting, _page(trials=trials, action=self.address, **asked)
+        number, frame = len(trials) - len(waiting) + 1, framed(self._show(waiting[0]))
+        return waiting, _page(trials=trials, trial=waiting[0], number=number, frame=frame, action=self.address)
 
     def _repr_html_(self) -> str:
         return framed(self.turn()[1], title=TITLE, height=FRAME_HEIGHT)
