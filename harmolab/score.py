@@ -185,12 +185,12 @@ class HarmonyScore(Display):
     @property
     def n_audio(self) -> int:
         """N, the number of attentional music beats."""
-        return len(self.music)
+        return self.music.times.size
 
     @property
     def n_visual(self) -> int:
         """M, the number of attentional visual beats."""
-        return len(self.visual)
+        return self.visual.times.size
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""

@@ -96,11 +96,6 @@ class ShapeSignal:
     axes: int = 3
     swing: float = np.nan
 
-    @property
-    def is_point(self) -> bool:
-        """True for fewer than three points in metres: they have no shape, and may have no size."""
-        return self.dimensions == 0 and self.axes == 3
-
 
 def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
     """Speed of the shape of a body, at 100 hertz or the motion's own rate if that is higher.
@@ -167,7 +162,7 @@ def without_glitches(motion: Motion) -> Motion:
     quarter of the body's size from the frames beside it, which lie close together, and faster than a limb turns back.
     Bodies of three joints up.
     """
-    if motion.positions.shape[1] < FEWEST or motion.n_frames < 3:
+    if motion.positions.shape[1] < FEWEST or len(motion.positions) < 3:
         return motion
     positions = _centred(motion.positions)
     middle = np.median([positions[:-2], positions[1:-1], positions[2:]], axis=0)

@@ -3,11 +3,13 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from harmolab.body.skeletons import joint_indices, skeleton_part
+from harmolab.cli.sources import check_signs
 from harmolab.lab.explain.filmed import PictureWatch, check_sign, filmed_motion, limb_spread
 from harmolab.lab.explain.offset import PICTURE
 from harmolab.readers.keypoints import MEDIAPIPE_33
@@ -63,9 +65,11 @@ def test_the_limit_lies_between_two_shares_of_the_edge(columns: int, is_read: bo
 def test_no_sign_in_the_flow_is_no_verdict_and_in_a_body_it_is_one():
     body = waving(np.arange(60) / 15)
     flow = Motion(np.zeros((60, 1, 2)), 30.0, PICTURE)
-    refused(f"{UNREAD}the flow of the picture shows no sign of the beat", check_sign, "take.mp4", flow, 1)
-    for motion, level in ((body, 1), (flow, 0), (flow, 2), (flow, 4)):
-        check_sign("take.mp4", motion, level)
+    refused(f"{UNREAD}the flow of the picture shows no sign of the beat", check_sign, "take.mp4", flow)
+    check_sign("take.mp4", body)
+    video, clip = SimpleNamespace(motion="take.mp4"), SimpleNamespace(motion=flow)
+    for level in (0, 2, 4):
+        check_signs(video, clip, [SimpleNamespace(judgement=SimpleNamespace(level=level))])
 
 
 @pytest.mark.parametrize(("loose", "is_refused"), [(0.1, False), (0.2, True)])
@@ -75,9 +79,8 @@ def test_a_body_whose_limbs_change_their_length_is_not_told_that_it_shows_no_sig
     arm = np.array([[0.0, 1.4, 0.0], [0.0, 1.1, 0.0], [0.0, 0.8, 0.0]])
     motion = Motion(lengths[:, None, None] * arm, 30.0, skeleton)
     assert limb_spread(motion) == pytest.approx(loose)
-    check_sign("take.npz", motion, 1)
-    check_sign("take.mp4", motion, 2)
+    check_sign("take.npz", motion)
     if is_refused:
-        refused("limbs of the body that was found change their length by 20%", check_sign, "take.mp4", motion, 1)
+        refused("limbs of the body that was found change their length by 20%", check_sign, "take.mp4", motion)
     else:
-        check_sign("take.mp4", motion, 1)
+        check_sign("take.mp4", motion)

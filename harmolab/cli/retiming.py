@@ -79,7 +79,8 @@ def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion)
     from harmolab.lab.explain.filmed import check_sign
 
     try:
-        check_sign(source, motion, score.judgement.level if score.judgement else 0)
+        if score.judgement is not None and score.judgement.level == 1:
+            check_sign(source, motion)
     except ValueError as error:
         typer.echo(printable(f"{name}: {error}"))
     else:

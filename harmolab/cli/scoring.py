@@ -197,7 +197,7 @@ def score(
     from harmolab.verdict.judge import music_and_motion, other_measures, score_motion
 
     def scored(files: Sources) -> Scored:
-        modes = settings(mode, judged.params(judged.dance or files.dance), lag, clock)
+        modes = settings(mode, judged, judged.dance or files.dance, lag=lag, clock=clock)
         clip = clip_of(files, offset=offset, seconds=seconds, **read.keywords)
         note_lengths(clip, files.song)
         music, movement = music_and_motion(clip, clock=clock)
@@ -243,13 +243,15 @@ class Scored(NamedTuple):
     scores: dict[str, HarmonyScore]
 
 
-def settings(mode: str, recommended: HarmonyParams, lag: float, clock: float) -> dict[str, HarmonyParams]:
-    """The parameters of each mode."""
+def settings(
+    mode: str, judged: common.JudgeOptions, dance: str, *, lag: float, clock: float
+) -> dict[str, HarmonyParams]:
+    """The parameters of each mode, for what was told of the dance."""
     from dataclasses import replace
 
     from harmolab.params import HarmonyParams
 
-    params = {"paper": HarmonyParams.paper(), "recommended": recommended}
+    params = {"recommended": judged.params(dance), "paper": HarmonyParams.paper()}
     names = ("paper", "recommended") if mode == "both" else (mode,)
     return {name: replace(params[name], lag=lag, clock=clock) for name in names}
 

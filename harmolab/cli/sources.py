@@ -170,8 +170,8 @@ def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> N
     from harmolab.lab.explain.filmed import check_sign
 
     for judgement in (score.judgement for score in scores):
-        if judgement is not None and clip.motion is not None:
-            check_sign(files.motion, clip.motion, judgement.level)
+        if judgement is not None and judgement.level == 1 and clip.motion is not None:
+            check_sign(files.motion, clip.motion)
 
 
 def note_lengths(clip: Clip, song: Path) -> None:

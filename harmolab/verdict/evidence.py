@@ -509,7 +509,7 @@ class Evidence:
         """The mean movement from one beat to the next; None at level 0."""
         return beat_course(self.signal, self.beats.times) if self.signal and self.time else None
 
-    @property
+    @cached_property
     def floor(self) -> str:
         """The reason why there is too little movement to judge; "" where there is enough, or nothing was seen."""
         return floor(self.signal) if self.signal else ""
@@ -542,7 +542,9 @@ def floor(signal: ShapeSignal) -> str:
     """The reason why there is too little movement to judge; "" where there is enough."""
     if signal.dimensions == 3 and signal.share < LEAST_SHARE:
         return "you only turn and travel"
-    is_still = signal.pulse < LEAST_PULSE or (signal.is_point and signal.swing < LEAST_SWING)
+    # Fewer than three points in metres have no shape, and may have no size.
+    is_point = signal.dimensions == 0 and signal.axes == 3
+    is_still = signal.pulse < LEAST_PULSE or (is_point and signal.swing < LEAST_SWING)
     return "too little movement inside the body" if is_still else ""
 
 

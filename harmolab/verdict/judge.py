@@ -89,7 +89,7 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
         None takes the reading that the movement's own metre picks.
     seed : int, of the spread from bar to bar
     """
-    if len(beats) < 2:
+    if beats.times.size < 2:
         return Judgement(0, beats, pattern)
     signal = shape_signal(shape, beats.times[0], beats.times[-1])
     nothing = Judgement(0, beats, pattern, signal)

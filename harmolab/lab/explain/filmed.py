@@ -128,14 +128,14 @@ def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress =
         return FilmedMotion(motion)
 
 
-def check_sign(path: PathLike, motion: Motion, level: int) -> None:
-    """ValueError where a video that was read poorly shows no sign of the beat (level 1): the reading may be at fault.
+def check_sign(path: PathLike, motion: Motion) -> None:
+    """ValueError where a video that shows no sign of the beat (level 1) was read poorly: the reading may be at fault.
 
     Of planted dancers whose true movement is in time, clearly filmed, a sixth show none in the flow of the picture: it
     follows all that moves, and fast hands most. A body whose limbs change their length was followed poorly. A sign that
     is seen counts; one that is not seen is no verdict on a dancer.
     """
-    if level != 1 or not is_video(path):
+    if not is_video(path):
         return
     if not has_body(motion):
         raise ValueError(f"{path}: {UNREAD}{NO_SIGN}")

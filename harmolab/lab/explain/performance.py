@@ -514,7 +514,8 @@ def explain_performance(
     with named_faults(performance.path):
         clip = replace(unplaced, name=performance.path.name, offset=placement.seconds)
     score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
-    check_sign(performance.path, performance.motion, score.judgement.level if score.judgement else 0)
+    if score.judgement is not None and score.judgement.level == 1:
+        check_sign(performance.path, performance.motion)
     words = explain(score)
     return OwnDance(
         Path(song).name,

@@ -79,7 +79,7 @@ class Take:
     @property
     def seconds(self) -> float:
         """Time of the last frame."""
-        return (self.motion.n_frames - 1) / self.motion.fps
+        return (len(self.motion.positions) - 1) / self.motion.fps
 
     def places_of(self, count: int) -> IntArray:
         """(count,) array, place in its bar of each beat; -1 where they are unknown."""
