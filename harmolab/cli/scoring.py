@@ -246,8 +246,6 @@ class Scored(NamedTuple):
 def settings(
     mode: str, judged: common.JudgeOptions, dance: str, *, lag: float, clock: float
 ) -> dict[str, HarmonyParams]:
-    mode: str, judged: common.JudgeOptions, dance: str, *, lag: float, clock: float
-) -> dict[str, HarmonyParams]:
     """The parameters of each mode, for what was told of the dance."""
     from dataclasses import replace
 
