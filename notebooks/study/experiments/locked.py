@@ -104,7 +104,7 @@ def evidence(judgement: Judgement) -> str:
 
 
 def _below_the_floor(signal: ShapeSignal) -> str:
-    if signal.is_point:
+    if signal.dimensions == 0 and signal.axes == 3:
         return f"speed {signal.swing:.1e} m/s: next to nothing"
     only_turns = signal.dimensions == 3 and signal.share < LEAST_SHARE
     return f"share {signal.share:.2f}: one piece" if only_turns else f"pulse {signal.pulse:.3f}: next to nothing"
