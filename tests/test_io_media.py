@@ -20,6 +20,7 @@ from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
 from tests.builders import cases, refused, track
+from tests.test_hostile import mutated
 
 RATE = 8000
 
@@ -557,26 +558,6 @@ def _audio_only(path: Path) -> None:
 def test_what_is_no_video_is_refused_by_name(tmp_path: Path, sample: Path, name: str, make: Callable[[Path], object]):
     make(tmp_path / name)
     refused(name, video_frames, tmp_path / name)
-
-
-def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """`data` cut, with bytes changed, taken out or put in."""
-    changed = bytearray(data)
-    place = int(rng.integers(len(data)))
-    kind = rng.integers(5)
-    if kind == 0:
-        return data[: place + 1]
-    if kind == 1:
-        del changed[place : place + int(rng.integers(1, 200))]
-    elif kind == 2:
-        changed[place:place] = rng.bytes(int(rng.integers(1, 64)))
-    elif kind == 3:  # the header, with numbers that are too large
-        place = int(rng.integers(1500))
-        changed[place : place + 4] = bytes([255, 255, 255, 255]) if rng.random() < 0.5 else bytes([0, 1, 134, 160])
-    else:
-        for place in rng.integers(len(data), size=int(rng.integers(1, 20))):
-            changed[place] = int(rng.integers(256))
-    return bytes(changed)
 
 
 def check_frames(path: Path) -> None:
