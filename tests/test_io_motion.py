@@ -420,6 +420,10 @@ def mmpose(xs: list[float]) -> list[dict[str, object]]:
     return [{"frame_id": place, "instances": [one]} for place, one in enumerate(points)]
 
 
+def landmarks(x: float, visibility: float = 0.9) -> list[dict[str, float]]:
+    return [{"x": x, "y": 0.1 * joint, "z": -0.5, "visibility": visibility} for joint in range(33)]
+
+
 def as_json(path: Path, content: object) -> Path:
     path.write_text(content if isinstance(content, str) else json.dumps(content), "utf-8")
     return path
@@ -459,7 +463,7 @@ def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
 
 
 def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
-    frames = [[{"x": x, "y": 0.5, "z": 0.0, "visibility": 0.9}] * 33 for x in (0.1, 0.2)]
+    frames = [landmarks(x) for x in (0.1, 0.2)]
     motion = load_motion(as_json(tmp_path / "dance.json", {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}))
     assert (motion.skeleton, motion.fps) == (MEDIAPIPE_33, 25)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0.2, 0.2, 0.4])
@@ -501,16 +505,21 @@ def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
     ([{"frame": 1, "predictions": []}], "nobody is seen in any of its 1 frames"),
     (results([1]), "at least two frames"),
     ([{**results([1])[0], "keypoints": coco_pose(1, 0.0)}] * 2, "nobody is seen"),
+    ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
+    ('{"fps": 30}', "holds an object with 'fps', which is neither MediaPipe landmarks"),
+    ({"frames": [landmarks(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
+    ([landmarks(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
+    ([landmarks(0.1), 7], "frame 1 is no list of 33 landmarks"),
+    ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
+    ([[{"x": "far", "y": 2, "z": 3}] * 33], "frame 0 must be numbers"),
+    ([[{"x": float("nan"), "y": 2, "z": 3}] * 33], "NaN or infinity in frame 0"),
+    ([landmarks(0.1)], "at least two frames"),
 )
 def test_damaged_json_is_refused_by_name(tmp_path: Path, content: object, fault: str):
     refused(rf"dance\.json: .*{fault}", load_motion, as_json(tmp_path / "dance.json", content), fps=30)
 
 
 # MediaPipe's landmarks
-
-
-def landmarks(x: float, visibility: float = 0.9) -> list[dict[str, float]]:
-    return [{"x": x, "y": 0.1 * joint, "z": -0.5, "visibility": visibility} for joint in range(33)]
 
 
 def test_landmarks_are_2d_with_equal_units_or_metres_with_y_up(tmp_path: Path):
@@ -542,23 +551,6 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     assert motion.valid.tolist() == [True, True, False, True]
     np.testing.assert_allclose(motion.positions[2], (values[1, :, :2] + values[3, :, :2]) / 2)
     assert keypoints_motion(values[:2, :, :3], 25).valid.all()
-
-
-@cases(
-    "content, fault",
-    ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
-    ('{"fps": 30}', "holds an object with 'fps', which is neither MediaPipe landmarks"),
-    ({"frames": [landmarks(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
-    ([landmarks(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
-    ([landmarks(0.1), 7], "frame 1 is no list of 33 landmarks"),
-    ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
-    ([[{"x": "far", "y": 2, "z": 3}] * 33], "frame 0 must be numbers"),
-    ([[{"x": float("nan"), "y": 2, "z": 3}] * 33], "NaN or infinity in frame 0"),
-    ([None, None], "nobody is seen in any of its 2 frames"),
-    ([landmarks(0.1)], "at least two frames"),
-)
-def test_damaged_landmarks_are_refused_by_name(tmp_path: Path, content: Any, fault: str):
-    refused(rf"dance\.json: .*{fault}", load_keypoints, as_json(tmp_path / "dance.json", content), fps=25)
 
 
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):

@@ -178,19 +178,14 @@ def test_parameters_of_unknown_origin_stand_as_their_body_does(tmp_path: Path):
     assert load_motion(lying, fps=30, up="y").n_frames == 3
 
 
-def first_two_rows(poses: np.ndarray) -> np.ndarray:
-    """(T, J, 6) of axis-angle (T, J, 3): the first two rows of each matrix, one behind the other."""
-    return np.array([[rodrigues(one)[:2].ravel() for one in frame] for frame in poses])
-
-
 def matrices(poses: np.ndarray) -> np.ndarray:
-    """(T, J, 9) of axis-angle (T, J, 3): each matrix row by row."""
+    """(T, J, 9) of axis-angle (T, J, 3): each matrix row by row; the first six numbers are its first two rows."""
     return np.array([[rodrigues(one).ravel() for one in frame] for frame in poses])
 
 
 def test_six_numbers_nine_and_axis_angle_are_the_same_rotation(tmp_path: Path):
     poses, way, expected = placed()
-    rows = first_two_rows(poses) * 1.7  # a network's rows are not of length 1
+    rows = matrices(poses)[..., :6] * 1.7  # a network's rows are not of length 1
     nine = matrices(poses) * 1.1  # nor are its matrices
     for values in (rows, rows.reshape(12, 144), nine, nine.reshape(12, 216), poses):
         motion = load_motion(pickled(tmp_path / "six.pkl", smpl_poses=values, smpl_trans=way), fps=30)
@@ -202,7 +197,7 @@ def test_vectors_of_lodge_and_finedance_are_read(tmp_path: Path, width: int, con
     poses, way, expected = placed()
     rows = np.zeros((12, joints, 6))
     rows[..., 0] = rows[..., 4] = 1.0
-    rows[:, :22] = first_two_rows(poses[:, :22])
+    rows[:, :22] = matrices(poses[:, :22])[..., :6]
     values = np.concatenate([np.ones((12, contacts)), way, rows.reshape(12, -1)], axis=1)
     assert values.shape[1] == width
     motion = load_motion(saved(tmp_path / "dance.npy", values), fps=30)
@@ -300,11 +295,7 @@ def test_betas_shape_the_joints_at_rest(tmp_path: Path):
     body = shaped_body(tmp_path / "smpl.npz", directions)
     with np.load(body) as arrays:
         regressor, template = arrays["J_regressor"], arrays["v_template"]
-    rest = np.zeros((24, 3))  # in loops: joints of the points that the first two betas move
-    for joint in range(24):
-        for point in range(60):
-            moved = template[point] + 0.8 * directions[point, :, 0] - 1.1 * directions[point, :, 1]
-            rest[joint] += regressor[joint, point] * moved
+    rest = regressor @ (template + 0.8 * directions[..., 0] - 1.1 * directions[..., 1])  # the first two betas
     assert np.abs(rest - REST).max() > 0.01
     np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=betas, gender="male", mocap_framerate=120.0)
     motion, _, notes = read_motion(tmp_path / "walk.npz", smpl=body)
@@ -433,16 +424,13 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
     np.savez(tmp_path / "flat.npz", positions=moving_joints()[..., :2], fps=30.0)
     refused(r"flat\.npz: holds image coordinates, .*leave out up", load_motion, tmp_path / "flat.npz", up="z")
     refused("up must be y or z", load_motion, tmp_path / "own.npz", up="x")
-    bvh = tmp_path / "walk.bvh"
-    bvh.write_text(
+    (tmp_path / "walk.bvh").write_text(
         "HIERARCHY\nROOT hip { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n"
         "JOINT top { OFFSET 0 0 100 CHANNELS 0 } }\nMOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0 50\n"
     )
-    motion, _, notes = read_motion(bvh, up="z")
-    assert notes == (
-        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units; --scale overrules it)",
-        "z up (as passed), turned to y up",
-    )
+    motion, _, notes = read_motion(tmp_path / "walk.bvh", up="z")
+    assert notes[0] == "0.01 m a unit (guessed: its rest skeleton is larger than 3 units; --scale overrules it)"
+    assert notes[1:] == ("z up (as passed), turned to y up",)
     np.testing.assert_allclose(motion.positions, [[[0, 0, 0], [0, 1, 0]], [[0, 0.5, 0], [0, 1.5, 0]]], atol=1e-12)
 
 
@@ -766,7 +754,7 @@ def test_convert_takes_a_body_and_an_axis(tmp_path: Path):
     poses, way = dance()
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     source = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way)
-    options = ("--fps", "30", "--smpl", tmp_path / "smpl.npz", "--up", "y", "--joints", "left_hip,left_knee")
+    options = ("--fps", "30", "--smpl", tmp_path / "smpl.npz", "--up", "y", "--joints", "left_hip, left_knee")
     done(app, "convert", source, tmp_path / "out.npz", *options)
     motion = load_motion(tmp_path / "out.npz")
     assert motion.skeleton.joints == ("left_hip", "left_knee")
