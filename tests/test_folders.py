@@ -177,12 +177,6 @@ def test_check_of_arrays_and_key_points_without_a_rate_says_so(tmp_path: Path):
     assert (row.kind, row.frames, row.rate, row.odd[0]) == ("motion", 30, None, "holds no frame rate: pass fps")
 
 
-def test_check_of_a_file_that_no_rate_would_mend_is_unreadable(tmp_path: Path):
-    (tmp_path / "pass fps.npy").write_bytes(b"damaged")
-    (row,) = check(tmp_path / "pass fps.npy")
-    assert row.kind == "unreadable"
-
-
 def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):
     soundfile.write(tmp_path / "song.wav", np.zeros((RATE, 2)), RATE)
     (tmp_path / "song.beats").write_text("0.5 1\n1.0 2\n1.5 3\n4.0 1\n")
@@ -207,6 +201,8 @@ def test_check_of_nothing_known_is_a_row_and_of_nothing_an_error(tmp_path: Path)
     (tmp_path / "readme.md").write_text("hello")
     assert "holds no file that is known" in odd(tmp_path)
     assert "is no motion file that is known" in odd(tmp_path / "readme.md")
+    (tmp_path / "pass fps.npy").write_bytes(b"damaged")  # whose name is no word about a missing rate
+    assert check(tmp_path / "pass fps.npy")[0].kind == "unreadable"
     with pytest.raises(FileNotFoundError, match="gone: no such file or folder"):
         check(tmp_path / "gone")
 
@@ -341,15 +337,12 @@ def test_bar_patterns_come_back_as_they_were(tmp_path: Path):
     refused("holds no pattern for --dance ''; it has waltz, rumba", load_pattern, tmp_path / "patterns.json")
 
 
-def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip):
+def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip, tmp_path: Path):
     assert clip.beats is not None
     told = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
     nearest = np.abs(told.times - clip.beats.times[6]).argmin()
     assert told.bar_places.tolist() == ((np.arange(len(told)) - nearest) % 4).tolist()
     assert load_clip(song, clip.motion, dance="cha-cha").beats.bar_places is None
-
-
-def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path: Path):
     (tmp_path / "song.beats").write_text("1.0\n1.7\n2.4\n3.1\n")
     told = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
     assert told.bar_places.tolist() == [2, 0, 1, 2]

@@ -107,8 +107,9 @@ def test_low_drum_is_louder_on_the_downbeats_of_a_waltz():
     assert np.mean(np.array(loudness)[down]) > 1.3 * np.mean(np.array(loudness)[~down])
 
 
-def test_music_has_tones_lows_and_highs_and_does_not_clip():
+def test_music_has_tones_lows_and_highs_does_not_clip_and_rises_from_silence_at_both_cuts():
     samples = synthetic_music("cha-cha", seconds=10.0, seed=2).audio.samples
+    assert max(np.abs(samples[:5]).max(), np.abs(samples[-5:]).max()) < 1e-3
     assert np.abs(samples).max() == pytest.approx(0.9)
     assert librosa.feature.spectral_flatness(y=samples).mean() < 0.01  # noise is near 1, a tone near 0
     power = np.abs(np.fft.rfft(samples)) ** 2
@@ -116,11 +117,6 @@ def test_music_has_tones_lows_and_highs_and_does_not_clip():
     shares = [power[(pitch >= low) & (pitch < high)].sum() / power.sum() for low, high in ((30, 200), (200, 2000))]
     assert min(shares) > 0.03
     assert power[pitch > 4000].sum() / power.sum() > 1e-5
-
-
-def test_sound_rises_from_silence_at_both_cuts():
-    samples = synthetic_music("jive", seconds=5.0, seed=4).audio.samples
-    assert max(np.abs(samples[:5]).max(), np.abs(samples[-5:]).max()) < 1e-3
 
 
 def test_every_pattern_of_a_groove_fits_its_bar():
@@ -296,27 +292,18 @@ def test_motion_follows_beats_that_are_given():
 # The dancer's liberties and the sensor
 
 
-def test_lateness_shifts_every_movement_end():
-    grid, ends = raw_ends(lateness=0.12)
-    np.testing.assert_allclose(ends.times - grid.times, 0.12, atol=1e-12)
-
-
-def test_jitter_is_the_standard_deviation_of_the_movement_ends():
-    grid, ends = raw_ends(jitter=0.05)
+def test_lateness_shifts_every_movement_end_and_jitter_is_their_standard_deviation():
+    grid, ends = raw_ends(lateness=0.12, jitter=0.05)
     errors = ends.times - grid.times
     assert errors.std() == pytest.approx(0.05, rel=0.08)
-    assert abs(errors.mean()) < 0.01
+    assert errors.mean() == pytest.approx(0.12, abs=0.01)
 
 
-def test_omission_is_the_share_of_beats_without_a_movement_end():
-    grid, ends = raw_ends(omission=0.3)
-    assert 1 - ends.times.size / grid.times.size == pytest.approx(0.3, abs=0.05)
-    assert distance_to_nearest(ends.times, grid.times).max() < 1e-12
-
-
-def test_redundancy_is_the_share_of_intervals_with_an_extra_end():
-    grid, ends = raw_ends(redundancy=0.25)
-    extra = ends.times[ends.beats < 0]
+def test_omission_and_redundancy_are_the_shares_of_beats_without_an_end_and_of_intervals_with_an_extra_one():
+    grid, ends = raw_ends(omission=0.3, redundancy=0.25)
+    extra, kept = ends.times[ends.beats < 0], ends.times[ends.beats >= 0]
+    assert 1 - kept.size / grid.times.size == pytest.approx(0.3, abs=0.05)
+    assert distance_to_nearest(kept, grid.times).max() < 1e-12
     assert extra.size / grid.times.size == pytest.approx(0.25, abs=0.05)
     assert distance_to_nearest(extra, grid.times).min() > 0.15  # half a second from beat to beat
 
@@ -416,13 +403,10 @@ def test_annotation_records_every_control_and_the_planted_movement_ends(corpus: 
     assert set(content["downbeats_s"]) <= set(content["beats_s"])
     assert 0 < np.max(distance_to_nearest(content["visual_beats_s"][1:-1], content["beats_s"])) < 0.1
     assert [unit["figure"] in figure_names("waltz") for unit in content["units"]] == [True] * len(content["units"])
-
-
-def test_next_clip_of_a_dance_shares_no_figure(corpus: Path):
     for dance in DANCES:
         contents = [json.loads((one / "beats.json").read_text()) for one in corpus.glob(f"clip_*_{dance}")]
         first, second = (set(content["settings"]["figures"]) for content in contents)
-        assert not first & second
+        assert not first & second, "the next clip of a dance shares no figure"
 
 
 def test_stopped_run_goes_on_where_it_was(tmp_path: Path):
