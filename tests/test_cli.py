@@ -346,14 +346,11 @@ def test_verbose_says_what_is_read_and_with_which_settings(pair: tuple[object, .
     assert "dance.npz: npz, 360 frames of 21 joints at 60 a second" in lines
 
 
-def test_verbose_shows_where_an_error_arose():
+def test_verbose_shows_where_an_error_arose_and_is_not_quiet():
     usual, verbose = run("score", "nothing.wav"), run("-v", "score", "nothing.wav")
     assert "Traceback" not in usual.stderr
     assert "Traceback" in verbose.stderr and verbose.stderr.endswith(usual.stderr)
     assert usual.exit_code == verbose.exit_code == 2
-
-
-def test_quiet_and_verbose_exclude_each_other():
     assert "exclude each other" in refusal("score", "x.wav", "-q", "-v")
 
 
@@ -465,7 +462,8 @@ def test_a_video_alone_is_rendered_with_marks_and_retimed(video: Path, tmp_path:
             assert container.streams.video and container.streams.audio
 
 
-def test_options_of_motion_files_are_none_of_a_video(video: Path):
+def test_a_video_is_no_gif_and_takes_no_options_of_motion_files(video: Path, tmp_path: Path):
+    assert "more colours than a gif" in refusal("render", video, "--out", tmp_path / "x.gif")
     assert "--scale is for motion files" in refusal("score", video, "--scale", 2)
 
 
@@ -537,10 +535,6 @@ def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
     refused("at least one frame", write_gif, tmp_path / "x.gif", [], 10.0)
     refused("frame 1 has shape", write_gif, tmp_path / "x.gif", [frame, frame[:20]], 10.0)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_video_is_no_gif(video: Path, tmp_path: Path):
-    assert "more colours than a gif" in refusal("render", video, "--out", tmp_path / "x.gif")
 
 
 # Demo
