@@ -160,3 +160,15 @@ def dance_unit(name: str, motion: np.ndarray, n_prior: int, **fields: Any) -> Da
     made = {"sequence": "s", "dance": "waltz", "groups": none, "meter_groups": none, "start": 0.0, "fps": 15.0}
     arrays = {"audio": np.zeros((frames, 1), np.float32), "beats": np.zeros(0), "strengths": np.zeros(0)}
     return DanceUnit(name=name, motion=motion, index=temporal_index(frames, n_prior), **made | arrays | fields)
+
+
+def write_pair(folder: Path, clip: Clip) -> tuple[Path, Path, str, Path]:
+    """The clip's song, its dance, and the option with the song's beats, so that none need be tracked."""
+    assert clip.beats is not None
+    (folder / "song.beats").write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
+    return (
+        write_song(folder / "song.wav", clip),
+        write_dance(folder / "dance.npz", clip),
+        "--beats",
+        folder / "song.beats",
+    )

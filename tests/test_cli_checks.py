@@ -19,14 +19,14 @@ from typer.main import get_command
 from typer.models import OptionInfo
 
 from harmolab.cli import app
-from harmolab.cli.common import FileOptions, described, with_options
+from harmolab.cli.common import described
 from harmolab.cli.evaluating import print_comparison
 from harmolab.cli.screen import printable
 from harmolab.data.synthetic import write_corpus
 from harmolab.files import is_own_file, keep_arrays
 from harmolab.lab.render.video import retime_files
 from harmolab.readers.motion import load_motion, save_motion
-from tests.builders import called, cases, complaint, done, planted_dance, refused, still, write_dance, write_song
+from tests.builders import called, cases, complaint, done, planted_dance, refused, still, write_pair
 
 run, succeed, refusal = (partial(call, app) for call in (called, done, complaint))
 
@@ -45,11 +45,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str, Path]:
     """A song, a dance, and the option with the song's beats, so that none need be tracked."""
-    folder, clip = tmp_path_factory.mktemp("pair"), planted_dance()
-    (folder / "song.beats").write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
-    return (
-        write_song(folder / "song.wav", clip), write_dance(folder / "dance.npz", clip), "--beats", folder / "song.beats"
-    )  # fmt: skip
+    return write_pair(tmp_path_factory.mktemp("pair"), planted_dance())
 
 
 def functions(group: Typer, *names: str) -> Iterator[tuple[tuple[str, ...], Callable[..., None]]]:
@@ -109,9 +105,8 @@ def test_a_value_beyond_its_range_is_one_line(words: tuple[str, ...], value: str
 
 
 def test_infinity_is_no_number_of_seconds_either():
-    assert refusal("play", "song.wav", "dance.npz", "--out", "x", "--offset=-inf").startswith(
-        "--offset must be a finite"
-    )
+    fault = refusal("play", "song.wav", "dance.npz", "--out", "x", "--offset=-inf")
+    assert fault.startswith("--offset must be a finite")
 
 
 # Outputs
@@ -151,13 +146,18 @@ def test_the_numbered_file_of_a_dance_is_not_the_song_and_retiming_from_python_s
     refused(r"take\.mp4: is an input here", retime_files, "song.wav", "take.mp4", "take.mp4")
 
 
+WRITERS = {
+    "play": ("--out", "x.html"),
+    "explain": ("--out", "x.html"),
+    "retime": ("--out", "x.npz"),
+    "render": ("--seconds", 1, "--height", 120, "--out", "x.webm"),
+    "score": ("--plot", "x.png"),
+}
+
+
 @cases(
     "words",
-    ("retime", "song.wav", "dance.npz", "--out", "x.npz"),
-    ("play", "song.wav", "dance.npz", "--out", "x.html"),
-    ("explain", "song.wav", "dance.npz", "--out", "x.html"),
-    ("render", "song.wav", "dance.npz", "--out", "x.mp4"),
-    ("score", "song.wav", "dance.npz", "--plot", "x.png"),
+    *((command, "song.wav", "dance.npz", *words) for command, words in WRITERS.items()),
     ("dance", "song.wav", "--out", "x.bvh"),
     ("learn", "corpus", "--out", "x.json"),
     ids=lambda words: words[0],
@@ -167,15 +167,6 @@ def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
     assert refusal(*command, f"nodir/{name}") == "nodir: no such folder"
     Path(name).mkdir()
     assert refusal(*command, name) == f"{name}: is a folder; name a file in it"
-
-
-WRITERS = {
-    "play": ("--out", "x.html"),
-    "explain": ("--out", "x.html"),
-    "retime": ("--out", "x.npz"),
-    "render": ("--seconds", 1, "--height", 120, "--out", "x.webm"),
-    "score": ("--plot", "x.png"),
-}
 
 
 @pytest.mark.parametrize("command", [*WRITERS, "retime x.bvh", "render x.mp4"])
@@ -190,6 +181,7 @@ def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], c
     for force in ("--force",), ():  # what harmolab wrote it may write over
         succeed(*words, *force)
     assert is_own_file(name or out)
+    assert [path.name for path in Path().iterdir()] == [name or out]
 
 
 def test_beats_and_clicks_of_others_are_written_over_by_force_only(pair: tuple[Any, ...]):
@@ -292,19 +284,15 @@ def test_files_that_killed_processes_left_in_the_cache_go(tmp_path: Path, monkey
 # Units
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("score",), ("explain",), ("play", "--out", "x.html"), ("render", "--out", "x.mp4"), ("retime", "--out", "x.npz")],
-    ids=lambda words: words[0],
-)
-def test_every_command_that_reads_a_dance_takes_its_scale(pair: tuple[Any, ...], words: tuple[str, ...]):
-    command, *out = words
-    assert "dance.npz: scale must be positive" in refusal(command, *pair, *out, "--scale", -1)
+@pytest.mark.parametrize("command", WRITERS)
+def test_every_command_that_reads_a_dance_takes_its_scale(pair: tuple[Any, ...], command: str):
+    assert "dance.npz: scale must be positive" in refusal(command, *pair, *WRITERS[command], "--scale", -1)
 
 
-def test_a_dance_in_millimetres_is_read_by_its_scale(pair: tuple[Any, ...]):
+def test_a_dance_in_millimetres_is_read_by_its_scale_and_not_bent_without_strength(pair: tuple[Any, ...]):
     song, dance, *beats = pair
-    succeed("retime", song, dance, *beats, "--strength", 0, "--scale", 0.001, "--out", "x.npz")
+    words = (song, dance, *beats, "--strength", 0, "--scale", 0.001, "--out", "x.npz")
+    assert "Nothing was worth bending." in succeed("retime", *words).output
     np.testing.assert_allclose(load_motion("x.npz").positions, 0.001 * load_motion(dance).positions, rtol=1e-12)
 
 
@@ -406,15 +394,3 @@ def test_every_command_explains_itself_and_takes_no_option_twice():
         assert {"-q", "--quiet", "-v", "--verbose"} <= set(options), command.name
         assert [one.name for one in command.params if not (one.help or one.hidden)] == [], command.name
         assert re.search("(`|    )harmolab ", command.help), command.name
-
-
-def test_a_record_of_options_is_filled_by_an_option_for_each_field():
-    @with_options
-    def show(name: str, *, read: FileOptions, times: int = 1) -> None:
-        print(name, times, read.keywords)
-
-    single = Typer()
-    single.command()(show)
-    result = called(single, "x", "--joints", "nose, neck", "--fps", "25", "--times", "2")
-    expected = {"fps": 25.0, "scale": None, "joints": ("nose", "neck"), "smpl": None, "up": ""}
-    assert result.stdout == f"x 2 {expected}\n"

@@ -13,7 +13,7 @@ from typer.testing import Result
 from harmolab.beats.visual import visual_beats
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.explain.offset import picture_motion
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HarmonyParams
@@ -22,7 +22,7 @@ from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Clip
 from harmolab.verdict.judge import score_clip
-from tests.builders import cases, complaint, done, planted_dance, write_dance, write_song
+from tests.builders import cases, complaint, done, planted_dance, write_pair, write_song
 
 render, retime = (partial(done, app, command) for command in ("render", "retime"))
 
@@ -30,7 +30,7 @@ render, retime = (partial(done, app, command) for command in ("render", "retime"
 @pytest.fixture
 def files(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
     """Song and motion of a synthetic cha-cha."""
-    return write_song(tmp_path / "song.wav", planted_clip), write_dance(tmp_path / "dance.npz", planted_clip)
+    return write_pair(tmp_path, planted_clip)[:2]
 
 
 def frames(path: Path) -> np.ndarray:
@@ -49,13 +49,13 @@ def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path],
 
 def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
     clip = planted_dance(seconds=16.0, fps=30.0)
-    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    song, dance = write_pair(tmp_path, clip)[:2]
     small = (song, dance, "--height", 120, "--rate", 10, "--out", tmp_path / "x.mp4")
     score = score_clip(load_clip(song, dance))
     text = render(*small).stdout
     assert text.startswith(score.judgement.verdict)
     assert f"harmony above chance {score.harmony_above_chance:.2f} (0 is luck, 1 the most)" in text
-    assert "chance" not in render(*small, "--no-marks").stdout
+    assert "chance" not in render(*small, "--seconds", 1, "--no-marks").stdout
 
 
 def test_webm_has_the_free_codings(files: tuple[Path, Path], tmp_path: Path):
@@ -159,20 +159,10 @@ def test_what_cannot_be_done_is_one_line(
 
 
 @pytest.fixture(scope="module")
-def clip() -> Clip:
-    return planted_clip(ClipSettings("rumba", seconds=10.0, jitter=0.15, seed=3)).clip
-
-
-@pytest.fixture(scope="module")
-def pair(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Song and motion of a rumba whose steps come early and late."""
-    folder = tmp_path_factory.mktemp("pair")
-    return write_song(folder / "song.wav", clip), write_dance(folder / "dance.npz", clip)
-
-
-@pytest.fixture(scope="module")
-def song(pair: tuple[Path, Path]) -> Path:
-    return pair[0]
+    clip = synthetic_clip("rumba", seconds=6.0, jitter=0.15, seed=3)
+    return write_pair(tmp_path_factory.mktemp("pair"), clip)[:2]
 
 
 def row(result: Result, name: str) -> list[str]:
@@ -182,8 +172,8 @@ def row(result: Result, name: str) -> list[str]:
 
 
 def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
-    clip = planted_clip(ClipSettings("rumba", seconds=24.0, jitter=0.15, seed=3)).clip
-    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    clip = synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3)
+    song, dance = write_pair(tmp_path, clip)[:2]
     result = retime(song, dance, "--out", tmp_path / "x.npz")
     said = [line for line in result.output.splitlines() if line.startswith(("before: ", "after: "))]
     numbers = [re.match(r"(\w+): You are on the beat: slow on it.* above chance ([\d.]+) ", line) for line in said]
@@ -199,24 +189,16 @@ def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
     assert f"wrote {tmp_path / 'x.npz'}" in result.output.replace("\n", "")
 
 
-def test_no_strength_writes_the_same_motion(pair: tuple[Path, Path], tmp_path: Path):
-    assert "Nothing was worth bending." in retime(*pair, "--out", tmp_path / "x.npz", "--strength", 0).output
-    np.testing.assert_array_equal(load_motion(tmp_path / "x.npz").positions, load_motion(pair[1]).positions)
-
-
 def test_the_warper_of_2019_can_be_asked_for(pair: tuple[Path, Path], tmp_path: Path):
     result = retime(*pair, "--out", tmp_path / "x.npz", "--method", "lee2019")
     low, high = map(float, row(result, "local speed")[1].split(" to "))
     assert low < 0.7 or high > 1.4
 
 
-@pytest.mark.parametrize("suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.slow)])
-def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, Path], tmp_path: Path, suffix: str):
-    film = tmp_path / f"x{suffix}"
+def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, Path], tmp_path: Path):
+    film = tmp_path / "x.mp4"
     retime(*pair, "--out", film, "--offset", -0.5)
-    with av.open(str(film)) as container:
-        assert {stream.type for stream in container.streams} == {"video", "audio"}
-        assert sum(1 for _ in container.decode(video=0)) == 300
+    assert len(frames(film)) == 180
     with av.open(str(film)) as container:
         sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
     assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
@@ -224,10 +206,12 @@ def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, P
 
 @pytest.mark.slow  # twelve seconds of film, drawn, retimed and read
 def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
-    clip = planted_clip(ClipSettings("waltz", seconds=12.0, jitter=0.15, seed=1)).clip
+    clip = synthetic_clip("waltz", seconds=12.0, jitter=0.15, seed=1)
     song = write_song(tmp_path / "song.wav", clip)
     write_video(tmp_path / "in.mp4", render_skeleton(clip.motion, fps=30.0, height=160), 30.0)
     retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--dance", "waltz")
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert (container.streams.video[0].frames, len(container.streams.audio)) == (360, 1)
     scores = []
     for name in ("in.mp4", "out.mp4"):
         video = video_frames(tmp_path / name, height=160)
@@ -237,26 +221,8 @@ def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
     assert scores[1].harmony_above_chance > 0.65
 
 
-def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
-    frames = []
-    for place in 24 + 16 * np.cos(np.pi * np.arange(150) / 30):  # a square that turns round every second
-        picture = np.full((64, 64, 3), 30, np.uint8)
-        picture[24:40, round(place) : round(place) + 16] = (250, 200, 0)
-        frames.append(picture)
-    write_video(tmp_path / "in.mp4", frames, 30.0)
-    retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4")
-    with av.open(str(tmp_path / "out.mp4")) as container:
-        assert container.streams.video[0].frames == 150
-        assert len(container.streams.audio) == 1
-
-
 @pytest.mark.parametrize("name", ["x.npz", "x.mp4", "x.bvh"])
-def test_files_that_are_no_motion_or_no_video_are_named(song: Path, tmp_path: Path, name: str):
+def test_files_that_are_no_motion_or_no_video_are_named(pair: tuple[Path, Path], tmp_path: Path, name: str):
     (tmp_path / name).write_bytes(b"not this")
-    assert name in complaint(app, "retime", song, tmp_path / name, "--out", tmp_path / "out.mp4")
+    assert name in complaint(app, "retime", pair[0], tmp_path / name, "--out", tmp_path / "out.mp4")
     assert not (tmp_path / "out.mp4").exists()
-
-
-def test_only_the_joints_that_are_named_are_retimed(pair: tuple[Path, Path], tmp_path: Path):
-    retime(*pair, "--joints", "hand L,finger R,torso,toe L,toe R", "--out", tmp_path / "x.npz")
-    assert load_motion(tmp_path / "x.npz").skeleton.joints == ("hand L", "finger R", "torso", "toe L", "toe R")

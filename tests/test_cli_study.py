@@ -200,13 +200,9 @@ def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, 
 # analyse
 
 
-@pytest.fixture(scope="module")
-def asked_study(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return answered(made(corpus, tmp_path_factory.mktemp("asked") / "study"), 1.0, 1.0, 0.0)
-
-
-def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(asked_study: Path, tmp_path: Path):
-    result = succeed("study", "analyse", asked_study, "--out", tmp_path / "results", "--json")
+def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus: Path, tmp_path: Path):
+    folder = answered(made(corpus, tmp_path / "study"), 1.0, 1.0, 0.0)
+    result = succeed("study", "analyse", folder, "--out", tmp_path / "results", "--json")
     summary = json.loads(result.stdout)
     assert summary["simulated"] is True
     rates = {row["rater"]: (row["n"], row["rate"]) for row in summary["raters"]}
@@ -221,7 +217,7 @@ def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(asked_s
         assert len(table) == len(summary[name])
         assert table["simulated"].all()
     assert json.loads((tmp_path / "results" / "analysis.json").read_text()) == summary
-    assert run("study", "analyse", asked_study).output.count("simulated raters, no") == 4
+    assert run("study", "analyse", folder).output.count("simulated raters, no") == 4
 
 
 def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):

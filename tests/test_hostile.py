@@ -103,9 +103,8 @@ def coco_poses() -> list[list[float]]:
 def mediapipe_frames() -> list[list[dict[str, float]]]:
     """Four frames of 33 landmarks."""
     values = np.round(np.random.default_rng(4).uniform(0.2, 1.0, (4, 33, 4)), 3)
-    return [
-        [dict(zip(("x", "y", "z", "visibility"), map(float, row), strict=True)) for row in frame] for frame in values
-    ]
+    keys = ("x", "y", "z", "visibility")
+    return [[dict(zip(keys, map(float, row), strict=True)) for row in frame] for frame in values]
 
 
 def player_files() -> dict[str, bytes]:
@@ -127,9 +126,7 @@ def player_files() -> dict[str, bytes]:
     tracked["visibility"] = np.ones((5, 2))
     return {
         "players/take_000000000001_keypoints.json": json.dumps({"people": [person]}).encode(),
-        "wholebody.json": json.dumps(
-            [{"image_id": number, "keypoints": whole.ravel().tolist()} for number in range(3)]
-        ).encode(),
+        "wholebody.json": json.dumps([{"image_id": n, "keypoints": whole.ravel().tolist()} for n in range(3)]).encode(),
         "holistic.json": json.dumps({**about, "frames": [frame, None, frame]}).encode(),
         "hands.json": json.dumps({**about, "frames": [{"hands": hands}] * 3}).encode(),
         "set/clip_001.npz": saved(np.savez, **clip),
@@ -156,17 +153,13 @@ def model_files() -> dict[str, bytes]:
     vectors = np.zeros((6, 263))
     vectors[:, 4:67] = (joints[:, 1:22] - joints[:, :1] * [1, 0, 1]).reshape(6, 63)
     return {
-        "amass.npz": saved(
-            np.savez, poses=np.zeros((6, 156)), trans=way, betas=np.ones(16), mocap_framerate=120.0, gender="male"
-        ),
+        "amass.npz": saved(np.savez, poses=np.zeros((6, 156)), trans=way, betas=np.ones(16), mocap_framerate=120.0),
         "edge.pkl": pickle.dumps({"smpl_poses": pose.reshape(6, 72), "smpl_trans": way, "full_pose": joints}),
         "bailando.pkl.npy": saved(np.save, {"pred_position": joints.reshape(6, 72)}, allow_pickle=True),
         "dance.json": json.dumps({"id": "a", "dance_array": joints.round(3).reshape(6, 72).tolist()}).encode(),
         "lodge.npy": saved(np.save, np.concatenate([np.ones((6, 4)), way, rows.reshape(6, 132)], axis=1)),
         "humanml.npy": saved(np.save, vectors),
-        "fact.npy": saved(
-            np.save, np.concatenate([np.zeros((6, 6)), way, np.tile(np.eye(3).ravel(), (6, 24))], axis=1)
-        ),
+        "fact.npy": saved(np.save, np.hstack([np.zeros((6, 6)), way, np.tile(np.eye(3).ravel(), (6, 24))])),
         "smpl.npz": saved(np.savez, **smpl_body(joints[0])),
         "bailando/ep000010_frame000001_kps.json": json.dumps({"3d_pose": joints[0].round(3).tolist()}).encode(),
     }
@@ -178,6 +171,8 @@ def valid_files() -> dict[str, bytes]:
     three, coco = poses(), poses(8, 17)
     named = {"positions": three, "fps": 30.0, "joints": ["a", "b", "c"], "parents": [-1, 0, 1], "valid": [True] * 6}
     body = np.round(poses(12, 23) * 100, 3)
+    tang = {"length": 12, "center": body[:, 0].tolist(), "skeletons": body.tolist()}
+    lines = [{"frame": n, "predictions": [{"keypoints": pose}]} for n, pose in enumerate(coco_poses(), 1)]
     return {
         "sound.wav": sound_bytes("WAV", "PCM_16"),
         "sound.flac": sound_bytes("FLAC", "PCM_16", 2),
@@ -189,15 +184,11 @@ def valid_files() -> dict[str, bytes]:
         "flat.npy": saved(np.save, coco[:, :, :2].reshape(8, 34)),
         "walk.bvh": bvh_text().encode(),
         "gBR_sBM_cAll_d04_mBR0_ch01.pkl": pickle.dumps({"keypoints3d": coco, "keypoints3d_optim": coco[::2]}),
-        "skeletons.json": json.dumps(
-            {"length": 12, "center": body[:, 0].tolist(), "skeletons": body.tolist()}, separators=(",", ":")
-        ).encode(),
+        "skeletons.json": json.dumps(tang, separators=(",", ":")).encode(),
         "config.json": b'{"start_position": 1, "end_position": 13}',
         "frames/dance_000000000001_keypoints.json": json.dumps(openpose_frame()).encode(),
         "coco.json": json.dumps([{"image_id": n, "keypoints": pose} for n, pose in enumerate(coco_poses())]).encode(),
-        "lines.jsonl": "\n".join(
-            json.dumps({"frame": n, "predictions": [{"keypoints": pose}]}) for n, pose in enumerate(coco_poses(), 1)
-        ).encode(),
+        "lines.jsonl": "\n".join(map(json.dumps, lines)).encode(),
         "landmarks.json": json.dumps({"fps": 30.0, "aspect": 1.5, "frames": mediapipe_frames()}).encode(),
         "song.beats": b"# comment\n0.50 1\n1.00 2\n1.50 3\n2.00 1\n2.50 2\n",
         "song.csv": b"time,strength\n0.5,1.0\n1.0,0.25\n1.5,0.75\n2.0,0\n",
@@ -428,9 +419,7 @@ def malicious_pickles(marker: Path) -> dict[str, bytes]:
         "nested": b"\x80\x04" + b"(" * 200_000 + b"l" * 200_000 + b".",
         "many lists": b"\x80\x04" + b"]" * 2_000_000 + b".",
         "no dictionary": pickle.dumps([zeros]),
-        "other keys": pickle.dumps({"smpl_poses": zeros}),
         "one frame": pickle.dumps({"keypoints3d": zeros[:1]}),
-        "not a number": pickle.dumps({"keypoints3d": zeros * np.nan}),
         "fewer bytes": pickle.dumps({"keypoints3d": zeros}, protocol=4)[:-200] + b".",
     }
 
@@ -441,6 +430,7 @@ def test_malicious_pickle_is_refused_and_runs_nothing(tmp_path: Path):
         path = tmp_path / f"{name.replace(' ', '_')}.pkl"
         path.write_bytes(content)
         refused(path.name, load_motion, path)
+    refused(r"system\.pkl: .*asks for posix\.system", load_motion, tmp_path / "system.pkl")
     assert not marker.exists()
 
 
@@ -495,13 +485,9 @@ def hostile_arrays() -> dict[str, bytes]:
     return lies | {
         "bomb.npz": bomb.getvalue(),
         "text.npz": b"this is not a zip file",
-        "no_fps.npz": saved(np.savez, positions=poses()),
-        "zero_fps.npz": saved(np.savez, positions=poses(), fps=0.0),
         "nan_fps.npz": saved(np.savez, positions=poses(), fps=np.nan),
         "many_fps.npz": saved(np.savez, positions=poses(), fps=np.ones(3)),
-        "frame_time.npz": saved(np.savez, positions=poses(), fps=0.04),
         "objects.npz": saved(np.savez, positions=np.array([[[None]]]), fps=25.0),
-        "centimetres.npz": saved(np.savez, positions=poses(), fps=25.0, units="cm"),
         "cycle.npz": saved(np.savez, positions=poses(), fps=25.0, parents=[0, 1, 2]),
         "short_valid.npz": saved(np.savez, positions=poses(), fps=25.0, valid=np.ones(2, bool)),
         "bad_text.npz": saved(np.savez, positions=poses(), fps=25.0, joints=np.full(3, 2**31, "<u4").view("<U1")),

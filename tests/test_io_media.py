@@ -20,6 +20,7 @@ from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
 from tests.builders import cases, refused, track
+from tests.test_hostile import mutated
 
 RATE = 8000
 
@@ -206,7 +207,9 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     np.testing.assert_array_equal(beats.strengths, [2.0, 0.0])
 
 
-def test_json_gives_everything_that_was_written_down(tmp_path: Path):
+def test_json_gives_everything_that_was_written_down_and_beats_alone_are_enough(tmp_path: Path):
+    bare = load_annotation(write(tmp_path, "beats.json", {"beats_s": [1.0, 2.0], "downbeats_s": None}))
+    assert (bare.downbeats, bare.meter, bare.bpm, bare.dance, bare.units) == (None, None, None, "", ())
     notes = load_annotation(write(tmp_path, "beats.json", WALTZ))
     np.testing.assert_array_equal(notes.times, WALTZ["beats_s"])
     np.testing.assert_array_equal(notes.downbeats, [0.5, 2.0])
@@ -214,18 +217,10 @@ def test_json_gives_everything_that_was_written_down(tmp_path: Path):
     assert notes.units == (Unit("W-3-1", 0.5, 2.0, 3, "W-3"),)
 
 
-def test_json_with_beats_alone_is_enough(tmp_path: Path):
-    notes = load_annotation(write(tmp_path, "beats.json", {"beats_s": [1.0, 2.0], "downbeats_s": None}))
-    assert (notes.downbeats, notes.meter, notes.bpm, notes.dance, notes.units) == (None, None, None, "", ())
-
-
-@pytest.mark.parametrize("times", [[12, 24, 37, 50], [500, 1000, 1500, 2000], [12.5, 25.0, 37.5, 50.0, 62.5]])
-def test_beats_in_frames_or_milliseconds_are_refused(tmp_path: Path, times: list[float]):
-    path = write(tmp_path, "song.txt", "\n".join(map(str, times)))
-    refused(r"song\.txt: beat times lie .* apart; were these frames or milliseconds", load_beats, path)
-
-
-def test_slow_music_in_whole_seconds_is_no_frames(tmp_path: Path):
+def test_beats_in_frames_or_milliseconds_are_refused_but_not_slow_music_in_whole_seconds(tmp_path: Path):
+    for times in ([12, 24, 37, 50], [500, 1000, 1500, 2000], [12.5, 25.0, 37.5, 50.0, 62.5]):
+        path = write(tmp_path, "song.txt", "\n".join(map(str, times)))
+        refused(r"song\.txt: beat times lie .* apart; were these frames or milliseconds", load_beats, path)
     assert len(load_beats(write(tmp_path, "song.txt", "1\n2\n3\n4\n5\n"))) == 5
 
 
@@ -557,26 +552,6 @@ def _audio_only(path: Path) -> None:
 def test_what_is_no_video_is_refused_by_name(tmp_path: Path, sample: Path, name: str, make: Callable[[Path], object]):
     make(tmp_path / name)
     refused(name, video_frames, tmp_path / name)
-
-
-def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """`data` cut, with bytes changed, taken out or put in."""
-    changed = bytearray(data)
-    place = int(rng.integers(len(data)))
-    kind = rng.integers(5)
-    if kind == 0:
-        return data[: place + 1]
-    if kind == 1:
-        del changed[place : place + int(rng.integers(1, 200))]
-    elif kind == 2:
-        changed[place:place] = rng.bytes(int(rng.integers(1, 64)))
-    elif kind == 3:  # the header, with numbers that are too large
-        place = int(rng.integers(1500))
-        changed[place : place + 4] = bytes([255, 255, 255, 255]) if rng.random() < 0.5 else bytes([0, 1, 134, 160])
-    else:
-        for place in rng.integers(len(data), size=int(rng.integers(1, 20))):
-            changed[place] = int(rng.integers(256))
-    return bytes(changed)
 
 
 def check_frames(path: Path) -> None:

@@ -15,7 +15,7 @@ from harmolab.lab.explain.offset import attack_beats, find_offset, find_sound_of
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
-from tests.builders import refused
+from tests.builders import cases, refused
 
 SECONDS = 12.0
 
@@ -174,8 +174,7 @@ def recorded(song: Audio, start: float, seconds: float, rate: int, *, snr: float
     return Audio(np.tanh(2 * (part + noise) / part.std()), rate)
 
 
-@pytest.mark.parametrize("rate", [8000, 22050, 48000])
-@pytest.mark.parametrize("snr", [30.0, 0.0])
+@cases("rate, snr", (8000, 0.0), (22050, 30.0), (48000, 0.0))
 def test_recording_is_found_in_its_song_through_noise_filter_and_another_rate(song: Audio, rate: int, snr: float):
     for start in (0.0, 7.123, 17.9):
         found = find_sound_offset(recorded(song, start, 10.0, rate, snr=snr), song)

@@ -12,6 +12,8 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -277,7 +279,7 @@ def test_what_was_read_is_kept_by_the_content_of_the_video(tmp_path: Path, cache
     assert len(list(cache.glob("poses_*.npz"))) == 2
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", "nan", "shape", "type"])
+@pytest.mark.parametrize("content", [b"PK\x03\x04", "nan", "shape", "type"])
 def test_a_damaged_reading_in_the_cache_is_read_anew(tmp_path: Path, cache: Path, content: bytes | str):
     path = film(tmp_path / "take.mp4", waves(1.0))
     first = read_pose(path, command=stand_in(tmp_path)).motion
@@ -403,6 +405,12 @@ def installs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return done
 
 
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody sits before the screen."""
+    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+
+
 def run(*arguments: object, answer: str = "") -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments], input=answer)
 
@@ -424,11 +432,8 @@ def test_yes_fetches_without_a_question(installs: list[Path], cache: Path):
     assert run("pose", "--remove").stdout == "there is nothing to remove\n"
 
 
-@pytest.mark.parametrize(("answer", "count"), [("y\n", 1), ("n\n", 0), ("\n", 0)])
-def test_on_a_terminal_a_question_is_asked(
-    installs: list[Path], monkeypatch: pytest.MonkeyPatch, answer: str, count: int
-):
-    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+@cases("answer, count", ("y\n", 1), ("n\n", 0), ("\n", 0))
+def test_on_a_terminal_a_question_is_asked(installs: list[Path], terminal: None, answer: str, count: int):
     result = run("pose", "--install", answer=answer)
     assert "Fetch it now? (With no, the flow of the picture is used.) [y/N]" in result.stderr
     assert "After that no network is needed." in result.stderr
@@ -436,34 +441,29 @@ def test_on_a_terminal_a_question_is_asked(
     assert ("nothing was fetched" in result.stderr) == (count == 0)
 
 
+def offered(video: Path) -> str:
+    """What the offer to read this video by its body prints."""
+    with redirect_stderr(StringIO()) as stream:
+        posing.offer_poses(video)
+    return stream.getvalue()
+
+
 def test_other_commands_ask_once_and_take_the_flow_after_a_no(
-    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    installs: list[Path], video: Path, terminal: None, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
     asked: list[str] = []
     monkeypatch.setattr(posing.typer, "confirm", lambda text, **_: asked.append(text))
     for _ in range(2):
-        posing.offer_poses(video)
-        assert "take.mp4 is read by the flow of its picture" in capsys.readouterr().err
+        assert "take.mp4 is read by the flow of its picture" in offered(video)
     assert len(asked) == 1 and not installs
+    monkeypatch.setattr(pose, "hindrance", lambda: "this is Python 3.13")
+    assert offered(video) == "", "where it cannot be made nobody is asked"
 
 
-def test_without_a_terminal_one_line_says_what_would_be_surer(
-    installs: list[Path], video: Path, capsys: pytest.CaptureFixture[str]
-):
-    posing.offer_poses(video)
-    (line,) = capsys.readouterr().err.splitlines()
+def test_without_a_terminal_one_line_says_what_would_be_surer(installs: list[Path], video: Path):
+    (line,) = offered(video).splitlines()
     assert line.endswith("its dancer's body would be surer: `harmolab pose --install` fetches what finds it, once")
     assert not installs
-
-
-def test_where_it_cannot_be_made_nobody_is_asked(
-    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
-    monkeypatch.setattr(pose, "hindrance", lambda: "this is Python 3.13")
-    posing.offer_poses(video)
-    assert capsys.readouterr().err == ""
 
 
 def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], video: Path, tmp_path: Path):

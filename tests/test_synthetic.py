@@ -13,21 +13,12 @@ import scipy.stats
 from scipy.ndimage import gaussian_filter1d
 
 from harmolab.data.recordings import find_recordings, load_recording
-from harmolab.data.synthetic import (
-    DANCER,
-    ClipSettings,
-    figure_names,
-    planted_clip,
-    synthetic_clip,
-    synthetic_motion,
-    synthetic_music,
-    write_corpus,
-)
-from harmolab.data.synthetic.beats import beat_grid, movement_ends
+from harmolab.data.synthetic import DANCER, figure_names, planted_clip, synthetic_clip, synthetic_motion, write_corpus
+from harmolab.data.synthetic.beats import ClipSettings, beat_grid, movement_ends
 from harmolab.data.synthetic.dancer import ARM_POSES, FEET, FIGURES, HEADING, MANNERS, POSE_SIZE, joint_positions
-from harmolab.data.synthetic.music import GROOVES
+from harmolab.data.synthetic.music import GROOVES, synthetic_music
 from harmolab.params import DANCES
-from tests.builders import cases, refused
+from tests.builders import bone_lengths, cases, refused
 
 EVERY_DANCE = pytest.mark.parametrize("dance", list(DANCES))
 JOINT = {name: place for place, name in enumerate(DANCER.joints)}
@@ -116,8 +107,9 @@ def test_low_drum_is_louder_on_the_downbeats_of_a_waltz():
     assert np.mean(np.array(loudness)[down]) > 1.3 * np.mean(np.array(loudness)[~down])
 
 
-def test_music_has_tones_lows_and_highs_and_does_not_clip():
+def test_music_has_tones_lows_and_highs_does_not_clip_and_rises_from_silence_at_both_cuts():
     samples = synthetic_music("cha-cha", seconds=10.0, seed=2).audio.samples
+    assert max(np.abs(samples[:5]).max(), np.abs(samples[-5:]).max()) < 1e-3
     assert np.abs(samples).max() == pytest.approx(0.9)
     assert librosa.feature.spectral_flatness(y=samples).mean() < 0.01  # noise is near 1, a tone near 0
     power = np.abs(np.fft.rfft(samples)) ** 2
@@ -125,11 +117,6 @@ def test_music_has_tones_lows_and_highs_and_does_not_clip():
     shares = [power[(pitch >= low) & (pitch < high)].sum() / power.sum() for low, high in ((30, 200), (200, 2000))]
     assert min(shares) > 0.03
     assert power[pitch > 4000].sum() / power.sum() > 1e-5
-
-
-def test_sound_rises_from_silence_at_both_cuts():
-    samples = synthetic_music("jive", seconds=5.0, seed=4).audio.samples
-    assert max(np.abs(samples[:5]).max(), np.abs(samples[-5:]).max()) < 1e-3
 
 
 def test_every_pattern_of_a_groove_fits_its_bar():
@@ -171,9 +158,8 @@ def test_without_liberties_movements_end_exactly_on_the_music_beats():
 
 @EVERY_DANCE
 def test_bones_keep_their_length(dance: str):
-    positions = synthetic_clip(dance, seed=8, jitter=0.05, redundancy=0.2).motion.positions
-    for parent, child in DANCER.bones:
-        assert np.ptp(np.linalg.norm(positions[:, parent] - positions[:, child], axis=-1)) < 1e-9
+    motion = synthetic_clip(dance, seed=8, jitter=0.05, redundancy=0.2).motion
+    assert np.ptp(bone_lengths(motion), axis=0).max() < 1e-9
 
 
 @EVERY_DANCE
@@ -198,18 +184,15 @@ def test_body_has_the_proportions_of_an_adult():
     standing[0, FEET[0].start], standing[0, FEET[1].start] = 0.09, -0.09
     joints = dict(zip(DANCER.joints, joint_positions(standing, np.zeros((1, 2)), 1.7)[0], strict=True))
     height = {name: place[1] for name, place in joints.items()}
-    assert 1.50 < height["head L"] < 1.65
-    assert 1.33 < height["shoulder L"] < 1.45
-    assert 0.83 < height["hip L"] < 0.95
-    assert 0.42 < height["knee L"] < 0.53
-    assert 0.05 < height["ankle L"] < 0.10
+    heights = {"head": (1.50, 1.65), "shoulder": (1.33, 1.45), "hip": (0.83, 0.95), "knee": (0.42, 0.53)}
+    for name, (low, high) in (heights | {"ankle": (0.05, 0.10)}).items():
+        assert low < height[f"{name} L"] < high, name
     assert height["heel L"] == pytest.approx(0) == height["toe L"]
     bones = {name: np.linalg.norm(joints[name] - joints[DANCER.joints[up]]) for name, up in
              zip(DANCER.joints, DANCER.parents, strict=True) if up >= 0}  # fmt: skip
-    assert 0.27 < bones["elbow L"] < 0.36
-    assert 0.22 < bones["forearm L"] < 0.29
-    assert 0.38 < bones["knee R"] < 0.46
-    assert 0.38 < bones["ankle R"] < 0.46
+    lengths = {"elbow L": (0.27, 0.36), "forearm L": (0.22, 0.29), "knee R": (0.38, 0.46), "ankle R": (0.38, 0.46)}
+    for name, (low, high) in lengths.items():
+        assert low < bones[name] < high, name
     assert 0.21 < np.linalg.norm(joints["heel R"] - joints["toe R"]) < 0.28
     assert 0.38 < np.linalg.norm(joints["shoulder L"] - joints["shoulder R"]) < 0.48
 
@@ -309,27 +292,18 @@ def test_motion_follows_beats_that_are_given():
 # The dancer's liberties and the sensor
 
 
-def test_lateness_shifts_every_movement_end():
-    grid, ends = raw_ends(lateness=0.12)
-    np.testing.assert_allclose(ends.times - grid.times, 0.12, atol=1e-12)
-
-
-def test_jitter_is_the_standard_deviation_of_the_movement_ends():
-    grid, ends = raw_ends(jitter=0.05)
+def test_lateness_shifts_every_movement_end_and_jitter_is_their_standard_deviation():
+    grid, ends = raw_ends(lateness=0.12, jitter=0.05)
     errors = ends.times - grid.times
     assert errors.std() == pytest.approx(0.05, rel=0.08)
-    assert abs(errors.mean()) < 0.01
+    assert errors.mean() == pytest.approx(0.12, abs=0.01)
 
 
-def test_omission_is_the_share_of_beats_without_a_movement_end():
-    grid, ends = raw_ends(omission=0.3)
-    assert 1 - ends.times.size / grid.times.size == pytest.approx(0.3, abs=0.05)
-    assert distance_to_nearest(ends.times, grid.times).max() < 1e-12
-
-
-def test_redundancy_is_the_share_of_intervals_with_an_extra_end():
-    grid, ends = raw_ends(redundancy=0.25)
-    extra = ends.times[ends.beats < 0]
+def test_omission_and_redundancy_are_the_shares_of_beats_without_an_end_and_of_intervals_with_an_extra_one():
+    grid, ends = raw_ends(omission=0.3, redundancy=0.25)
+    extra, kept = ends.times[ends.beats < 0], ends.times[ends.beats >= 0]
+    assert 1 - kept.size / grid.times.size == pytest.approx(0.3, abs=0.05)
+    assert distance_to_nearest(kept, grid.times).max() < 1e-12
     assert extra.size / grid.times.size == pytest.approx(0.25, abs=0.05)
     assert distance_to_nearest(extra, grid.times).min() > 0.15  # half a second from beat to beat
 
@@ -429,13 +403,10 @@ def test_annotation_records_every_control_and_the_planted_movement_ends(corpus: 
     assert set(content["downbeats_s"]) <= set(content["beats_s"])
     assert 0 < np.max(distance_to_nearest(content["visual_beats_s"][1:-1], content["beats_s"])) < 0.1
     assert [unit["figure"] in figure_names("waltz") for unit in content["units"]] == [True] * len(content["units"])
-
-
-def test_next_clip_of_a_dance_shares_no_figure(corpus: Path):
     for dance in DANCES:
         contents = [json.loads((one / "beats.json").read_text()) for one in corpus.glob(f"clip_*_{dance}")]
         first, second = (set(content["settings"]["figures"]) for content in contents)
-        assert not first & second
+        assert not first & second, "the next clip of a dance shares no figure"
 
 
 def test_stopped_run_goes_on_where_it_was(tmp_path: Path):
