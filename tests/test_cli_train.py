@@ -190,8 +190,8 @@ JUDGES = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
 SCORES = {"val_mse": 260.0, "val_harmony": 0.375, "val_hit_rate": 0.5, "val_above_chance": 0.125}
 
 
-def on_terminal(draw: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> str:
-    """What a function draws on a terminal of 80 columns that takes the place of standard error."""
+def on_terminal(monkeypatch: pytest.MonkeyPatch, *rows: tuple[dict[str, Any], int], fault: bool = False) -> str:
+    """What the bar draws of these epochs, and before a fault, on a terminal of 80 columns that is standard error."""
     ours, theirs = pty.openpty()
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("COLUMNS", "80")
@@ -199,7 +199,11 @@ def on_terminal(draw: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> st
         monkeypatch.delenv(name, raising=False)
     with os.fdopen(theirs, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
-        draw()
+        with suppress(ZeroDivisionError), epoch_bar() as report:
+            for row, end in rows:
+                report(row, end)
+            if fault:
+                raise ZeroDivisionError
         terminal.flush()
         os.set_blocking(ours, False)
         shown = b""
@@ -215,11 +219,7 @@ def epoch(phase: str, number: int, values: dict[str, float]) -> dict[str, Any]:
 
 
 def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.MonkeyPatch):
-    def draw() -> None:
-        with epoch_bar() as report:
-            report(epoch("adversarial", 229, TERMS | JUDGES | SCORES), 270)
-
-    shown = on_terminal(draw, monkeypatch)
+    shown = on_terminal(monkeypatch, (epoch("adversarial", 229, TERMS | JUDGES | SCORES), 270))
     assert "adversarial" in shown and "230/270" in shown
     for name, value in (TERMS | JUDGES).items():
         assert f"{name} {value:.3g}" in shown, name
@@ -228,32 +228,20 @@ def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.Monk
 
 
 def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
-    def draw() -> None:
-        with epoch_bar() as report:
-            report(epoch("pretrain", 4, {"mse": 250.0} | SCORES), 225)
-            report(epoch("pretrain", 5, {"mse": 249.0}), 225)
-
-    assert "harmony 0.375" in on_terminal(draw, monkeypatch).split("mse 249")[1]
+    epochs = (epoch("pretrain", 4, {"mse": 250.0} | SCORES), 225), (epoch("pretrain", 5, {"mse": 249.0}), 225)
+    assert "harmony 0.375" in on_terminal(monkeypatch, *epochs).split("mse 249")[1]
 
 
 def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.MonkeyPatch):
-    def draw() -> None:
-        with pytest.raises(ValueError, match="broken"), epoch_bar() as report:
-            report({"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5}, 40)
-            raise ValueError("broken")
-
-    shown = on_terminal(draw, monkeypatch)
+    row = {"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5}
+    shown = on_terminal(monkeypatch, (row, 40), fault=True)
     assert "pose network" in shown and "1/40" in shown and "train 1.5" in shown
     assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l")
 
 
 def test_nothing_is_drawn_before_the_first_epoch(monkeypatch: pytest.MonkeyPatch):
     # Processes beside the first are told of no epoch, and reading the recordings has a bar of its own.
-    def draw() -> None:
-        with epoch_bar():
-            pass
-
-    assert on_terminal(draw, monkeypatch) == ""
+    assert on_terminal(monkeypatch) == ""
 
 
 def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str]):

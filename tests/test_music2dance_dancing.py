@@ -367,7 +367,6 @@ def test_weights_of_before_there_was_a_draw_memory_dance_as_they_did():
 
 
 SONGS = {
-    "one second": sound(1.0),
     "three frames": sound(0.13),
     "silence": Audio(np.zeros(round(4 * RATE)), RATE),
     "a hum": Audio(0.1 * np.sin(np.arange(round(4 * RATE)) / 20), RATE),
@@ -392,7 +391,6 @@ def test_odd_songs_get_a_dance_as_long_as_they_are(name: str, representation: st
     ("positions", still(30, fps=25.0), r"initial has other joints \(2\) than the network \(21\); retarget it"),
     ("rotations", still(30, fps=25.0), "initial has no joint for pelvis, torso, neck, head"),
     ("positions", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
-    ("rotations", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
 )
 def test_a_movement_of_another_body_is_refused(representation: str, initial: Motion, fault: str):
     refused(fault, system(representation).generate, sound(), initial=initial)
@@ -406,12 +404,6 @@ def test_two_frames_are_enough_to_go_on_from(representation: str):
 
 
 # The dance that music sounds like
-
-
-def test_probabilities_are_those_of_the_classifier_the_most_likely_first():
-    shares = system(attributes=classifier()).dance_probabilities(sound())
-    assert list(shares) == ["waltz", "rumba", "cha-cha", "tango"]
-    assert shares == pytest.approx(CLASSES, abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [10.0, 5.0])
@@ -470,14 +462,6 @@ def test_the_answer_in_words(shares: dict[str, float], words: str):
 def song(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six seconds of a synthetic cha-cha."""
     return write_song(tmp_path_factory.mktemp("music") / "song.wav", planted_dance())
-
-
-@pytest.fixture(scope="module")
-def bare_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Weights alone."""
-    folder = tmp_path_factory.mktemp("m2d") / "bare"
-    system().save(folder)
-    return folder
 
 
 def dance(song: Path, run: Path, out: Path, *options: object) -> Result:
@@ -557,9 +541,9 @@ def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp
     (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
 )
 def test_options_that_cannot_be_are_one_line(
-    options: tuple[str, ...], fault: str, song: Path, bare_run: Path, tmp_path: Path
+    options: tuple[str, ...], fault: str, song: Path, whole_run: Path, tmp_path: Path
 ):
-    assert fault in one_line(dance(song, bare_run, tmp_path / "dance.npz", *options), tmp_path)
+    assert fault in one_line(dance(song, whole_run, tmp_path / "dance.npz", *options), tmp_path)
 
 
 @cases("dancer, option, value", ("harmogan", "--feet", "model"), ("choreographer", "--temperature", 0.5))
