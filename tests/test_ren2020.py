@@ -539,6 +539,13 @@ def test_the_code_is_in_metres():
     np.testing.assert_allclose(generator.code(song, 1), 3 * plain + 2, atol=1e-5)
 
 
+def test_noise_is_drawn_once_a_song_by_its_seed():
+    generator = generator_of().eval()
+    first = generator.code(dance_input(40), 1)
+    np.testing.assert_array_equal(generator.code(dance_input(40), 1), first)
+    assert np.abs(generator.code(dance_input(40), 2) - first).max() > 1e-4
+
+
 def test_nothing_is_left_out_when_dancing_even_in_training_mode():
     generator = generator_of().train()
     nets.settle(generator, torch.randn(2, 30, 4), torch.ones(2, 30), seed=0)
