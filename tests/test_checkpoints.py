@@ -15,8 +15,7 @@ from filelock import FileLock
 from safetensors.torch import save_file
 from tensorboardX.proto.event_pb2 import Event
 
-from harmolab.systems.harmogan.networks import Generator
-from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems import Generator, TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.training import loop
 from harmolab.systems.training.checkpoints import (
@@ -32,15 +31,12 @@ from harmolab.systems.training.checkpoints import (
 from harmolab.systems.training.splits import Split
 from tests import tiny_training as tiny
 from tests.builders import cases
+from tests.tiny_training import Stopped
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 # Few and large batches: here it matters what is on disk, not what is learnt.
 PAPER: TrainParams = replace(tiny.PAPER, pretrain_epochs=2, adversarial_epochs=2, batch_size=13)
 EPOCHS = PAPER.pretrain_epochs + PAPER.adversarial_epochs
-
-
-class Stopped(Exception):
-    """Stands for whatever ends a training before its time."""
 
 
 @pytest.fixture(scope="module")
@@ -56,10 +52,7 @@ def train(split: Split) -> Train:
     """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
 
     def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
-        def report(row: dict[str, Any], end: int) -> None:
-            if row["phase"] != "pose network" and row["epoch"] == stop_after:
-                raise Stopped
-
+        report = tiny.stopping(stop_after)
         options = TrainOptions(folder, resume=more.pop("resume", False), accelerator="cpu", report=report)
         return train_harmogan(options=options, params=params, **{"model": tiny.MODEL, "split": split} | more)
 
@@ -236,23 +229,22 @@ def half_written(run: Path) -> None:
 
 
 @cases(
-    "left",
-    shorter_history,
-    lambda run: (run / "history.csv").unlink(),
-    half_written,
-    ids=["between state and history", "before the first history", "within a file"],
+    "until, left",
+    ("begun", lambda run: (run / "pose_net.json").unlink()),
+    ("half", shorter_history),
+    ("half", lambda run: (run / "history.csv").unlink()),
+    ("half", half_written),
+    ("undisturbed", lambda run: (run / "model.json").unlink()),
+    ids=["within the pose network", "before the history", "before the first history", "within a file", "at the end"],
 )
-def test_a_stop_at_any_moment_does_no_harm(left: Callable[[Path], object], half: Path, undisturbed: Path, train: Train):
-    left(half)
-    train(half, resume=True)
-    assert_same_run(half, undisturbed)
-    assert not list(half.glob(".*.tmp"))
-
-
-def test_a_stop_between_the_two_files_of_the_pose_network_does_no_harm(undisturbed: Path, train: Train, begun: Path):
-    (begun / "pose_net.json").unlink()
-    train(begun, resume=True)
-    assert_same_run(begun, undisturbed)
+def test_a_stop_at_any_moment_does_no_harm(
+    until: str, left: Callable[[Path], object], undisturbed: Path, train: Train, request: Any, tmp_path: Path
+):
+    run = shutil.copytree(request.getfixturevalue(until), tmp_path / "run")
+    left(run)
+    train(run, resume=True)
+    assert_same_run(run, undisturbed)
+    assert (run / "model.json").is_file() and not list(run.glob(".*.tmp"))
 
 
 def test_a_stop_between_the_pretrained_weights_and_the_state_does_no_harm(
@@ -264,14 +256,6 @@ def test_a_stop_between_the_pretrained_weights_and_the_state_does_no_harm(
         shutil.copy(undisturbed / name, begun)
     train(begun, resume=True)
     assert_same_run(begun, undisturbed)
-
-
-def test_a_stop_before_the_last_weights_does_no_harm(undisturbed: Path, train: Train, tmp_path: Path):
-    run = shutil.copytree(undisturbed, tmp_path / "run")
-    (run / "model.json").unlink()
-    train(run, resume=True)
-    assert_same_run(run, undisturbed)
-    assert (run / "model.json").is_file()
 
 
 def test_resuming_a_finished_run_changes_nothing(undisturbed: Path, train: Train, tmp_path: Path):
@@ -331,10 +315,6 @@ def refused(folder: Path, call: Callable[[], Any]) -> str:
     return str(caught.value)
 
 
-def test_a_folder_that_is_not_empty_is_not_trained_in(half: Path, train: Train):
-    assert refused(half, lambda: train(half)).startswith(f"{half}: is not empty; use --resume to go on")
-
-
 def test_somebody_elses_folder_is_no_run_to_resume(train: Train, tmp_path: Path):
     (tmp_path / "thesis.tex").write_text("years of work")
     message = refused(tmp_path, lambda: train(tmp_path, resume=True))
@@ -349,25 +329,29 @@ def test_a_file_is_no_folder(tmp_path: Path):
 
 @cases(
     "changes, told",
-    ({"params": replace(PAPER, harmony_weight=0.5)}, "train.harmony_weight is 1.0, but 0.5 is asked for"),
-    ({"params": replace(PAPER, pretrain_epochs=9)}, "train.pretrain_epochs is 2, but 9 is asked for"),
-    ({"model": replace(tiny.MODEL, hidden=8)}, "model.hidden is 16, but 8 is asked for"),
+    (
+        {"params": replace(PAPER, harmony_weight=0.5)},
+        "settings.json: train.harmony_weight is 1.0, but 0.5 is asked for",
+    ),
+    ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
+    ({"split": tiny.tiny_split(n_train=12)}, "split.json: units.test is "),
 )
-def test_a_run_with_other_settings_is_not_resumed(changes: dict[str, Any], told: str, half: Path, train: Train):
-    message = refused(half, lambda: train(half, **changes, resume=True))
-    assert message.startswith(f"{half / 'settings.json'}: {told}")
+def test_a_run_with_other_settings_or_units_is_not_resumed(
+    changes: dict[str, Any], told: str, half: Path, train: Train
+):
+    assert refused(half, lambda: train(half, **changes, resume=True)).startswith(f"{half}/{told}")
 
 
-def test_a_run_on_another_split_is_not_resumed(half: Path, train: Train):
-    other = tiny.tiny_split(n_train=12)
-    message = refused(half, lambda: train(half, split=other, resume=True))
-    assert message.startswith(f"{half / 'split.json'}: units.test is ")
-
-
-@pytest.mark.parametrize("text", ["", "{", "[1]"])
-def test_damaged_settings_are_told_by_file(text: str, half: Path, train: Train):
-    (half / "settings.json").write_text(text)
-    assert refused(half, lambda: train(half, resume=True)).startswith(str(half / "settings.json"))
+@cases(
+    "name, text, told",
+    ("settings.json", "", "settings.json"),
+    ("settings.json", "[1]", "settings.json"),
+    ("pose_net.safetensors", "nonsense", "pose_net"),
+    ("pose_net.json", "nonsense", "pose_net"),
+)
+def test_a_damaged_file_of_a_run_is_named(name: str, text: str, told: str, half: Path, train: Train):
+    (half / name).write_text(text)
+    assert str(half / told) in refused(half, lambda: train(half, resume=True))
 
 
 def test_a_state_of_other_settings_is_not_resumed(half: Path, train: Train, tmp_path: Path):
@@ -376,12 +360,6 @@ def test_a_state_of_other_settings_is_not_resumed(half: Path, train: Train, tmp_
         train(other, stop_after=0, params=replace(PAPER, harmony_weight=0.5))
     shutil.copy(other / STATE, half / STATE)
     assert refused(half, lambda: train(half, resume=True)).startswith(f"{half}: was trained with other settings")
-
-
-@pytest.mark.parametrize("name", ["pose_net.safetensors", "pose_net.json"])
-def test_a_damaged_pose_network_is_told_by_file(name: str, half: Path, train: Train):
-    (half / name).write_bytes(b"nonsense")
-    assert str(half / "pose_net") in refused(half, lambda: train(half, resume=True))
 
 
 def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
@@ -393,22 +371,16 @@ def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
 # Pretraining of another run
 
 
-def test_pretraining_on_other_data_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
-    other = tiny.tiny_split(n_train=12)  # its validation unit was trained on there
-    message = refused(undisturbed, lambda: train(tmp_path / "new", split=other, pretrained=undisturbed))
-    assert message.startswith(f"{undisturbed / 'split.json'}: ") and not (tmp_path / "new").exists()
-
-
-def test_pretraining_of_another_size_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
-    other = replace(tiny.MODEL, hidden=8)
-    message = refused(undisturbed, lambda: train(tmp_path / "new", model=other, pretrained=undisturbed))
-    assert message.startswith(f"{undisturbed / 'settings.json'}: model.hidden is 16, but 8 is asked for")
-
-
-def test_pretraining_that_is_not_there_is_missed_by_name(train: Train, tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match=r"nowhere/settings.json: no such file"):
-        train(tmp_path / "new", pretrained=tmp_path / "nowhere")
-    assert not (tmp_path / "new").exists()
+@cases(
+    "changes, told",
+    ({"split": tiny.tiny_split(n_train=12)}, "split.json: "),  # its validation unit was trained on there
+    ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
+)
+def test_pretraining_on_other_data_or_of_another_size_is_not_taken_over(
+    changes: dict[str, Any], told: str, undisturbed: Path, train: Train, tmp_path: Path
+):
+    message = refused(undisturbed, lambda: train(tmp_path / "new", **changes, pretrained=undisturbed))
+    assert message.startswith(f"{undisturbed}/{told}") and not (tmp_path / "new").exists()
 
 
 @pytest.fixture(scope="module")

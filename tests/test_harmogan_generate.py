@@ -11,21 +11,17 @@ import torch
 from torch import Tensor
 
 import harmolab
+from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, foot_skating
 from harmolab.body.kinematics import resample_motion
-from harmolab.body.skeletons import Skeleton
-from harmolab.metrics.quality import foot_skating
+from harmolab.systems import FeatureParams, ModelParams, synthesize_dance
 from harmolab.systems.harmogan.networks import Generator, GeneratorOutput, load_generator
-from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.about import read_about
-from harmolab.systems.training.dancing import synthesize_dance
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.feet import on_floor, planted_feet
 from harmolab.systems.training.motion_code import FADE, bone_lengths, coded, continued
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net
 from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
 from harmolab.systems.training.units import filled_beats, meter_frames
 from harmolab.systems.training.weights import save_weights
-from harmolab.types import Audio, BeatTrack, Clip, Motion
 from study.experiments.locked import statue_on_turntable
 from tests.builders import cases, planted_dance, refused
 from tools.ship import best_run, standing
@@ -126,14 +122,6 @@ def test_what_the_generator_does_on_the_beat_is_on_the_beat_of_the_song(start: f
     forward = 0.6 * np.sin(0.3 * np.cos(2 * np.pi * position))
     # The first half second still fades from the movement that the dance starts from.
     np.testing.assert_allclose(motion.positions[10:, 3, 2], forward[10:], atol=0.02)
-
-
-def test_dance_is_as_long_as_asked_for_and_ends_with_the_music():
-    generator = Planted(nodding)
-    assert danced(generator, seconds=4.0).n_frames == 60
-    assert danced(generator, seconds=None).n_frames == 450
-    last = danced(generator, start=28.0, seconds=60.0)
-    assert (last.n_frames, last.fps, last.skeleton) == (30, FPS, SKELETON)
 
 
 def test_each_meter_is_generated_from_what_was_danced_in_the_beats_before():
@@ -239,7 +227,6 @@ def test_generator_is_left_in_the_mode_it_was_in(untrained: Generator, clip: Cli
 @cases(
     "options, fault",
     ({"start": 40.0}, r"start must lie within the music \(0 to 30.00 s\), got 40 s"),
-    ({"start": -1.0}, "start must lie within the music"),
     ({"start": float("nan")}, "start must lie within the music"),
     ({"seconds": 0.0}, "seconds must be positive, got 0"),
     ({"seconds": float("nan")}, "seconds must be positive"),
@@ -259,16 +246,12 @@ def test_generator_that_does_not_know_its_features_is_refused():
 # Beats and meters
 
 
-def test_beats_are_added_before_and_after_by_the_median_interval():
+def test_beats_are_added_before_after_and_in_breaks_by_the_median_interval():
     times, strengths = filled_beats(BeatTrack([2.0, 2.5, 3.0], [1.0, 4.0, 2.0], 100.0, 9.0), 1.2, 4.1, before=2)
     np.testing.assert_allclose(times, [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5])
     np.testing.assert_allclose(strengths, [2, 2, 2, 2, 1, 4, 2, 2, 2, 2])
-
-
-def test_break_in_the_music_is_filled_with_beats():
-    times, strengths = filled_beats(BeatTrack([1.0, 1.5, 2.0, 4.0, 4.5], [3.0] * 5, 100.0, 9.0), 1.0, 4.4, before=0)
-    np.testing.assert_allclose(times, [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5])
-    np.testing.assert_allclose(strengths, 3.0)
+    broken = BeatTrack([1.0, 1.5, 2.0, 4.0, 4.5], [3.0] * 5, 100.0, 9.0)
+    np.testing.assert_allclose(filled_beats(broken, 1.0, 4.4, before=0), [1 + 0.5 * np.arange(8), 8 * [3.0]])
 
 
 def test_meters_cover_the_dance_without_gaps_and_have_beats_before_them():
@@ -415,12 +398,8 @@ def test_who_looks_like_dancing_stands_above_who_keeps_time():
     assert clip.motion is not None and clip.beats is not None
     turning = statue_on_turntable(clip.motion, clip.beats)
     late = replace(clip.beats, times=clip.beats.times + 0.25, duration=clip.beats.duration + 0.25)
-    dancer, sleepy, figurine = (
-        standing([dance, dance])
-        for dance in (
-            (clip.motion, clip.beats, "waltz"), (clip.motion, late, "waltz"), (turning, clip.beats, "waltz")
-        )
-    )  # fmt: skip
+    dances = ((clip.motion, clip.beats), (clip.motion, late), (turning, clip.beats))
+    dancer, sleepy, figurine = (standing([(*dance, "waltz")] * 2) for dance in dances)
     assert dancer > sleepy > figurine
     assert dancer[:2] == sleepy[:2] and dancer[2] > 0.8 > sleepy[2]
     assert figurine[0] == 0 and figurine[1] < dancer[1]

@@ -11,15 +11,14 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
-from harmolab.body.skeletons import Skeleton
+from harmolab import Skeleton
+from harmolab.systems import FeatureParams, LeeParams
 from harmolab.systems.lee2019 import networks as lee
 from harmolab.systems.lee2019 import train
 from harmolab.systems.lee2019.networks import DancingToMusic, line
-from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.training import loop as training_loop
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.dancing import DanceInput
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.loop import Shard, step
 from harmolab.systems.training.units import DanceUnit, MeterFrames, UnitSet, load_units
@@ -27,7 +26,7 @@ from harmolab.systems.training.weights import load_weights
 from study.experiments import rivals
 from study.experiments.rivals import entry_lee2019
 from tests.builders import bobbing, cases, refused
-from tests.tiny_training import DANCER, FPS, tiny_split
+from tests.tiny_training import DANCER, FPS, Stopped, descent, stopping, tiny_split
 
 PARAMS = LeeParams(
     hidden=16, latent=6, pose_latent=4, pose_hidden=8, style=5, noise=3, style_layers=(8,), regressor_layers=(8,),
@@ -137,18 +136,11 @@ def test_beats_of_a_unit_lie_at_frames_3_11_19_and_27_of_its_two_pieces():
     np.testing.assert_allclose(one[[3, 11, 19, 27], 0], UNEVEN[:4] * FPS, atol=1e-5)
     np.testing.assert_allclose(two[[3, 11, 19, 27], 0], UNEVEN[4:] * FPS, atol=1e-5)
     assert one.shape == two.shape == (32, 6)
-
-
-def test_none_of_the_path_is_lost_in_a_piece():
-    both = lee.unit_pieces(unit_of(ramp_code(64), UNEVEN), bobbing(0.0), "music", 2).reshape(64, -1)
-    between = both[4 : 3 + 8 * 7 + 1, -1]  # the steps from beat 0 to beat 7
+    # None of the path is lost in the steps from beat 0 to beat 7, and before its first frame it goes on backwards.
+    between = np.concatenate([one, two])[4 : 3 + 8 * 7 + 1, -1]
     assert between.sum() == pytest.approx(UNEVEN[7] * FPS, rel=1e-6)
-
-
-def test_before_its_first_frame_a_unit_goes_on_backwards_at_its_speed():
-    first = lee.unit_pieces(unit_of(ramp_code(64), UNEVEN), bobbing(0.0), "music", 2)[0]
-    np.testing.assert_allclose(first[:4, 0], np.arange(-3, 1) * 7.5 / 8, atol=1e-5)
-    np.testing.assert_allclose(first[:4, -1], 7.5 / 8, atol=1e-5)
+    np.testing.assert_allclose(one[:4, 0], np.arange(-3, 1) * 7.5 / 8, atol=1e-5)
+    np.testing.assert_allclose(one[:4, -1], 7.5 / 8, atol=1e-5)
 
 
 def test_a_unit_of_too_few_beats_is_named():
@@ -371,14 +363,13 @@ def test_one_batch_is_learnt_by_heart(pieces: train.Pieces):
     torch.manual_seed(0)
     network = made_network(hidden=32)
     parts = (network.poses, network.movements, network.unit_decoder)
-    optimiser = torch.optim.Adam([value for part in parts for value in part.parameters()], lr=1e-2)
-    batch, errors = pieces.take(torch.arange(2)), []
-    for _ in range(100):
+    batch = pieces.take(torch.arange(2))
+
+    def loss() -> Tensor:
         terms = train.unit_terms(train.coded_units(network, batch), 0.0)
-        optimiser.zero_grad()
-        (terms["own"] + terms["cross"]).backward()
-        optimiser.step()
-        errors.append(terms["own"].item())
+        return terms["own"] + terms["cross"]
+
+    errors = descent([value for part in parts for value in part.parameters()], loss, steps=100, rate=1e-2)
     assert errors[-1] < 0.4 * errors[0]
 
 
@@ -409,13 +400,9 @@ def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
 def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
     last: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    def stop(row: dict[str, Any], end: int) -> None:
-        if row["epoch"] == last:
-            raise InterruptedError
-
     monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
-    with pytest.raises(InterruptedError):
-        trained(tmp_path / "run", report=stop)
+    with pytest.raises(Stopped):
+        trained(tmp_path / "run", report=stopping(last))
     trained(tmp_path / "run", resume=True)
     for file in ("history.csv", "model.safetensors"):
         assert (tmp_path / "run" / file).read_bytes() == (run / file).read_bytes()
@@ -434,14 +421,6 @@ def dance_input(network: DancingToMusic, *, n_frames: int = 100, period: float =
         prior=prior,
         n_frames=n_frames,
     )
-
-
-def test_a_dance_is_the_seeds_and_as_long_as_asked(network: DancingToMusic):
-    told = dance_input(network)
-    one, same, other = (network.code(told, seed) for seed in (1, 1, 2))
-    assert one.shape == (100, N_MOTION) and np.isfinite(one).all()
-    np.testing.assert_array_equal(one, same)
-    assert np.abs(one - other).max() > 0.01
 
 
 def test_the_style_of_the_whole_song_is_heard(network: DancingToMusic):

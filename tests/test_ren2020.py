@@ -11,19 +11,16 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from harmolab.body.skeletons import Skeleton
+from harmolab import Skeleton, write_corpus
 from harmolab.cli import app
-from harmolab.data.synthetic import write_corpus
-from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems import FeatureParams, LeeParams, RenParams
 from harmolab.systems.ren2020 import networks as nets
 from harmolab.systems.ren2020 import train as ren
-from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.st_gcn import STGCN, GraphBlock, partitions
 from harmolab.systems.ren2020.train import danced, players
 from harmolab.systems.training import loop
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.dancing import DanceInput
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import BatchNorm, parameter_count
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tensors, epoch_shards, fit, make_fabric
 from harmolab.systems.training.splits import Split
@@ -59,7 +56,7 @@ def generator_of(params: RenParams = TINY, seed: int = 0) -> nets.RenGenerator:
 
 
 def networks_of(params: RenParams = TINY) -> ren.Networks:
-    generator, local = generator_of(params), nets.LocalDiscriminator(params, N_MOTION)
+    generator = generator_of(params)
     net = STGCN(tiny.DANCER, params.graph, fps=tiny.FPS, frames=params.graph_frames).eval().requires_grad_(False)
     local = nets.LocalDiscriminator(params, N_MOTION)
     overall = nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION)
@@ -425,14 +422,11 @@ def test_one_batch_is_learnt_by_heart(units: Tensors):
     generator, few = generator_of(replace(TINY, hidden=24, body=48)), units.take(torch.arange(4))
     generator.motion_scale.set(few.motion.mean(dim=(0, 1)), few.motion.std(dim=(0, 1)))
     target = generator.motion_scale(few.motion)
-    optimiser = torch.optim.Adam(generator.parameters(), lr=1e-2)
-    losses = []
-    for _ in range(40):
-        loss = ren.pose_loss(generator(few.audio, few.mask, generator.noise(*few.mask.shape)), target, few.mask)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(float(loss.detach()))
+
+    def loss() -> Tensor:
+        return ren.pose_loss(generator(few.audio, few.mask, generator.noise(*few.mask.shape)), target, few.mask)
+
+    losses = tiny.descent(generator.parameters(), loss, steps=40, rate=1e-2)
     nets.settle(generator, few.audio, few.mask, seed=0)
     assert losses[-1] < 0.5 * losses[0]
     assert float(ren.pose_loss(generator.drawn(few.audio, few.mask, 5), target, few.mask)) < 0.35 * losses[0]
@@ -475,18 +469,11 @@ def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
 Train = Callable[..., nets.RenGenerator]
 
 
-class Stopped(Exception):
-    """Stands for whatever ends a training before its time."""
-
-
 @pytest.fixture(scope="module")
 def train(split: Split) -> Train:
     def run(folder: Path, *, stop_after: int | None = None, params: RenParams = TINY, **more: Any) -> nets.RenGenerator:
-        def report(row: dict[str, Any], end: int) -> None:
-            if row["phase"] == "adversarial" and row["epoch"] == stop_after:
-                raise Stopped
-
-        return ren.train_ren2020(split, TrainOptions(folder, accelerator="cpu", report=report, **more), params)
+        options = TrainOptions(folder, accelerator="cpu", report=tiny.stopping(stop_after), **more)
+        return ren.train_ren2020(split, options, params)
 
     return run
 
@@ -513,7 +500,7 @@ def test_a_run_holds_what_belongs_to_it(run: Path):
 
 def test_a_run_that_was_stopped_ends_the_same(run: Path, train: Train, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(loop, "SAVING_SHARE", float("inf"))
-    with pytest.raises(Stopped):
+    with pytest.raises(tiny.Stopped):
         train(tmp_path / "run", stop_after=1)
     train(tmp_path / "run", resume=True)
     for file in ("history.csv", "model.safetensors", "st_gcn.safetensors"):

@@ -13,12 +13,11 @@ import safetensors.torch
 import torch
 from safetensors.numpy import save_file
 
-from harmolab.body.skeletons import Skeleton
+from harmolab import Skeleton
+from harmolab.systems import FeatureParams, ModelParams
 from harmolab.systems.harmogan.networks import Generator, load_generator
-from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training import runs
 from harmolab.systems.training.about import read_about
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import Statistics
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net
 from harmolab.systems.training.runs import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
@@ -149,11 +148,6 @@ def change_json(stored: Path, change: Callable[[dict[str, Any]], object]) -> Non
     path.write_text(json.dumps(about))
 
 
-def test_weights_that_the_json_does_not_describe_are_refused(stored: Path):
-    change_tensors(stored, lambda tensors: tensors["bone_lengths"].add_(1), hashed=False)
-    refused(r"arm\.safetensors: is not the file that arm\.json describes", load_generator, stored)
-
-
 @cases(
     "change, message",
     (lambda tensors: tensors["encoder.weight_hh_l0"].fill_(torch.nan), "encoder.weight_hh_l0 holds NaN or infinity"),
@@ -197,22 +191,23 @@ def test_a_false_description_is_refused(stored: Path, change: Callable[[dict[str
     refused(message, load_generator, stored)
 
 
-def test_weights_without_json_are_refused(stored: Path):
-    stored.with_suffix(".json").unlink()
-    refused(r"arm\.safetensors: lacks its description arm\.json", load_generator, stored)
-
-
-@pytest.mark.parametrize("text", ["", "{", "[1]"])
-def test_a_damaged_json_is_refused(stored: Path, text: str):
-    stored.with_suffix(".json").write_text(text)
-    refused(r"arm\.json: ", load_generator, stored)
-
-
-@pytest.mark.parametrize("length", [0, 7, 2000])
-def test_a_cut_off_file_is_refused(stored: Path, length: int):
-    path = stored.with_suffix(".safetensors")
-    path.write_bytes(path.read_bytes()[:length])
-    refused(r"arm\.safetensors: ", load_generator, stored)
+@cases(
+    "suffix, damage, message",
+    (".json", lambda path: path.unlink(), r"arm\.safetensors: lacks its description arm\.json"),
+    (".json", lambda path: path.write_text(""), r"arm\.json: "),
+    (".json", lambda path: path.write_text("[1]"), r"arm\.json: "),
+    (".safetensors", lambda path: path.write_bytes(b""), r"arm\.safetensors: "),
+    (".safetensors", lambda path: path.write_bytes(path.read_bytes()[:2000]), r"arm\.safetensors: "),
+    (
+        ".safetensors",
+        lambda path: change_tensors(path, lambda tensors: tensors["bone_lengths"].add_(1), hashed=False),
+        r"arm\.safetensors: is not the file that arm\.json describes",
+    ),
+    ids=["gone", "empty", "a list", "no weights", "cut off", "other weights"],
+)
+def test_a_damaged_file_is_refused_by_name(stored: Path, suffix: str, damage: Callable[[Path], object], message: str):
+    damage(stored.with_suffix(suffix))
+    refused(message, load_generator, stored)
 
 
 # Movements a dance may start from: which are chosen, how they are stored, and what is refused

@@ -10,6 +10,7 @@ import random
 import signal
 import sys
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from harmolab.body.skeletons import Skeleton
-from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab import Skeleton
+from harmolab.systems import FeatureParams, ModelParams, TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import DanceUnit, UnitSet
@@ -74,6 +74,32 @@ def tiny_split(*, beat_channels: bool = True, n_train: int = 13) -> Split:
     lengths = bone_lengths(dancing(np.zeros(1)), DANCER)
     sets = [UnitSet(tuple(side), DANCER, lengths, features, "tiny") for side in sides]
     return Split(*sets, {"train": [], "validation": [], "test": []}, {"seed": 0})
+
+
+def descent(parameters: Iterable[Any], loss: Callable[[], torch.Tensor], *, steps: int, rate: float) -> list[float]:
+    """The loss before each step that Adam takes down it."""
+    optimiser, errors = torch.optim.Adam(parameters, lr=rate), []
+    for _ in range(steps):
+        value = loss()
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        errors.append(float(value.detach()))
+    return errors
+
+
+class Stopped(Exception):
+    """Stands for whatever ends a training before its time."""
+
+
+def stopping(last: int | None) -> Callable[[dict[str, Any], int], None]:
+    """A report that ends a training after an epoch of its history, those of a network trained before it left aside."""
+
+    def report(row: dict[str, Any], end: int) -> None:
+        if row["phase"] not in ("pose network", "ST-GCN") and row["epoch"] == last:
+            raise Stopped
+
+    return report
 
 
 def main(destination: Path, cases: list[str]) -> None:
