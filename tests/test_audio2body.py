@@ -15,20 +15,13 @@ from benchmarks import bench_audio2body
 from harmolab.body.kinematics import Similarity
 from harmolab.musician import bow as bowing
 from harmolab.musician import cleaning, sequences
+from harmolab.musician import sound_features as hearing
 from harmolab.musician import train as training
 from harmolab.musician.cleaning import Cleaned, CleaningRules, Reference, cleaned, placed, reference_configuration
 from harmolab.musician.networks import SoundToPoints, predicted_points, predicted_strokes, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows, PointSpace
-from harmolab.musician.sound_features import (
-    frame_mfcc,
-    normalised_loudness,
-    note_features,
-    slopes,
-    sound_features,
-    tone_strengths,
-)
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance, planted_performances
 from harmolab.musician.train import errors, errors_between, mean_pose_errors, terms, train_audio2body
 from harmolab.readers.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
@@ -481,59 +474,57 @@ def test_a_click_is_in_the_frame_of_its_time_however_late_it_comes() -> None:
     times = (numbers + rng.uniform(0.02, 0.98, 100)) / 24
     samples = np.zeros(300 * RATE, np.float32)
     samples[np.round(times * RATE).astype(int)] = 1.0
-    loudness = frame_mfcc(samples, Audio2BodyParams(), 24 * 300)[:, 13]
+    loudness = hearing.frame_mfcc(samples, Audio2BodyParams(), 24 * 300)[:, 13]
     assert np.flatnonzero(loudness > loudness.min() + 1).tolist() == np.floor(times * 24).astype(int).tolist()
 
 
 @pytest.mark.parametrize(("delta", "width"), [(True, 28), (False, 27)])
 def test_there_are_28_numbers_or_27_without_the_derivative_of_energy(delta: bool, width: int) -> None:
     params = replace(Audio2BodyParams(), energy_delta=delta)
-    values = sound_features(Audio(noise(2.0), RATE), params, 48)
+    values = hearing.sound_features(Audio(noise(2.0), RATE), params, 48)
     assert values.shape == (48, width)
     assert params.n_sound == width
-    whole = sound_features(Audio(noise(2.0), RATE), Audio2BodyParams(), 48)
+    whole = hearing.sound_features(Audio(noise(2.0), RATE), Audio2BodyParams(), 48)
     np.testing.assert_array_equal(values, whole[:, :width])
 
 
 @pytest.mark.parametrize("rate", [48000, 96000])
 def test_features_are_the_same_at_other_sample_rates(rate: int) -> None:
     low = soxr.resample(soxr.resample(noise(4.0, 3), 44100, 28000, quality="VHQ"), 28000, 96000, quality="VHQ")
-    features = [
-        sound_features(Audio(soxr.resample(low, 96000, at, quality="VHQ"), at), Audio2BodyParams(), 96, cached=False)
-        for at in (44100, rate)
-    ]
+    heard = [Audio(soxr.resample(low, 96000, at, quality="VHQ"), at) for at in (44100, rate)]
+    features = [hearing.sound_features(each, Audio2BodyParams(), 96, cached=False) for each in heard]
     inner = slice(3, -3)
     assert (np.abs(features[0] - features[1])[inner].max(axis=0) <= 0.05 * features[0][inner].std(axis=0)).all()
 
 
 def test_loudness_is_normalised_over_the_recording_and_silence_stays() -> None:
-    loud = normalised_loudness(Audio(noise(1.0) * 7, RATE))
-    np.testing.assert_allclose(loud, normalised_loudness(Audio(noise(1.0), RATE)), rtol=1e-5)
+    loud = hearing.normalised_loudness(Audio(noise(1.0) * 7, RATE))
+    np.testing.assert_allclose(loud, hearing.normalised_loudness(Audio(noise(1.0), RATE)), rtol=1e-5)
     assert np.square(loud).mean() == pytest.approx(1.0, rel=1e-4)
-    assert not normalised_loudness(Audio(np.zeros(100), RATE)).any()
-    assert np.isfinite(sound_features(Audio(np.zeros(RATE), RATE), Audio2BodyParams(), 24)).all()
+    assert not hearing.normalised_loudness(Audio(np.zeros(100), RATE)).any()
+    assert np.isfinite(hearing.sound_features(Audio(np.zeros(RATE), RATE), Audio2BodyParams(), 24)).all()
 
 
 def test_slopes_are_those_of_lines_through_five_frames() -> None:
     line = 3.0 * np.arange(20.0)[:, None]
-    np.testing.assert_allclose(slopes(line)[2:-2], 3.0, rtol=1e-6)
+    np.testing.assert_allclose(hearing.slopes(line)[2:-2], 3.0, rtol=1e-6)
     curve = np.random.default_rng(2).normal(size=(9, 1))
     fitted = [np.polyfit(np.arange(-2, 3), curve[place - 2 : place + 3, 0], 1)[0] for place in range(2, 7)]
-    np.testing.assert_allclose(slopes(curve)[2:-2, 0], fitted, rtol=1e-5)
+    np.testing.assert_allclose(hearing.slopes(curve)[2:-2, 0], fitted, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("pitch", "tone"), [(60, 0), (69, 9), (83, 11)])
 def test_a_tone_is_heard_as_its_semitone(pitch: int, tone: int) -> None:
     sine = np.sin(2 * np.pi * 440 * 2 ** ((pitch - 69) / 12) * np.arange(2 * RATE) / RATE).astype(np.float32)
     params = (Audio2BodyParams(tones=tones) for tones in ("chroma", "semitones"))
-    chroma, semitones = (tone_strengths(sine, each, 48) for each in params)
+    chroma, semitones = (hearing.tone_strengths(sine, each, 48) for each in params)
     assert chroma.shape == (48, 12)
     assert set(chroma[4:-4].argmax(axis=1)) == {tone}
     assert set(semitones[4:-4].argmax(axis=1)) == {pitch - 36}
 
 
 def test_notes_are_their_keys() -> None:
-    values = note_features(Notes([0.0, 0.5], [0.25, 1.0], [60, 21], [0.5, 1.0]), 24.0, 24)
+    values = hearing.note_features(Notes([0.0, 0.5], [0.25, 1.0], [60, 21], [0.5, 1.0]), 24.0, 24)
     assert values.shape == (24, 88)
     np.testing.assert_array_equal(values[:, 39], [1.0] + [0.5] * 5 + [0.0] * 18)
     np.testing.assert_array_equal(values[:, 0], [0.0] * 12 + [2.0] + [1.0] * 11)

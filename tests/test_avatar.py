@@ -27,23 +27,7 @@ from harmolab.musician.video import PREDICTION, TRUTH, render_points
 from harmolab.params import HarmonyParams
 from harmolab.readers import player_points as names_of
 from harmolab.readers.bvh import WORLD, load_bvh, save_bvh
-from harmolab.readers.player_points import (
-    BOW,
-    FINGERS,
-    HANDS_12,
-    INSTRUMENTS,
-    KEYBOARD,
-    PLAYER_50,
-    PROPS,
-    SIDES,
-    STOOL,
-    THIN,
-    VIOLIN,
-    hand_joints,
-    player_skeleton,
-    playing_box,
-    prop_joints,
-)
+from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
 from study.experiments.player_in_space import Camera, PlayerInSpace, elbow_angles, player_in_space
@@ -349,10 +333,11 @@ def test_body_is_the_first_tree_and_props_are_the_others(instrument: str) -> Non
     result = avatar(player_in_space(instrument, seconds=2.0).points, instrument)
     joints, parents = result.skeleton.joints, result.skeleton.parents
     assert joints[0] == "pelvis" and parents[0] == -1
-    assert {joints[i] for i, parent in enumerate(parents) if parent < 0} - {"pelvis"} <= PROPS
+    assert {joints[i] for i, parent in enumerate(parents) if parent < 0} - {"pelvis"} <= names_of.PROPS
     trees = zip(joints, parents, strict=True)
-    assert all((name in PROPS) == (joints[parent] in PROPS) for name, parent in trees if parent >= 0)
-    assert {"piano": set(KEYBOARD), "violin": {*VIOLIN, *BOW}}[instrument] | set(STOOL) <= set(joints)
+    assert all((name in names_of.PROPS) == (joints[parent] in names_of.PROPS) for name, parent in trees if parent >= 0)
+    props = {"piano": {*names_of.KEYBOARD}, "violin": {*names_of.VIOLIN, *names_of.BOW}}[instrument]
+    assert props | set(names_of.STOOL) <= set(joints)
     assert {name for side in SIDES for name in hand_joints(side)[1:]} <= set(joints)
 
 
@@ -396,7 +381,7 @@ def test_points_that_lie_on_one_another_give_no_nan() -> None:
 
 
 def test_what_cannot_be_an_avatar_is_refused(pianist: PlayerInSpace) -> None:
-    hands = Motion(np.random.default_rng(0).normal(0, 9, (4, 12, 2)), 20.0, HANDS_12)
+    hands = Motion(np.random.default_rng(0).normal(0, 9, (4, 12, 2)), 20.0, names_of.HANDS_12)
     refused("needs left_shoulder and right_shoulder", avatar, hands, "piano")
     refused("both shoulders lie on one point", avatar, Motion(np.zeros((3, 2, 2)), 24.0, SHOULDERS_ONLY), "violin")
     refused("these are in space", avatar, pianist.space, "piano")
@@ -446,18 +431,18 @@ def pole(names: tuple[str, str]) -> Motion:
 def test_fingers_and_props_are_thin_and_the_rest_is_not() -> None:
     widths = dict(zip(PLAYER_50.joints, names_of.joint_widths(PLAYER_50), strict=True))
     thin = {name for side in ("left", "right") for name in hand_joints(side)[1:]}
-    assert {name for name, width in widths.items() if width == THIN} == thin
-    assert set(widths.values()) == {THIN, 1.0}
-    violin = Skeleton(VIOLIN, (-1, 0, 1, 2))
-    assert names_of.limb_widths(violin, violin.bones) == [names_of.SOUND_BOX, names_of.SOUND_BOX, THIN]
-    assert prop_joints(violin) == [0, 1, 2, 3]
+    assert {name for name, width in widths.items() if width == names_of.THIN} == thin
+    assert set(widths.values()) == {names_of.THIN, 1.0}
+    violin = Skeleton(names_of.VIOLIN, (-1, 0, 1, 2))
+    assert names_of.limb_widths(violin, violin.bones) == [names_of.SOUND_BOX, names_of.SOUND_BOX, names_of.THIN]
+    assert names_of.prop_joints(violin) == [0, 1, 2, 3]
 
 
 def test_dancers_are_drawn_as_before() -> None:
     _, limbs = skull_and_limbs(DANCER)
     assert names_of.limb_widths(DANCER, limbs) == [1.0] * len(limbs)
     clip = synthetic_clip("waltz", seed=1)
-    assert playing_box(clip.motion) is None and prop_joints(DANCER) == []
+    assert names_of.playing_box(clip.motion) is None and names_of.prop_joints(DANCER) == []
     data = movement_data(clip.motion)
     assert data["aim"] == 0.47 * data["size"] and data["lift"] == LIFT
 
@@ -509,7 +494,7 @@ def test_camera_of_a_player_rests() -> None:
     first, *_, last = render_dance(motion)
     np.testing.assert_array_equal(first[-60:, :60], last[-60:, :60])
     way = np.array(movement_data(motion)["way"]["low"])
-    np.testing.assert_allclose(way, playing_box(motion).mean(axis=0)[[0, 2]], atol=1e-9)
+    np.testing.assert_allclose(way, names_of.playing_box(motion).mean(axis=0)[[0, 2]], atol=1e-9)
 
 
 # Two over each other

@@ -17,17 +17,9 @@ import soundfile
 
 from harmolab.cli.data_check import check
 from harmolab.files import MissingFrameRate
+from harmolab.musician import performances as played
 from harmolab.musician.keypoints import PlayerPoints, load_player_points, player_points
-from harmolab.musician.performances import (
-    Performance,
-    find_performances,
-    load_notes,
-    load_performance,
-    note_patterns,
-    piece_groups,
-    shared_patterns,
-    split_by_piece,
-)
+from harmolab.musician.performances import Performance, find_performances, load_performance
 from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
 from harmolab.readers.motion import save_motion
 from harmolab.readers.player_points import HANDS_12, PLAYER_50, hand_joints
@@ -600,7 +592,7 @@ def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path
         "# from a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
     )
     (tmp_path / "notes.csv").write_text(text)
-    notes = load_notes(tmp_path / "notes.csv")
+    notes = played.load_notes(tmp_path / "notes.csv")
     columns = {name: values.tolist() for name, values in vars(notes).items()}
     assert (columns["onsets"], columns["offsets"]) == ([0.5, 1.0, 2.0], [0.75, 1.5, 2.5])
     assert (columns["pitches"], columns["hands"], columns["loudness"]) == ([36, 60, 72], [0, 1, -1], [1, 1, 1])
@@ -626,7 +618,7 @@ def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path
 )
 def test_damaged_notes_are_refused_with_the_file_and_the_fault(tmp_path: Path, text: str, fault: str):
     (tmp_path / "notes.csv").write_text(text)
-    refused(rf"notes\.csv: .*{fault}", load_notes, tmp_path / "notes.csv")
+    refused(rf"notes\.csv: .*{fault}", played.load_notes, tmp_path / "notes.csv")
 
 
 # Splits by piece
@@ -637,7 +629,7 @@ def player_of(name: str, piece: str = "", pitches: Sequence[int] | None = None, 
 
 
 def shared(notes: Notes, others: Notes) -> float:
-    return shared_patterns(note_patterns(notes), note_patterns(others))
+    return played.shared_patterns(played.note_patterns(notes), played.note_patterns(others))
 
 
 @cases(
@@ -669,7 +661,7 @@ def test_pieces_that_share_patterns_are_one_group_through_any_of_their_performan
         player_of("e"),
         player_of("f"),
     ]
-    groups = piece_groups(performances)
+    groups = played.piece_groups(performances)
     assert groups[0] == groups[1] == groups[2]
     assert len(set(groups)) == 5
 
@@ -677,20 +669,20 @@ def test_pieces_that_share_patterns_are_one_group_through_any_of_their_performan
 def test_no_piece_is_on_two_sides_and_shares_are_nearly_as_asked():
     performances = [player_of(f"{piece}-{take}", str(piece)) for piece in range(40) for take in range(1 + piece % 3)]
     for seed in range(10):
-        split = split_by_piece(performances, test_share=0.2, validation_share=0.1, seed=seed)
+        split = played.split_by_piece(performances, test_share=0.2, validation_share=0.1, seed=seed)
         assert sum(map(len, [{one.piece for one in side} for side in split])) == 40
         assert [len(side) / len(performances) for side in split] == pytest.approx([0.7, 0.1, 0.2], abs=0.05)
-    assert split_by_piece(performances, seed=1) == split_by_piece(performances, seed=1)
-    assert split_by_piece(performances, seed=1) != split_by_piece(performances, seed=2)
+    assert played.split_by_piece(performances, seed=1) == played.split_by_piece(performances, seed=1)
+    assert played.split_by_piece(performances, seed=1) != played.split_by_piece(performances, seed=2)
 
 
 def test_every_side_gets_a_piece_and_a_share_of_nothing_gets_none():
     three = [player_of(name, name) for name in "abc"]
-    assert [len(side) for side in split_by_piece(three)] == [1, 1, 1]
-    assert [len(side) for side in split_by_piece(three, validation_share=0.0)][1] == 0
-    refused("2 performances are of 2 pieces: too few for 3 sides", split_by_piece, three[:2])
-    refused("must leave some to train on", split_by_piece, three, test_share=0.6, validation_share=0.4)
-    refused("too few", split_by_piece, [])
+    assert [len(side) for side in played.split_by_piece(three)] == [1, 1, 1]
+    assert [len(side) for side in played.split_by_piece(three, validation_share=0.0)][1] == 0
+    refused("2 performances are of 2 pieces: too few for 3 sides", played.split_by_piece, three[:2])
+    refused("must leave some to train on", played.split_by_piece, three, test_share=0.6, validation_share=0.4)
+    refused("too few", played.split_by_piece, [])
 
 
 # Sets in layouts of their own
@@ -820,11 +812,11 @@ def test_real_left_hands_lie_left_of_right_hands_and_play_lower(pianists: list[P
 @pytest.mark.data
 @pytest.mark.parametrize("seed", [0, 1])
 def test_sides_of_real_pianists_share_at_most_a_quarter_of_their_note_patterns(pianists: list[Performance], seed: int):
-    split = split_by_piece(pianists, seed=seed)
-    patterns = [[note_patterns(one.notes) for one in side] for side in split]
+    split = played.split_by_piece(pianists, seed=seed)
+    patterns = [[played.note_patterns(one.notes) for one in side] for side in split]
     pairs = [pair for sides in itertools.combinations(patterns, 2) for pair in itertools.product(*sides)]
     assert len(pairs) > 5000
-    assert max(shared_patterns(*pair) for pair in pairs) <= 0.25
+    assert max(played.shared_patterns(*pair) for pair in pairs) <= 0.25
     minutes = [sum(one.motion.duration for one in side) / 60 for side in split]
     assert minutes == pytest.approx(np.array([0.7, 0.15, 0.15]) * sum(minutes), abs=3)
 
@@ -851,4 +843,4 @@ def test_tracked_pianist_is_of_the_piece_that_the_clip_of_the_same_performance_i
     (clip,) = (one for one in pianists if one.name == "clip_186")
     assert twin.piece == clip.piece
     assert shared(twin.notes, clip.notes) > 0.5
-    assert piece_groups([replace(twin, piece=""), clip]) == [0, 0]
+    assert played.piece_groups([replace(twin, piece=""), clip]) == [0, 0]

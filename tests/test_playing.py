@@ -16,44 +16,17 @@ import pytest
 
 from harmolab.beats.visual import visual_beats
 from harmolab.data.synthetic.music import Mixer, tone
+from harmolab.musician import events
 from harmolab.musician import players as players_of
-from harmolab.musician.events import (
-    bow_turns,
-    hand_onsets,
-    note_beats,
-    onset_beats,
-    playing_events,
-    playing_hands,
-    playing_score,
-    strikes,
-)
+from harmolab.musician.events import note_beats, playing_score, strikes
 from harmolab.musician.explain import ExplainedPlaying, explain_playing, playing_findings
 from harmolab.musician.page import playing_page, playing_player, save_playing_page
 from harmolab.musician.performances import Performance
-from harmolab.musician.players import (
-    BOW,
-    BOW_ENDS,
-    glide,
-    hand_places,
-    key_x,
-    planted_piece,
-    pulses,
-    rendered_notes,
-    stop_distance,
-    string_numbers,
-)
+from harmolab.musician.players import planted_piece, rendered_notes
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance, planted_performances
 from harmolab.params import HarmonyParams
-from harmolab.readers.player_points import (
-    FINGERS,
-    HANDS_12,
-    INSTRUMENTS,
-    PLAYER_50,
-    SIDES,
-    fingertips,
-    hand_joints,
-    player_skeleton,
-)
+from harmolab.readers import player_points as names_of
+from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.score import hit_pairs
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Notes
 from study.experiments.instrument_sets import load_tracked
@@ -171,7 +144,7 @@ def test_onsets_of_tones_lie_where_they_begin(rate: int):
     mixer = Mixer(4.0, rate)
     for number, time in enumerate(times):
         mixer.add_note(time, tone(220 * 2 ** (number / 6), 0.6, rate, partials=(1.0, 0.5, 0.3), decay=0.3), 0.5, 0.4)
-    np.testing.assert_allclose(onset_beats(Audio(mixer.mixed(), rate)).times, times, atol=0.012)
+    np.testing.assert_allclose(events.onset_beats(Audio(mixer.mixed(), rate)).times, times, atol=0.012)
 
 
 def test_vibrato_makes_no_onsets():
@@ -179,7 +152,7 @@ def test_vibrato_makes_no_onsets():
     t = np.arange(4 * rate) / rate
     pitch = 2 * np.pi * np.cumsum(440 * 2 ** (0.3 / 12 * np.sin(2 * np.pi * 5.5 * t))) / rate
     sound = sum(np.sin(k * pitch) / k for k in range(1, 6)) * np.minimum(np.maximum(t - 1.0, 0) / 0.05, 1)
-    onsets = onset_beats(Audio(0.2 * sound, rate))
+    onsets = events.onset_beats(Audio(0.2 * sound, rate))
     assert onsets.times[0] == pytest.approx(1.0, abs=0.03)
     assert len(onsets) == 1
 
@@ -187,13 +160,13 @@ def test_vibrato_makes_no_onsets():
 @pytest.mark.parametrize("rate", [100.0, 8000.0, 192000.0])
 @pytest.mark.parametrize("size", [1, 300])
 def test_silence_has_no_onsets_at_any_rate(rate: float, size: int):
-    assert len(onset_beats(Audio(np.zeros(size), rate))) == 0
+    assert len(events.onset_beats(Audio(np.zeros(size), rate))) == 0
 
 
 @pytest.mark.parametrize("instrument", ["piano", "violin"])
 def test_onsets_of_planted_sound_are_its_notes(instrument: str):
     performance = planted_performance(instrument, seconds=15.0, seed=1).performance
-    notes, onsets = note_beats(performance.notes, 15.0), onset_beats(performance.audio)
+    notes, onsets = note_beats(performance.notes, 15.0), events.onset_beats(performance.audio)
     assert share_near(notes.times, onsets.times, 0.05) == 1.0
     assert share_near(onsets.times, notes.times, 0.05) >= 0.8
 
@@ -221,8 +194,8 @@ def test_noise_of_a_pixel_hides_hardly_a_strike_and_invents_few():
 def test_each_hand_has_its_own_strikes_for_which_wrists_and_fingertips_are_enough():
     notes = random_notes(2)
     motion = planted_hands(notes)
-    few = Motion(motion.positions[:, joints(HANDS_12.joints)], FPS, HANDS_12)
-    for side, own in hand_onsets(notes, SECONDS).items():
+    few = Motion(motion.positions[:, joints(names_of.HANDS_12.joints)], FPS, names_of.HANDS_12)
+    for side, own in events.hand_onsets(notes, SECONDS).items():
         for points in (motion, few):
             np.testing.assert_allclose(strikes(points, hand=side).times, own.times, atol=0.02)
 
@@ -238,7 +211,7 @@ def test_a_movement_of_less_than_three_hundredths_of_the_palm_is_no_strike():
     depth[[25, 50, 75]] = [0.5 * 0.03 * PALM, 1.5 * 0.03 * PALM, 0.5 * 0.03 * PALM]
     motion = planted_hands(Notes([], [], []), seconds=100 / FPS)
     points = motion.positions.copy()
-    points[:, fingertips(PLAYER_50, "left")[1], 1] += np.convolve(depth, [0.5, 1, 0.5], "same")
+    points[:, names_of.fingertips(PLAYER_50, "left")[1], 1] += np.convolve(depth, [0.5, 1, 0.5], "same")
     motion = replace(motion, positions=points)
     np.testing.assert_allclose(strikes(motion).times, [50 / FPS], atol=1e-6)
     assert len(strikes(motion, prominence=0.1 * 0.03 * PALM)) == 3
@@ -263,12 +236,12 @@ def test_frames_that_are_not_valid_make_no_strikes():
 
 def test_a_motion_without_hands_or_another_hand_is_refused_by_name():
     refused(r"strikes need the wrist and fingertips of a hand.*left_index_4", strikes, still(30, fps=FPS, axes=2))
-    left = player_skeleton(hand_joints("left"))
+    left = names_of.player_skeleton(hand_joints("left"))
     motion = Motion(np.zeros((30, 21, 2)), FPS, left)
-    assert playing_hands(motion) == ("left",)
+    assert events.playing_hands(motion) == ("left",)
     refused("of the right hand", strikes, motion, hand="right")
     refused("hand must be left or right, got 'both'", strikes, motion, hand="both")
-    refused("instrument must be piano or violin, got 'oboe'", playing_events, motion, "oboe")
+    refused("instrument must be piano or violin, got 'oboe'", events.playing_events, motion, "oboe")
 
 
 # Turns of a bow
@@ -278,24 +251,24 @@ TURNS = np.array([1.0, 1.6, 2.1, 3.4, 4.0, 4.9, 5.3, 6.6, 7.4, 8.1, 9.5, 10.2, 1
 
 def test_turns_of_the_bow_lie_where_they_were_planted():
     for reading in ("distance", "direction"):  # one string; before the first and after the last it rests
-        np.testing.assert_allclose(bow_turns(planted_bow(TURNS), reading=reading).times, TURNS[1:-1], atol=0.02)
+        np.testing.assert_allclose(events.bow_turns(planted_bow(TURNS), reading=reading).times, TURNS[1:-1], atol=0.02)
 
 
 def test_distance_from_the_bridge_sees_through_changes_of_string_and_the_main_direction_does_not():
     motion = planted_bow(TURNS, tilts=0.6)
-    assert share_near(TURNS[1:-1], bow_turns(motion).times, 0.03) == 1.0
-    assert share_near(TURNS[1:-1], bow_turns(motion, reading="direction").times, 0.03) < 0.8
-    refused("reading must be distance or direction, got 'pca'", bow_turns, motion, reading="pca")
+    assert share_near(TURNS[1:-1], events.bow_turns(motion).times, 0.03) == 1.0
+    assert share_near(TURNS[1:-1], events.bow_turns(motion, reading="direction").times, 0.03) < 0.8
+    refused("reading must be distance or direction, got 'pca'", events.bow_turns, motion, reading="pca")
 
 
 @pytest.mark.parametrize("left", [("left_shoulder",), ("left_wrist",), ("violin_bridge",)])
 def test_any_point_on_the_left_stands_for_the_bridge(left: tuple[str, ...]):
     motion = planted_bow(TURNS)
-    skeleton = player_skeleton((*left, "right_wrist"))
+    skeleton = names_of.player_skeleton((*left, "right_wrist"))
     points = np.stack([np.full((motion.n_frames, 2), (410.0, 150.0)), motion.positions[:, -1]], axis=1)
-    np.testing.assert_allclose(bow_turns(Motion(points, FPS, skeleton)).times, TURNS[1:-1], atol=0.02)
+    np.testing.assert_allclose(events.bow_turns(Motion(points, FPS, skeleton)).times, TURNS[1:-1], atol=0.02)
     with pytest.raises(ValueError, match="turns of a bow need a point of the right hand, and left_shoulder"):
-        bow_turns(Motion(points[:, :1], FPS, player_skeleton(left)))
+        events.bow_turns(Motion(points[:, :1], FPS, names_of.player_skeleton(left)))
 
 
 # The score
@@ -501,7 +474,7 @@ def test_a_performance_that_cannot_be_scored_is_refused_by_name():
     refused("etude: has neither notes nor sound", explain_playing, performance(None, motion))
     with pytest.raises(ValueError, match=r"etude: motion starting at 90\.00 s does not overlap"):
         explain_playing(Performance("etude", "piano", Audio(np.zeros(800), 100.0), motion, offset=90.0))
-    body = Motion(motion.positions[:, :8], FPS, player_skeleton(PLAYER_50.joints[:8]))
+    body = Motion(motion.positions[:, :8], FPS, names_of.player_skeleton(PLAYER_50.joints[:8]))
     refused("etude: strikes need the wrist", explain_playing, performance(random_notes(1), body))
 
 
@@ -603,7 +576,7 @@ def striking_tips(planted):
     """For each side: notes, and the number of the fingertip that plays each."""
     for number, side in enumerate(SIDES):
         notes = planted.performance.notes.select(planted.performance.notes.hands == number)
-        _, fingers = hand_places(key_x(notes.pitches), (-1.0, 1.0)[number])
+        _, fingers = players_of.hand_places(players_of.key_x(notes.pitches), (-1.0, 1.0)[number])
         yield side, notes, [AT[f"{side}_{FINGERS[finger]}_4"] for finger in fingers]
 
 
@@ -614,11 +587,12 @@ def test_a_glide_arrives_at_its_onset_and_takes_the_time_it_has():
     onsets, values = np.array([1.0, 3.0, 3.1]), np.array([0.0, 10.0, 20.0])
     times = np.array([0.0, 1.0, 2.7, 2.8, 2.9, 3.0, 3.05, 3.1, 9.0])
     expected = [0, 0, 0, 0, 5, 10, 15, 20, 20]  # 0.2 s before the onset at 3, but only 0.1 s before that at 3.1
-    np.testing.assert_allclose(glide(times, onsets, values, 0.2), expected, atol=1e-9)
+    np.testing.assert_allclose(players_of.glide(times, onsets, values, 0.2), expected, atol=1e-9)
 
 
 def test_a_pulse_peaks_at_its_onset_and_lasts_its_radius_each_way():
-    track = pulses(np.arange(10) / 10, np.array([0.5]), np.array([1]), np.array([4.0]), n_channels=2, radius=0.2)
+    onset, channel, size = np.array([0.5]), np.array([1]), np.array([4.0])
+    track = players_of.pulses(np.arange(10) / 10, onset, channel, size, n_channels=2, radius=0.2)
     np.testing.assert_allclose(track[:, 1], [0, 0, 0, 0, 2, 4, 2, 0, 0, 0], atol=1e-9)
     assert not track[:, 0].any()
 
@@ -627,15 +601,15 @@ def test_a_pulse_peaks_at_its_onset_and_lasts_its_radius_each_way():
 
 
 def test_white_keys_are_ten_pixels_wide_and_black_ones_lie_between():
-    assert key_x(np.array([21, 60, 61, 62, 64, 65, 72])).tolist() == [65, 295, 300, 305, 315, 325, 365]
+    assert players_of.key_x(np.array([21, 60, 61, 62, 64, 65, 72])).tolist() == [65, 295, 300, 305, 315, 325, 365]
 
 
 def test_a_hand_moves_only_to_keys_more_than_two_white_keys_away():
     keys = np.array([100.0, 120.0, 125.0, 115.0, 80.0])
-    places, fingers = hand_places(keys, 1.0)
+    places, fingers = players_of.hand_places(keys, 1.0)
     assert places.tolist() == [100, 100, 125, 125, 80]
     assert [FINGERS[finger] for finger in fingers] == ["middle", "little", "middle", "index", "middle"]
-    assert [FINGERS[finger] for finger in hand_places(keys, -1.0)[1]][:2] == ["middle", "thumb"]
+    assert [FINGERS[finger] for finger in players_of.hand_places(keys, -1.0)[1]][:2] == ["middle", "thumb"]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -645,8 +619,8 @@ def test_at_each_onset_a_fingertip_is_on_its_key_as_low_as_the_loudness_says_and
     for side, notes, tips in striking_tips(planted):
         frames, beside = np.round(notes.onsets * 1000).astype(int), points[:, AT[f"{side}_hand"]]
         np.testing.assert_array_equal(points[:, AT[f"{side}_wrist"]], beside)  # the body's wrist is the hand's
-        np.testing.assert_allclose(points[frames, tips, 0], key_x(notes.pitches), atol=0.05)
-        assert np.abs(beside[frames, 0] - key_x(notes.pitches)).max() <= 20.05
+        np.testing.assert_allclose(points[frames, tips, 0], players_of.key_x(notes.pitches), atol=0.05)
+        assert np.abs(beside[frames, 0] - players_of.key_x(notes.pitches)).max() <= 20.05
         dips = points[frames, tips, 1] - beside[frames, 1] - (points[0, tips, 1] - beside[0, 1])
         np.testing.assert_allclose(dips, 0.65 * (4 + 8 * notes.loudness), atol=0.02)  # the wrist does the other 35 %
 
@@ -676,17 +650,17 @@ def test_the_sway_of_the_torso_is_slow_and_leaves_the_hands_on_the_keys():
 
 
 def test_each_pitch_is_played_on_the_highest_string_that_has_it():
-    assert string_numbers(np.array([55, 61, 62, 69, 75, 76, 90])).tolist() == [0, 0, 1, 2, 2, 3, 3]
+    assert players_of.string_numbers(np.array([55, 61, 62, 69, 75, 76, 90])).tolist() == [0, 0, 1, 2, 2, 3, 3]
 
 
 def test_an_octave_is_stopped_at_half_the_string():
-    np.testing.assert_allclose(stop_distance(np.array([76, 88, 62])), [0.0, 52.5, 0.0])
+    np.testing.assert_allclose(players_of.stop_distance(np.array([76, 88, 62])), [0.0, 52.5, 0.0])
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_bow_turns_within_a_frame_of_each_onset(seed):
     planted = planted_player("violin", seed)
-    along = (own_points(planted) - own_points(planted)[:, [AT["left_shoulder"]]])[:, AT["right_hand"]] @ BOW
+    along = (own_points(planted) - own_points(planted)[:, [AT["left_shoulder"]]])[:, AT["right_hand"]] @ players_of.BOW
     steps = np.diff(along)
     turns = (np.flatnonzero(steps[:-1] * steps[1:] < -1e-6) + 1) / 24  # not the rounding of a bow at rest
     assert np.abs(planted.strikes.times[:, None] - turns).min(axis=1).max() <= 1 / 24
@@ -706,7 +680,7 @@ def test_bars_begin_with_a_down_bow_and_bows_alternate(seed):
 def test_the_bow_is_as_fast_as_loudness_says_where_it_does_not_reach_its_end():
     piece = planted_piece("violin", 60.0, 4)
     turns, notes = players_of.bow_turns(piece), piece.notes
-    free = ~np.isin(turns[1:], BOW_ENDS)[:-1]
+    free = ~np.isin(turns[1:], players_of.BOW_ENDS)[:-1]
     assert free.mean() > 0.7
     durations = np.diff(notes.onsets)
     speeds = np.abs(np.diff(turns))[:-1] / durations
@@ -728,7 +702,7 @@ def test_without_the_direction_of_the_bow_only_the_bow_arm_differs():
     difference = seen_alone(planted, planted.direction_blind) - seen_alone(planted, planted.from_audio)
     arm = [*HANDS["right"], AT["right_wrist"], AT["right_elbow"]]
     np.testing.assert_allclose(difference[:, np.setdiff1d(np.arange(50), arm)], 0.0, atol=1e-9)
-    along = difference[:, AT["right_hand"]] @ BOW
+    along = difference[:, AT["right_hand"]] @ players_of.BOW
     np.testing.assert_allclose(along, 215 * (planted.bow - planted.bow.mean()), rtol=0.01, atol=0.01)
 
 
