@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -241,9 +242,8 @@ def test_rejected_frames_lie_on_lines_between_accepted_ones():
 
 def test_gaps_are_masked_counted_or_cut_out():
     result = cleaned(with_fault("jump", slice(40, 45)))
-    masked, counted, spliced = (
-        cleaning.training_frames(result.accepted, gaps) for gaps in ("mask", "interpolate", "splice")
-    )
+    ways = ("mask", "interpolate", "splice")
+    masked, counted, spliced = (cleaning.training_frames(result.accepted, gaps) for gaps in ways)
     assert list(np.flatnonzero(~masked[1])) == [40, 41, 42, 43, 44]
     assert counted[1].all() and spliced[1].all()
     assert list(masked[0]) == list(counted[0]) == list(range(96))
@@ -603,9 +603,7 @@ def test_rejected_frames_have_no_gradient():
 def test_windows_in_a_row_are_one_pass():
     network = SoundToPoints(replace(TINY, carry=3), HANDS_12, "piano", 3, NOWHERE).eval()
     sound = torch.randn(2, 72, 28)
-    np.testing.assert_allclose(
-        training.windows_passed(network, sound).detach().numpy(), network(sound)[0].detach().numpy(), atol=1e-6
-    )
+    torch.testing.assert_close(training.windows_passed(network, sound), network(sound)[0], atol=1e-6, rtol=0)
 
 
 def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path):
@@ -639,49 +637,30 @@ def test_a_performance_is_as_long_as_its_sound(run: Path):
     refused("two frames", synthesize_performance, network, audio, seconds=0.05)
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("hears", "smell", "hears must be sound or notes"), ("components", 2.5, "whole number"),
-        ("dropout", 1.0, "shares"), ("fps", 1e4, "fps must be 240 at most"), ("carry", 0, "carry must be positive"),
-    ],
-)  # fmt: skip
-def test_settings_that_cannot_be_are_named(field: str, value: object, message: str):
-    refused(message, replace, Audio2BodyParams(), **{field: value})
+def test_settings_that_cannot_be_are_named():
+    refused("hears must be sound or notes", Audio2BodyParams, hears="smell")
+    refused("whole number", Audio2BodyParams, components=2.5)
+    refused("shares", Audio2BodyParams, dropout=1.0)
+    refused("fps must be 240 at most", Audio2BodyParams, fps=1e4)
+    refused("carry must be positive", Audio2BodyParams, carry=0)
 
 
 # The bow
 
 CELLS = notebook_cells("19_sound_to_hands")
-PARAMS = replace(
-    Audio2BodyParams.tables(), bow_phase=True, hidden=48, components=6, epochs=14, batch=8, rate=1e-2
-)  # fmt: skip
+PARAMS = replace(Audio2BodyParams.tables(), bow_phase=True, hidden=48, components=6, epochs=14, batch=8, rate=1e-2)
 
 
 @pytest.fixture(scope="module")
-def planted() -> list[PlantedPerformance]:
-    return list(planted_performances("violin", 7, seconds=20.0))
-
-
-@pytest.fixture(scope="module")
-def split(planted: list[PlantedPerformance]) -> PlayedSplit:
-    names = [each.performance.name for each in planted]
-    return PlayedSplit(tuple(names[:5]), (), tuple(names[5:]))
-
-
-@pytest.fixture(scope="module")
-def played(planted: list[PlantedPerformance], split: PlayedSplit) -> PlayedSet:
-    return sequences.played_set([each.performance for each in planted], PARAMS, split)
-
-
-@pytest.fixture(scope="module")
-def bow(played: PlayedSet) -> bowing.Bowing:
-    return bowing.Bowing.fit(played.sequences[:5], PLAYER_50, PARAMS)
-
-
-@pytest.fixture(scope="module")
-def network(played: PlayedSet, split: PlayedSplit, tmp_path_factory: pytest.TempPathFactory) -> SoundToPoints:
-    return train_audio2body(played, split, TrainOptions(tmp_path_factory.mktemp("runs") / "bow"))
+def violin(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """Seven planted violinists, five to train on: their sequences, their bow and a network of them."""
+    own = list(planted_performances("violin", 7, seconds=20.0))
+    names = [each.performance.name for each in own]
+    parts = PlayedSplit(tuple(names[:5]), (), tuple(names[5:]))
+    data = sequences.played_set([each.performance for each in own], PARAMS, parts)
+    fitted = bowing.Bowing.fit(data.sequences[:5], PLAYER_50, PARAMS)
+    trained = train_audio2body(data, parts, TrainOptions(tmp_path_factory.mktemp("runs") / "bow"))
+    return SimpleNamespace(planted=own, split=parts, played=data, bow=fitted, network=trained)
 
 
 # By hand
@@ -761,83 +740,76 @@ def test_a_bow_that_hears_nothing_stays_at_its_start():
 # On the planted violinist
 
 
-def test_the_bow_of_the_points_is_the_planted_one(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing
-):
-    for each, sequence in zip(planted, played.sequences, strict=True):
+def test_the_bow_of_the_points_is_the_planted_one(violin: SimpleNamespace):
+    for each, sequence in zip(violin.planted, violin.played.sequences, strict=True):
         good = sequence.accepted
         assert each.bow is not None
-        assert np.corrcoef(bow.place(sequence.points)[good], each.bow[good])[0, 1] > 0.98
-        rest = bow.at_rest(sequence.points)
-        np.testing.assert_allclose(bow.at_place(rest, bow.place(sequence.points)), sequence.points, atol=1e-9)
+        assert np.corrcoef(violin.bow.place(sequence.points)[good], each.bow[good])[0, 1] > 0.98
+        rest, place = violin.bow.at_rest(sequence.points), violin.bow.place(sequence.points)
+        np.testing.assert_allclose(violin.bow.at_place(rest, place), sequence.points, atol=1e-9)
         # Read through its own effect, the place of a bow at rest is the mean one, give or take string crossings.
-        assert np.std(bow.place(rest)[good]) < 0.2 * np.std(bow.place(sequence.points)[good])
-    assert 0.5 < bow.law[1] < 1.0  # planted: loudness (half the log energy) x duration^0.8
-    assert 0.35 < bow.law[2] < 0.65
+        assert np.std(violin.bow.place(rest)[good]) < 0.2 * np.std(place[good])
+    assert 0.5 < violin.bow.law[1] < 1.0  # planted: loudness (half the log energy) x duration^0.8
+    assert 0.35 < violin.bow.law[2] < 0.65
 
 
-def test_the_turn_signal_has_a_bump_after_each_turn(planted: list[PlantedPerformance], played: PlayedSet):
-    signal = bowing.turn_signal(played.sequences[0], PLAYER_50, FPS)
+def test_the_turn_signal_has_a_bump_after_each_turn(violin: SimpleNamespace):
+    signal = bowing.turn_signal(violin.played.sequences[0], PLAYER_50, FPS)
     turns = bowing.turns_of(np.interp(np.arange(0, signal.size - 1, 0.25), np.arange(signal.size), signal), 4 * FPS)
-    times = planted[0].strikes.times
+    times = violin.planted[0].strikes.times
     assert abs(turns.size - times.size) <= 2
     around = np.round(times[:, None] * FPS).astype(int) + np.arange(-2, 3)
-    tracked = played.sequences[0].accepted[around.clip(0, signal.size - 1)].all(axis=1)
+    tracked = violin.played.sequences[0].accepted[around.clip(0, signal.size - 1)].all(axis=1)
     assert tracked.sum() > 20
     away = np.abs(times[tracked, None] - turns).min(axis=1)
     assert np.median(away) < 0.02
     assert np.mean(away < 0.06) > 0.9
 
 
-def test_directions_follow_from_planted_turns_alone(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing
-):
-    for each, sequence in zip(planted[5:], played.sequences[5:], strict=True):
-        strokes = bow.strokes(each.strikes.times, bowing.loudness(sequence.sound, PARAMS), FPS)
+def test_directions_follow_from_planted_turns_alone(violin: SimpleNamespace):
+    for each, sequence in zip(violin.planted[5:], violin.played.sequences[5:], strict=True):
+        strokes = violin.bow.strokes(each.strikes.times, bowing.loudness(sequence.sound, PARAMS), FPS)
         assert strokes.signs.tolist() == [(-1) ** number for number in range(len(each.strikes))]
         assert (CELLS.true_signs(strokes, each.bow, FPS) == strokes.signs)[:-1].all()
 
 
-def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direction(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing, network: SoundToPoints
-):
-    test = played.sequences[5:]
-    truth = [CELLS.planted_points(each, network.reference) for each in planted[5:]]
-    projected = [network.projected(each.points) for each in test]
-    ceiling = errors_between([bow.at_rest(points) for points in truth], projected, test)
+def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direction(violin: SimpleNamespace):
+    test = violin.played.sequences[5:]
+    truth = [CELLS.planted_points(each, violin.network.reference) for each in violin.planted[5:]]
+    projected = [violin.network.projected(each.points) for each in test]
+    ceiling = errors_between([violin.bow.at_rest(points) for points in truth], projected, test)
     floor = errors_between(truth, projected, test)
-    full = errors(network, test).full
+    full = errors(violin.network, test).full
     assert floor.full < full < 0.85 * ceiling.full
-    assert ceiling.full < mean_pose_errors(network, test).full
-    outcome = CELLS.bow_errors(network, test)
+    assert ceiling.full < mean_pose_errors(violin.network, test).full
+    outcome = CELLS.bow_errors(violin.network, test)
     assert outcome["predicted"] == pytest.approx(full)
     assert outcome["true place"] < outcome["predicted"]
     assert outcome["directions right"] > 0.8
-    assert outcome["strokes"] == sum(predicted_strokes(network, each.sound).signs.size for each in test)
+    assert outcome["strokes"] == sum(predicted_strokes(violin.network, each.sound).signs.size for each in test)
 
 
-def test_a_performance_follows_its_strokes(
-    planted: list[PlantedPerformance], played: PlayedSet, network: SoundToPoints
-):
-    sequence, performance = played.sequences[5], planted[5].performance
-    points = predicted_points(network, sequence.sound)
-    motion = synthesize_performance(network, performance.audio)
+def test_a_performance_follows_its_strokes(violin: SimpleNamespace):
+    sequence, performance = violin.played.sequences[5], violin.planted[5].performance
+    points = predicted_points(violin.network, sequence.sound)
+    motion = synthesize_performance(violin.network, performance.audio)
     np.testing.assert_allclose(motion.positions.reshape(len(points), -1), points, atol=1e-6)
-    strokes = predicted_strokes(network, sequence.sound)
-    turned = predicted_points(network, sequence.sound, strokes=strokes._replace(signs=-strokes.signs))
+    strokes = predicted_strokes(violin.network, sequence.sound)
+    turned = predicted_points(violin.network, sequence.sound, strokes=strokes._replace(signs=-strokes.signs))
     assert np.abs(turned - points).max() > 20
 
 
-def test_weights_keep_the_bow(played: PlayedSet, network: SoundToPoints, tmp_path: Path):
-    save_weights(tmp_path / "again", network)
+def test_weights_keep_the_bow(violin: SimpleNamespace, tmp_path: Path):
+    save_weights(tmp_path / "again", violin.network)
     again = load_weights(tmp_path / "again", SoundToPoints)
-    sound = played.sequences[6].sound
-    np.testing.assert_array_equal(predicted_points(again, sound), predicted_points(network, sound))
+    sound = violin.played.sequences[6].sound
+    np.testing.assert_array_equal(predicted_points(again, sound), predicted_points(violin.network, sound))
 
 
-def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: PlayedSet, split: PlayedSplit):
-    network, train, _ = training.prepared(played, split)
-    plain, plain_train, _ = training.prepared(replace(played, params=replace(PARAMS, bow_phase=False)), split)
+def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(violin: SimpleNamespace):
+    network, train, _ = training.prepared(violin.played, violin.split)
+    without = replace(violin.played, params=replace(PARAMS, bow_phase=False))
+    plain, plain_train, _ = training.prepared(without, violin.split)
     assert (train.target.shape[2], plain_train.target.shape[2]) == (7, 6)
     assert (network.linear.out_features, plain.linear.out_features) == (7, 6)
     assert "bow_scale.effect" in network.state_dict()
@@ -857,15 +829,13 @@ def test_correlations_of_components():
 # Refused
 
 
-def test_bow_phase_is_refused_where_there_is_no_bow(
-    planted: list[PlantedPerformance], played: PlayedSet, split: PlayedSplit, network: SoundToPoints
-):
+def test_bow_phase_is_refused_where_there_is_no_bow(violin: SimpleNamespace):
     refused("bow_phase is of violinists", SoundToPoints, PARAMS, PLAYER_50, "piano", 3, NOWHERE)
-    refused("bow_phase is of violinists", training.prepared, replace(played, instrument="piano"), split)
-    refused("left_shoulder", training.prepared, replace(played, skeleton=HANDS_12), split)
+    refused("bow_phase is of violinists", training.prepared, replace(violin.played, instrument="piano"), violin.split)
+    refused("left_shoulder", training.prepared, replace(violin.played, skeleton=HANDS_12), violin.split)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
     for call in (predicted_strokes, CELLS.bow_errors):
         with pytest.raises(ValueError, match="without bow_phase"):
-            call(plain, played.sequences[0].sound if call is predicted_strokes else played.sequences)
-    still = replace(played.sequences[0], points=np.zeros_like(played.sequences[0].points))
+            call(plain, violin.played.sequences[0].sound if call is predicted_strokes else violin.played.sequences)
+    still = replace(violin.played.sequences[0], points=np.zeros_like(violin.played.sequences[0].points))
     refused("10 strokes or more; these recordings have 0", bowing.Bowing.fit, [still], PLAYER_50, PARAMS)

@@ -202,10 +202,9 @@ def test_planted_player_comes_back_in_space(instrument: str, seed: int):
 
 def test_raw_lengths_and_the_longest_one_are_worse_for_the_violinist():
     player = player_in_space("violin")
-    error, raw, longest = (
-        CELLS.depth_errors(player, avatar(player.points, "violin", params=replace(OURS, **changes)))["wrist depth"]
-        for changes in ({}, {"smoothing": 0.0}, {"smoothing": 0.0, "percentile": 100.0})
-    )
+    settings = (OURS, replace(OURS, smoothing=0.0), replace(OURS, smoothing=0.0, percentile=100.0))
+    built = (avatar(player.points, "violin", params=params) for params in settings)
+    error, raw, longest = (CELLS.depth_errors(player, each)["wrist depth"] for each in built)
     assert error < 0.8 * raw
     assert raw < longest
 
@@ -215,9 +214,8 @@ def test_forearm_that_never_lies_in_the_picture_has_a_least_length(pianist: Play
     names = PLAYER_50.joints
     for side in SIDES:
         points[:, names.index(f"{side}_elbow")] = points[:, names.index(f"{side}_wrist")] + 1.0
-    assert avatars.arm_lengths(placed_points(Motion(points, 24.0, PLAYER_50)), OURS)[1] == pytest.approx(
-        0.6 * SHOULDERS
-    )
+    _, forearm = avatars.arm_lengths(placed_points(Motion(points, 24.0, PLAYER_50)), OURS)
+    assert forearm == pytest.approx(0.6 * SHOULDERS)
     bare = placed_points(without(pianist.points, MISSING["elbows"]))
     assert avatars.arm_lengths(bare, OURS) == (avatars.UPPER_ARM, avatars.FOREARM)
 
@@ -528,14 +526,17 @@ def page_of(motions: list[Motion], **options: Any) -> Player:
     return Player(Audio(np.zeros(16000), 8000.0), dancers, music=music, title="synthetic", **options)
 
 
-def test_page_lays_two_motions_of_one_picture_over_each_other():
+def test_page_lays_two_motions_of_one_picture_over_each_other_and_then_names_their_colours():
     page = page_of(list(two()), overlaid=True).page
     first, second = data_of(page)["dancers"]
     assert page.count('class="stage"') == 1
     assert first["size"] == second["size"]
     shift = positions_of(second) - positions_of(first)
     np.testing.assert_allclose(shift, np.broadcast_to([40.0, 0.0, 0.0], shift.shape), atol=0.05)
-    assert page_of(list(two())).page.count('class="stage"') == 2
+    beside = page_of(list(two())).page
+    assert beside.count('class="stage"') == 2
+    captions = [re.findall(r'<figcaption class="(\w+)"', each) for each in (page, beside)]
+    assert captions == [["truth", "prediction"], []]
     with pytest.raises(ValueError, match="two motions in image coordinates"):
         page_of([player_in_space("violin", seconds=2.0).space] * 2, overlaid=True)
     refused("two motions in image coordinates", page_of, [two()[0]], overlaid=True)
@@ -566,10 +567,3 @@ def test_pages_of_players_are_drawn_in_a_browser(chromium: Any, tmp_path: Path):
         assert wood > 200 if name == "avatars" else green > 1000
         assert faults == []
         page.close()
-
-
-def test_caption_names_the_colours_only_where_dancers_are_overlaid():
-    classes = [
-        re.findall(r'<figcaption class="(\w+)"', page_of(list(two()), overlaid=over).page) for over in (True, False)
-    ]
-    assert classes == [["truth", "prediction"], []]

@@ -143,19 +143,13 @@ def test_video_plays_the_sound_and_says_on_whom_the_player_was_trained(drawn: st
         assert sum(frame.samples for frame in video.decode(audio=0)) / 48_000 == pytest.approx(2.0, abs=0.05)
 
 
-def test_without_a_name_page_and_video_are_named_after_the_song(
-    song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_without_a_name_files_are_named_after_the_song(song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     perform(song, "--seconds", 1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["audio_performance.html", "audio_performance.mp4"]
 
 
 # The truth
-
-
-def moved(points: Motion, by: Similarity) -> Motion:
-    return replace(points, positions=by.apply(points.positions))
 
 
 @pytest.fixture(scope="module")
@@ -165,11 +159,10 @@ def predicted(song: Path, tmp_path_factory: pytest.TempPathFactory) -> Motion:
     return load_motion(folder / "p.npz")
 
 
-def test_a_truth_that_is_the_prediction_seen_by_another_camera_has_no_error(
-    predicted: Motion, song: Path, tmp_path: Path
-):
+def test_a_truth_that_is_the_prediction_seen_by_another_camera_has_no_error(predicted: Motion, tmp_path: Path):
     """But for the anchors' medians, to which the truth is brought: those of the reference sway."""
-    save_motion(tmp_path / "truth.npz", moved(predicted, Similarity(1.7, 0.2, np.array([40.0, -300.0]))))
+    other = Similarity(1.7, 0.2, np.array([40.0, -300.0])).apply(predicted.positions)
+    save_motion(tmp_path / "truth.npz", replace(predicted, positions=other))
     audio = planted("piano").performance.audio
     network = Audio2Body.shipped("piano").network
     errors = compared(network, load_playing(tmp_path / "truth.npz", audio, instrument="piano")).errors
@@ -187,9 +180,7 @@ def test_points_ten_pixels_off_are_so_many_per_cent_of_the_shoulder_width(predic
     network.space_scale.mean.reshape(50, 2)[anchors] = torch.tensor(network.reference.points).float()
     hands = [number for number, name in enumerate(predicted.skeleton.joints) if number >= 8]
     positions[:, hands, 0] += 10
-    performance = replace(
-        planted("piano").performance, motion=replace(predicted, positions=positions), detected=np.ones((144, 50), bool)
-    )
+    performance = replace(planted("piano").performance, motion=replace(predicted, positions=positions), detected=None)
     errors = compared(network, performance).errors
     assert errors.pixels == pytest.approx(np.sqrt(42), rel=0.02)
     left, right = network.reference.points[:2]
@@ -234,16 +225,15 @@ def test_a_truth_that_begins_later_is_compared_from_there(song: Path, tmp_path: 
     assert late_error < wrong_error
 
 
-@pytest.mark.parametrize(
-    ("start", "seconds", "offset", "first", "count"),
-    [
-        (0.0, None, 0.0, 0, 144), (1.0, 2.0, 0.0, 24, 48), (0.0, 3.0, 2.0, 0, 24), (3.0, None, 2.0, 24, 120),
-        (2.0, 99.0, -1.0, 72, 72),
-    ],
-)  # fmt: skip
-def test_a_performance_is_cut_by_the_time_of_its_sound(
-    start: float, seconds: float | None, offset: float, first: int, count: int
-):
+@cases(
+    "start, seconds, offset, first, count",
+    (0.0, None, 0.0, 0, 144),
+    (1.0, 2.0, 0.0, 24, 48),
+    (0.0, 3.0, 2.0, 0, 24),
+    (3.0, None, 2.0, 24, 120),
+    (2.0, 99.0, -1.0, 72, 72),
+)
+def test_a_performance_is_cut_by_the_time_of_its_sound(start, seconds, offset, first, count):
     whole = replace(planted("piano").performance, offset=offset)
     part = performance_span(whole, start, seconds)
     np.testing.assert_array_equal(part.motion.positions, whole.motion.positions[first : first + count])
@@ -439,23 +429,18 @@ def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_
     assert about["errors"]["mean pose"]["full"] > 0
 
 
-@cases(
-    "options, message",
-    (("--preset", "small"), "preset must be recommended or tables or section_4"),
-    (("--step", 3), "--step is no option of this system"),
-)
-def test_options_that_a_training_does_not_take_are_named(
-    options: tuple[object, ...], message: str, corpus: Path, tmp_path: Path
-):
-    for data, words in ((corpus, message), (tmp_path, f"no performance to train on below {tmp_path}")):
-        asked = options if data == corpus else ()
-        result = called(app, "train", data, "--system", "audio2body", "--out", tmp_path / "run", *asked)
+def test_options_that_a_training_does_not_take_are_named(corpus: Path, tmp_path: Path):
+    faults = {
+        (corpus, "--preset", "small"): "preset must be recommended or tables or section_4",
+        (corpus, "--step", 3): "--step is no option of this system",
+        (tmp_path,): f"no performance to train on below {tmp_path}",
+    }
+    for asked, words in faults.items():
+        result = called(app, "train", *asked, "--system", "audio2body", "--out", tmp_path / "run")
         assert result.exit_code == 2 and words in result.stderr and not (tmp_path / "run").exists()
 
 
-def test_a_stopped_training_goes_on_to_the_same_bytes(
-    run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_stopped_training_ends_in_equal_bytes(run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def report(row: dict[str, object], end: int) -> None:
         if row["epoch"] == 1:
             raise InterruptedError
@@ -487,9 +472,7 @@ def test_shipped_players_take_a_megabyte_and_were_trained_on_planted_ones():
     files = [path for path in SHIPPED.rglob("*") if path.is_file()]
     assert sum(path.stat().st_size for path in files if path.suffix != ".md") <= 1_000_000
     names = {path.relative_to(SHIPPED).as_posix() for path in files} - {"MODEL_CARD.md"}
-    assert names == {
-        f"{instrument}/model.{kind}" for instrument in ("piano", "violin") for kind in ("json", "safetensors")
-    }
+    assert names == {f"{each}/model.{kind}" for each in ("piano", "violin") for kind in ("json", "safetensors")}
     for instrument in ("piano", "violin"):
         system = Audio2Body.shipped(instrument)
         assert (system.network.instrument, system.trained_on) == (instrument, NOTICE)

@@ -569,9 +569,7 @@ def test_check_shows_a_saved_performance_once_and_a_part_as_unreadable(tmp_path:
 
 
 def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path: Path):
-    text = (
-        "# from a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
-    )
+    text = "# a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
     (tmp_path / "notes.csv").write_text(text)
     notes = played.load_notes(tmp_path / "notes.csv")
     columns = {name: values.tolist() for name, values in vars(notes).items()}
@@ -804,10 +802,8 @@ def test_sides_of_real_pianists_share_at_most_a_quarter_of_their_note_patterns(p
 
 @pytest.mark.data
 def test_three_tracked_musicians_are_read(instruments: Path):
-    side, top, violin = (
-        load_tracked(instruments / "tracked" / f"{name}.npz")
-        for name in ("pianist_side_view", "piano_top_view", "violinist")
-    )
+    names = ("pianist_side_view", "piano_top_view", "violinist")
+    side, top, violin = (load_tracked(instruments / "tracked" / f"{name}.npz") for name in names)
     joints = [each.motion.skeleton.joints for each in (side, top, violin)]
     assert joints == [PLAYER_50.joints[:8], PLAYER_50.joints[8:], PLAYER_50.joints]
     assert (side.instrument, top.instrument, violin.instrument) == ("piano", "piano", "violin")
@@ -817,9 +813,7 @@ def test_three_tracked_musicians_are_read(instruments: Path):
 
 
 @pytest.mark.data
-def test_tracked_pianist_is_of_the_piece_that_the_clip_of_the_same_performance_is_of(
-    instruments: Path, pianists: list[Performance]
-):
+def test_tracked_pianist_plays_the_piece_of_the_clip_of_the_same_take(instruments: Path, pianists: list[Performance]):
     twin = load_tracked(instruments / "tracked" / "piano_top_view.npz")
     (clip,) = (one for one in pianists if one.name == "clip_186")
     assert twin.piece == clip.piece

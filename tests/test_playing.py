@@ -378,9 +378,7 @@ def test_planted_players_score_nothing_with_other_music(instrument: str):
 def test_rejected_frames_take_the_false_strikes_of_faults_away():
     planted = planted_player("piano", 4, noise=0.2)
     motion = planted.performance.motion
-    as_tracked, rejected = (
-        strikes(replace(motion, valid=valid)).times for valid in (motion.valid, planted.fault == "")
-    )
+    as_tracked, rejected = strikes(motion).times, strikes(replace(motion, valid=planted.fault == "")).times
     onsets = planted.strikes.times
     assert share_near(rejected, onsets, 0.05) > share_near(as_tracked, onsets, 0.05)
     assert share_near(rejected, onsets, 0.05) > 0.97
@@ -792,9 +790,8 @@ def test_a_shorter_performance_is_the_beginning_of_a_longer_one(instrument):
     notes, fewer = whole.performance.notes, half.performance.notes
     assert fewer.pitches.tolist() == notes.pitches[: len(fewer)].tolist()
     np.testing.assert_allclose(half.clean[:alike], whole.clean[:alike], atol=1e-9)
-    np.testing.assert_allclose(
-        half.performance.motion.positions[:alike], whole.performance.motion.positions[:alike], atol=1e-9
-    )
+    tracked = [each.performance.motion.positions[:alike] for each in (half, whole)]
+    np.testing.assert_allclose(*tracked, atol=1e-9)
     sound, part = whole.performance.audio.samples[RATE : 9 * RATE], half.performance.audio.samples[RATE : 9 * RATE]
     assert np.corrcoef(sound, part)[0, 1] > 0.999
 
