@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,20 +16,13 @@ from benchmarks import bench_audio2body
 from harmolab.body.kinematics import Similarity
 from harmolab.musician import bow as bowing
 from harmolab.musician import cleaning, sequences
+from harmolab.musician import sound_features as hearing
 from harmolab.musician import train as training
 from harmolab.musician.cleaning import Cleaned, CleaningRules, Reference, cleaned, placed, reference_configuration
 from harmolab.musician.networks import SoundToPoints, predicted_points, predicted_strokes, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows, PointSpace
-from harmolab.musician.sound_features import (
-    frame_mfcc,
-    normalised_loudness,
-    note_features,
-    slopes,
-    sound_features,
-    tone_strengths,
-)
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance, planted_performances
 from harmolab.musician.train import errors, errors_between, mean_pose_errors, terms, train_audio2body
 from harmolab.readers.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
@@ -92,7 +86,7 @@ def with_fault(fault: str, frames: slice) -> Performance:
 
 # A recording that begins with a small jump has nothing yet to hold it against.
 @cases("fault, first", *itertools.product(("swapped", "missing", "centre"), (0, 40, 91)), ("jump", 40), ("jump", 91))
-def test_each_fault_is_rejected_by_its_rule_and_nothing_else_is(fault: str, first: int) -> None:
+def test_each_fault_is_rejected_by_its_rule_and_nothing_else_is(fault: str, first: int):
     result = cleaned(with_fault(fault, slice(first, first + 5)))
     assert result.broken.tolist() == [""] * first + [fault] * 5 + [""] * (91 - first)
     assert rejected(result) == [*range(first, first + 5)]
@@ -100,7 +94,7 @@ def test_each_fault_is_rejected_by_its_rule_and_nothing_else_is(fault: str, firs
 
 
 @cases("rules, least", (CleaningRules(), 0.10), (CleaningRules(jump=None), 0.35), ids=["mean movement", "centre"])
-def test_movement_beyond_its_share_of_the_box_is_rejected(rules: CleaningRules, least: float) -> None:
+def test_movement_beyond_its_share_of_the_box_is_rejected(rules: CleaningRules, least: float):
     points = np.repeat(pose()[None], 30, axis=0)
     points[10] += [0.0, (least - 1e-4) * WIDTH]
     points[20] += [0.0, (least + 1e-4) * WIDTH]
@@ -108,23 +102,23 @@ def test_movement_beyond_its_share_of_the_box_is_rejected(rules: CleaningRules, 
 
 
 @cases("fps, last", (24.0, 51), (30.0, 54))
-def test_after_half_a_second_without_an_accepted_frame_the_next_is_accepted_anew(fps: float, last: int) -> None:
+def test_after_half_a_second_without_an_accepted_frame_the_next_is_accepted_anew(fps: float, last: int):
     points = playing()
     points[40:] += [0.0, 40.0]
     assert rejected(cleaned(performance(points, fps=fps), CleaningRules(cut=None))) == [*range(40, last + 1)]
 
 
-def test_error_as_long_as_the_longest_run_does_not_lock_the_player_out() -> None:
+def test_error_as_long_as_the_longest_run_does_not_lock_the_player_out():
     points = playing()
     points[40:52] += [0.0, 40.0]
     assert rejected(cleaned(performance(points))) == list(range(40, 52))
 
 
-def test_hands_that_stay_swapped_are_rejected_as_long_as_they_are() -> None:
+def test_hands_that_stay_swapped_are_rejected_as_long_as_they_are():
     assert cleaned(with_fault("swapped", slice(30, 90))).report()["swapped"] == 60 / 96
 
 
-def test_whole_arms_that_stay_swapped_show_by_their_forearms() -> None:
+def test_whole_arms_that_stay_swapped_show_by_their_forearms():
     points = playing()
     wrists = [PLAYER_50.joints.index(f"{side}_wrist") for side in SIDES]
     left, right = [wrists[0], *HANDS["left"]], [wrists[1], *HANDS["right"]]
@@ -132,7 +126,7 @@ def test_whole_arms_that_stay_swapped_show_by_their_forearms() -> None:
     assert list(np.flatnonzero(cleaned(performance(points)).broken == "swapped")) == list(range(60, 96))
 
 
-def test_arms_that_cross_are_no_error() -> None:
+def test_arms_that_cross_are_no_error():
     """Elbows 60 apart, forearms of 100 that cross over two seconds: each hand ends nearer to the other elbow."""
     angle = np.concatenate([np.linspace(0, 0.9, 48), np.full(48, 0.9)])
     joints = ("left_elbow", "right_elbow", "left_wrist", "right_wrist")
@@ -142,10 +136,6 @@ def test_arms_that_cross_are_no_error() -> None:
     result = cleaned(performance(np.concatenate([elbows, wrists], axis=1), joints=joints), CleaningRules(jump=None))
     assert wrists[-1, 0, 0] > wrists[-1, 1, 0] + 80
     assert result.accepted.all()
-
-
-def test_recording_that_begins_with_another_person_begins_at_the_player() -> None:
-    assert list(cleaned(with_fault("centre", slice(0, 6))).broken[:7]) == ["centre"] * 6 + [""]
 
 
 def plain_walk(points: FloatArray) -> list[str]:
@@ -167,7 +157,7 @@ def plain_walk(points: FloatArray) -> list[str]:
 
 
 @pytest.mark.parametrize("seed", [0, 4])
-def test_fast_walk_agrees_with_the_plain_one(seed: int) -> None:
+def test_fast_walk_agrees_with_the_plain_one(seed: int):
     rng = np.random.default_rng(seed)
     points = np.repeat(pose()[None], 300, axis=0) + rng.normal(0, 2, (300, 50, 2))
     points += np.where(rng.random((300, 1, 1)) < 0.6, 0, rng.uniform(-110, 110, (300, 1, 2)))
@@ -177,26 +167,26 @@ def test_fast_walk_agrees_with_the_plain_one(seed: int) -> None:
     assert {"", "centre", "jump"} == set(result.broken)
 
 
-def test_rules_that_are_off_reject_and_change_nothing() -> None:
+def test_rules_that_are_off_reject_and_change_nothing():
     planted = with_fault("missing", slice(0, 96))
     result = cleaned(planted, CleaningRules.off())
     assert result.accepted.all()
     np.testing.assert_array_equal(result.motion.positions, planted.motion.positions)
 
 
-def test_frames_that_a_reader_marked_as_not_valid_count_as_missing() -> None:
+def test_frames_that_a_reader_marked_as_not_valid_count_as_missing():
     planted = performance(playing())
     valid = np.arange(96) % 10 != 4
     result = cleaned(replace(planted, motion=replace(planted.motion, valid=valid)))
     np.testing.assert_array_equal(result.broken == "missing", ~valid)
 
 
-def test_performance_without_a_frame_that_can_be_used_is_refused_by_name() -> None:
+def test_performance_without_a_frame_that_can_be_used_is_refused_by_name():
     planted = with_fault("missing", slice(0, 96))
     refused(r"a player: no frame is left; missing rejects 100%.*right_hand is not detected", cleaned, planted)
 
 
-def test_signature_is_asked_about_the_box_of_each_complete_frame() -> None:
+def test_signature_is_asked_about_the_box_of_each_complete_frame():
     calls: dict[int, FloatArray] = {}
     planted = with_fault("missing", slice(50, 60))
     result = cleaned(planted, signature=lambda frame, box: calls.update({frame: box}) or not 20 <= frame < 30)
@@ -210,7 +200,7 @@ def test_signature_is_asked_about_the_box_of_each_complete_frame() -> None:
     [HANDS_12.joints, PLAYER_50.joints[:8], hand_joints("left"), ("left_shoulder", "right_shoulder")],
     ids=["fingertips", "body", "one hand", "shoulders"],
 )
-def test_parts_of_a_player_are_cleaned(joints: tuple[str, ...]) -> None:
+def test_parts_of_a_player_are_cleaned(joints: tuple[str, ...]):
     points = np.repeat(pose()[None], 40, axis=0)
     points[10:13] += [500.0, 0.0]
     result = cleaned(part(points, joints))
@@ -218,7 +208,7 @@ def test_parts_of_a_player_are_cleaned(joints: tuple[str, ...]) -> None:
     np.testing.assert_allclose(result.motion.positions, np.repeat(result.motion.positions[:1], 40, axis=0))
 
 
-def test_example_of_a_rule_is_its_frame_of_most_movement() -> None:
+def test_example_of_a_rule_is_its_frame_of_most_movement():
     points = with_fault("jump", slice(30, 34)).motion.positions.copy()
     points[32] += [0.0, -20.0]
     detected = np.ones((96, 50), bool)
@@ -230,14 +220,14 @@ def test_example_of_a_rule_is_its_frame_of_most_movement() -> None:
 
 
 @pytest.mark.parametrize("setting", [{"jump": 0.0}, {"centre": -1.0}, {"longest_run": np.inf}, {"cut": np.nan}])
-def test_limit_that_cannot_be_is_refused_by_name(setting: dict[str, float]) -> None:
+def test_limit_that_cannot_be_is_refused_by_name(setting: dict[str, float]):
     refused(f"{next(iter(setting))} must be positive", CleaningRules, **setting)
 
 
 # Gaps (reading 9).
 
 
-def test_rejected_frames_lie_on_lines_between_accepted_ones() -> None:
+def test_rejected_frames_lie_on_lines_between_accepted_ones():
     points = np.repeat(pose()[None], 20, axis=0)
     points[:, :, 0] += np.arange(20)[:, None]
     line = points.copy()
@@ -250,18 +240,17 @@ def test_rejected_frames_lie_on_lines_between_accepted_ones() -> None:
     np.testing.assert_allclose(result.motion.positions[[0, 1, 18, 19]], line[[2, 2, 17, 17]])
 
 
-def test_gaps_are_masked_counted_or_cut_out() -> None:
+def test_gaps_are_masked_counted_or_cut_out():
     result = cleaned(with_fault("jump", slice(40, 45)))
-    masked, counted, spliced = (
-        cleaning.training_frames(result.accepted, gaps) for gaps in ("mask", "interpolate", "splice")
-    )
+    ways = ("mask", "interpolate", "splice")
+    masked, counted, spliced = (cleaning.training_frames(result.accepted, gaps) for gaps in ways)
     assert list(np.flatnonzero(~masked[1])) == [40, 41, 42, 43, 44]
     assert counted[1].all() and spliced[1].all()
     assert list(masked[0]) == list(counted[0]) == list(range(96))
     assert list(spliced[0]) == [*range(40), *range(45, 96)]
 
 
-def test_step_is_usable_where_both_frames_around_it_are() -> None:
+def test_step_is_usable_where_both_frames_around_it_are():
     usable = np.array([True, True, False, True, True])
     assert list(cleaning.usable_steps(usable, 1)) == list(usable)
     # Frames are steps 0, 4, 8, 12, 16; frame 2 spoils all steps from 5 to 11.
@@ -287,13 +276,13 @@ def two_shots(cut: int = 150, n_frames: int = 300, camera: Similarity = CAMERA) 
     [CAMERA, Similarity(1.0, 0.0, np.array([12.0, 0.0])), Similarity(0.6, 0.0, np.array([120.0, 70.0]))],
     ids=["another view", "a small shift", "a smaller picture"],
 )
-def test_cut_between_two_shots_is_at_its_frame(camera: Similarity) -> None:
+def test_cut_between_two_shots_is_at_its_frame(camera: Similarity):
     result = cleaned(performance(two_shots(camera=camera)))
     assert list(result.starts) == [0, 150]
     assert result.accepted.all()
 
 
-def test_errors_at_a_cut_do_not_hide_it() -> None:
+def test_errors_at_a_cut_do_not_hide_it():
     points = two_shots()
     points[146:150] += [-200.0, 40.0]
     points[150:153] += [150.0, 0.0]
@@ -303,7 +292,7 @@ def test_errors_at_a_cut_do_not_hide_it() -> None:
     assert rejected(result) == list(range(146, 153))
 
 
-def test_what_is_no_cut_is_one_shot() -> None:
+def test_what_is_no_cut_is_one_shot():
     time = np.arange(300) / FPS
     swaying = playing(300) + 60 * np.sin(2 * np.pi * time / 1.5)[:, None, None]  # up to 250 pixels a second
     leaping, other = np.repeat(pose()[None], 300, axis=0), playing(300)
@@ -313,7 +302,7 @@ def test_what_is_no_cut_is_one_shot() -> None:
         assert list(cleaned(player).starts) == [0]
 
 
-def test_each_shot_is_placed_by_itself() -> None:
+def test_each_shot_is_placed_by_itself():
     truth = playing(300)
     result = cleaned(performance(two_shots()))
     reference = reference_configuration(cleaned(performance(truth)))
@@ -325,7 +314,7 @@ def test_each_shot_is_placed_by_itself() -> None:
     assert np.abs(away.mean(axis=0)).max() < 0.5
 
 
-def test_gap_at_a_cut_is_filled_from_its_own_shot() -> None:
+def test_gap_at_a_cut_is_filled_from_its_own_shot():
     points = two_shots(camera=Similarity(1.0, 0.0, np.array([0.0, 300.0])))
     detected = np.ones((300, 50), bool)
     detected[145:150, 0] = detected[152:154, 0] = False
@@ -334,7 +323,7 @@ def test_gap_at_a_cut_is_filled_from_its_own_shot() -> None:
     assert y[: result.starts[1]].max() < 110 and y[result.starts[1] :].min() > 390
 
 
-def test_reference_is_the_medians_of_shoulders_and_hips_of_the_longest_shot() -> None:
+def test_reference_is_the_medians_of_shoulders_and_hips_of_the_longest_shot():
     points = np.repeat(pose()[None], 201, axis=0)
     points[70:] += [0.0, 50.0]
     points[130:132] += [900.0, 0.0]
@@ -344,14 +333,14 @@ def test_reference_is_the_medians_of_shoulders_and_hips_of_the_longest_shot() ->
     assert reference.shoulder_width == 100.0
 
 
-def test_shoulders_alone_place_a_player_without_hips() -> None:
+def test_shoulders_alone_place_a_player_without_hips():
     whole = cleaned(performance(playing()))
     upper = part(CAMERA.apply(playing()), PLAYER_50.joints[:6])
     fit = cleaning.shot_similarities(cleaned(upper), reference_configuration(whole))[0]
     assert (fit.scale, fit.rotation) == (pytest.approx(1 / CAMERA.scale), pytest.approx(-CAMERA.rotation))
 
 
-def test_hands_without_shoulders_are_placed_by_the_medians_of_their_wrists() -> None:
+def test_hands_without_shoulders_are_placed_by_the_medians_of_their_wrists():
     joints = (*hand_joints("left"), *hand_joints("right"))
     reference = reference_configuration(cleaned(part(playing(), joints)))
     assert reference.joints == ("left_hand", "right_hand")
@@ -361,7 +350,7 @@ def test_hands_without_shoulders_are_placed_by_the_medians_of_their_wrists() -> 
 
 
 @pytest.mark.parametrize("joints", [HANDS_12.joints, hand_joints("left")], ids=["fingertips", "one hand"])
-def test_hands_that_nothing_tells_the_place_of_stay_as_they_are(joints: tuple[str, ...]) -> None:
+def test_hands_that_nothing_tells_the_place_of_stay_as_they_are(joints: tuple[str, ...]):
     reference = reference_configuration(cleaned(part(playing(), joints)))
     result = cleaned(part(CAMERA.apply(playing()), joints))
     assert reference.joints == ()
@@ -369,7 +358,7 @@ def test_hands_that_nothing_tells_the_place_of_stay_as_they_are(joints: tuple[st
     assert cleaning.shot_similarities(result, reference)[0].scale == 1.0
 
 
-def test_recording_without_the_anchors_of_the_reference_is_refused_by_name() -> None:
+def test_recording_without_the_anchors_of_the_reference_is_refused_by_name():
     whole, tips = cleaned(performance(playing())), cleaned(part(playing(), HANDS_12.joints))
     with pytest.raises(ValueError, match="a player: has nothing to be aligned by, the reference left_shoulder"):
         placed(tips, reference_configuration(whole))
@@ -380,7 +369,7 @@ def test_recording_without_the_anchors_of_the_reference_is_refused_by_name() -> 
 
 
 @pytest.mark.parametrize("alignment", ["recording", "frame"])
-def test_shoulders_in_one_place_are_refused_by_name(alignment: str) -> None:
+def test_shoulders_in_one_place_are_refused_by_name(alignment: str):
     points = playing()
     points[:, [1, 6, 7]] = points[:, :1]
     reference = reference_configuration(cleaned(performance(playing())))
@@ -388,7 +377,7 @@ def test_shoulders_in_one_place_are_refused_by_name(alignment: str) -> None:
         placed(cleaned(performance(points)), reference, alignment=alignment)
 
 
-def test_each_frame_may_be_placed_by_itself() -> None:
+def test_each_frame_may_be_placed_by_itself():
     result = cleaned(performance(playing()))
     reference = reference_configuration(result)
     aligned = placed(result, reference, alignment="frame").positions
@@ -401,13 +390,11 @@ def test_each_frame_may_be_placed_by_itself() -> None:
 
 
 @pytest.mark.parametrize("instrument", INSTRUMENTS)
-def test_planted_faults_are_rejected_and_few_good_frames_are(instrument: str) -> None:
+def test_planted_faults_are_rejected_and_few_good_frames_are(instrument: str):
     planted = [planted_performance(instrument, seed=seed, sample_rate=8000) for seed in range(21, 25)]
     results = [cleaned(one.performance) for one in planted]
-    fault, broken = (
-        np.concatenate([one.fault for one in planted]),
-        np.concatenate([result.broken for result in results]),
-    )
+    fault = np.concatenate([one.fault for one in planted])
+    broken = np.concatenate([result.broken for result in results])
     assert np.mean(broken[fault == ""] != "") <= 0.08
     assert all(np.mean(broken[fault == kind] != "") >= 0.95 for kind in FAULTS)
     assert np.mean(broken[fault == "swapped hands"] == "swapped") >= 0.95
@@ -423,7 +410,7 @@ def in_own_picture(planted: PlantedPerformance) -> Performance:
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("instrument", INSTRUMENTS)
-def test_planted_camera_is_recovered_under_noise_and_faults(instrument: str, seed: int) -> None:
+def test_planted_camera_is_recovered_under_noise_and_faults(instrument: str, seed: int):
     planted = planted_performance(instrument, seed=seed, sample_rate=8000)
     reference = reference_configuration(cleaned(in_own_picture(planted)))
     (fit,) = cleaning.shot_similarities(cleaned(planted.performance), reference)
@@ -434,7 +421,7 @@ def test_planted_camera_is_recovered_under_noise_and_faults(instrument: str, see
 
 
 @pytest.mark.parametrize("instrument", INSTRUMENTS)
-def test_hands_placed_frame_by_frame_take_the_sway_of_the_body(instrument: str) -> None:
+def test_hands_placed_frame_by_frame_take_the_sway_of_the_body(instrument: str):
     planted = planted_performance(instrument, seed=4, sample_rate=8000)
     own = in_own_picture(planted)
     reference, result = reference_configuration(cleaned(own)), cleaned(planted.performance)
@@ -450,7 +437,7 @@ def test_hands_placed_frame_by_frame_take_the_sway_of_the_body(instrument: str) 
 
 
 @pytest.mark.slow
-def test_an_hour_of_frames_is_cleaned_and_placed_in_a_second() -> None:
+def test_an_hour_of_frames_is_cleaned_and_placed_in_a_second():
     hour, seconds = bench_audio2body.hour_of_points(), []
     for _ in range(2):
         start = time.process_time()  # of this process: other work on the machine does not count
@@ -474,66 +461,61 @@ def noise(seconds: float, seed: int = 0) -> np.ndarray:
 # The sound
 
 
-def test_a_click_is_in_the_frame_of_its_time_however_late_it_comes() -> None:
-    """Five minutes: a hop of whole samples would be two frames off by then."""
+def test_a_click_is_in_the_frame_of_its_time_however_late_it_comes():
+    """Two minutes: a hop of whole samples would be most of a frame off by then."""
     rng = np.random.default_rng(1)
-    numbers = np.sort(rng.choice(24 * 300 // 8, 100, replace=False)) * 8 + 3
+    numbers = np.sort(rng.choice(24 * 120 // 8, 100, replace=False)) * 8 + 3
     times = (numbers + rng.uniform(0.02, 0.98, 100)) / 24
-    samples = np.zeros(300 * RATE, np.float32)
+    samples = np.zeros(120 * RATE, np.float32)
     samples[np.round(times * RATE).astype(int)] = 1.0
-    loudness = frame_mfcc(samples, Audio2BodyParams(), 24 * 300)[:, 13]
+    loudness = hearing.frame_mfcc(samples, Audio2BodyParams(), 24 * 120)[:, 13]
     assert np.flatnonzero(loudness > loudness.min() + 1).tolist() == np.floor(times * 24).astype(int).tolist()
 
 
-@pytest.mark.parametrize(("delta", "width"), [(True, 28), (False, 27)])
-def test_there_are_28_numbers_or_27_without_the_derivative_of_energy(delta: bool, width: int) -> None:
-    params = replace(Audio2BodyParams(), energy_delta=delta)
-    values = sound_features(Audio(noise(2.0), RATE), params, 48)
-    assert values.shape == (48, width)
-    assert params.n_sound == width
-    whole = sound_features(Audio(noise(2.0), RATE), Audio2BodyParams(), 48)
-    np.testing.assert_array_equal(values, whole[:, :width])
+def test_there_are_28_numbers_or_27_without_the_derivative_of_energy():
+    params = (Audio2BodyParams(), Audio2BodyParams(energy_delta=False))
+    whole, fewer = (hearing.sound_features(Audio(noise(2.0), RATE), each, 48) for each in params)
+    assert (whole.shape, fewer.shape, [each.n_sound for each in params]) == ((48, 28), (48, 27), [28, 27])
+    np.testing.assert_array_equal(fewer, whole[:, :27])
 
 
 @pytest.mark.parametrize("rate", [48000, 96000])
-def test_features_are_the_same_at_other_sample_rates(rate: int) -> None:
+def test_features_are_the_same_at_other_sample_rates(rate: int):
     low = soxr.resample(soxr.resample(noise(4.0, 3), 44100, 28000, quality="VHQ"), 28000, 96000, quality="VHQ")
-    features = [
-        sound_features(Audio(soxr.resample(low, 96000, at, quality="VHQ"), at), Audio2BodyParams(), 96, cached=False)
-        for at in (44100, rate)
-    ]
+    heard = [Audio(soxr.resample(low, 96000, at, quality="VHQ"), at) for at in (44100, rate)]
+    features = [hearing.sound_features(each, Audio2BodyParams(), 96, cached=False) for each in heard]
     inner = slice(3, -3)
     assert (np.abs(features[0] - features[1])[inner].max(axis=0) <= 0.05 * features[0][inner].std(axis=0)).all()
 
 
-def test_loudness_is_normalised_over_the_recording_and_silence_stays() -> None:
-    loud = normalised_loudness(Audio(noise(1.0) * 7, RATE))
-    np.testing.assert_allclose(loud, normalised_loudness(Audio(noise(1.0), RATE)), rtol=1e-5)
+def test_loudness_is_normalised_over_the_recording_and_silence_stays():
+    loud = hearing.normalised_loudness(Audio(noise(1.0) * 7, RATE))
+    np.testing.assert_allclose(loud, hearing.normalised_loudness(Audio(noise(1.0), RATE)), rtol=1e-5)
     assert np.square(loud).mean() == pytest.approx(1.0, rel=1e-4)
-    assert not normalised_loudness(Audio(np.zeros(100), RATE)).any()
-    assert np.isfinite(sound_features(Audio(np.zeros(RATE), RATE), Audio2BodyParams(), 24)).all()
+    assert not hearing.normalised_loudness(Audio(np.zeros(100), RATE)).any()
+    assert np.isfinite(hearing.sound_features(Audio(np.zeros(RATE), RATE), Audio2BodyParams(), 24)).all()
 
 
-def test_slopes_are_those_of_lines_through_five_frames() -> None:
+def test_slopes_are_those_of_lines_through_five_frames():
     line = 3.0 * np.arange(20.0)[:, None]
-    np.testing.assert_allclose(slopes(line)[2:-2], 3.0, rtol=1e-6)
+    np.testing.assert_allclose(hearing.slopes(line)[2:-2], 3.0, rtol=1e-6)
     curve = np.random.default_rng(2).normal(size=(9, 1))
     fitted = [np.polyfit(np.arange(-2, 3), curve[place - 2 : place + 3, 0], 1)[0] for place in range(2, 7)]
-    np.testing.assert_allclose(slopes(curve)[2:-2, 0], fitted, rtol=1e-5)
+    np.testing.assert_allclose(hearing.slopes(curve)[2:-2, 0], fitted, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("pitch", "tone"), [(60, 0), (69, 9), (83, 11)])
-def test_a_tone_is_heard_as_its_semitone(pitch: int, tone: int) -> None:
+def test_a_tone_is_heard_as_its_semitone(pitch: int, tone: int):
     sine = np.sin(2 * np.pi * 440 * 2 ** ((pitch - 69) / 12) * np.arange(2 * RATE) / RATE).astype(np.float32)
     params = (Audio2BodyParams(tones=tones) for tones in ("chroma", "semitones"))
-    chroma, semitones = (tone_strengths(sine, each, 48) for each in params)
+    chroma, semitones = (hearing.tone_strengths(sine, each, 48) for each in params)
     assert chroma.shape == (48, 12)
     assert set(chroma[4:-4].argmax(axis=1)) == {tone}
     assert set(semitones[4:-4].argmax(axis=1)) == {pitch - 36}
 
 
-def test_notes_are_their_keys() -> None:
-    values = note_features(Notes([0.0, 0.5], [0.25, 1.0], [60, 21], [0.5, 1.0]), 24.0, 24)
+def test_notes_are_their_keys():
+    values = hearing.note_features(Notes([0.0, 0.5], [0.25, 1.0], [60, 21], [0.5, 1.0]), 24.0, 24)
     assert values.shape == (24, 88)
     np.testing.assert_array_equal(values[:, 39], [1.0] + [0.5] * 5 + [0.0] * 18)
     np.testing.assert_array_equal(values[:, 0], [0.0] * 12 + [2.0] + [1.0] * 11)
@@ -543,7 +525,7 @@ def test_notes_are_their_keys() -> None:
 # The space
 
 
-def test_components_and_points_go_to_and_fro() -> None:
+def test_components_and_points_go_to_and_fro():
     frames = np.random.default_rng(0).normal(size=(200, 10)) @ np.random.default_rng(1).normal(size=(10, 10))
     space = PointSpace.fit(frames, 10)
     np.testing.assert_allclose(space.decode(space.encode(frames)), frames, atol=1e-10)
@@ -554,14 +536,14 @@ def test_components_and_points_go_to_and_fro() -> None:
     np.testing.assert_allclose(PointSpace.fit(frames, 4, even_scale=False).encode(frames).std(axis=0), 1.0)
 
 
-def test_a_share_of_the_variance_gives_the_number_of_components() -> None:
+def test_a_share_of_the_variance_gives_the_number_of_components():
     frames = np.random.default_rng(0).normal(size=(5000, 4)) * np.sqrt([90.0, 6.0, 3.0, 1.0])
     assert [len(PointSpace.fit(frames, share).basis) for share in (0.5, 0.9, 0.95, 0.999)] == [1, 2, 2, 4]
     refused("two frames", PointSpace.fit, frames[:1], 2)
 
 
 @cases("upsample, delay", (1, 0), (1, 5), (4, 0), (4, 2), (6, 5))
-def test_steps_and_delay_go_to_and_fro(upsample: int, delay: int) -> None:
+def test_steps_and_delay_go_to_and_fro(upsample: int, delay: int):
     frames = np.random.default_rng(0).normal(size=(17, 3))
     steps = sequences.steps_of(frames, upsample)
     assert len(steps) == upsample * 16 + 1
@@ -576,7 +558,7 @@ def test_steps_and_delay_go_to_and_fro(upsample: int, delay: int) -> None:
 # The network
 
 
-def test_the_network_has_the_paper_s_size() -> None:
+def test_the_network_has_the_paper_s_size():
     network = SoundToPoints(Audio2BodyParams.tables(), HANDS_12, "piano", 15, NOWHERE)
     assert parameter_count(network) == 187_015
     assert torch.equal(network.lstm.bias_ih_l0[200:400], torch.ones(200))
@@ -607,7 +589,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_rejected_frames_have_no_gradient() -> None:
+def test_rejected_frames_have_no_gradient():
     data = fake_set()
     space = PointSpace.fit(np.concatenate([each.points for each in data.sequences]), 3)
     windows = PlayedWindows.of(data.sequences, space, TINY)
@@ -618,16 +600,14 @@ def test_rejected_frames_have_no_gradient() -> None:
     assert windows.mask[0, : TINY.delay_steps].tolist() == [0.0, 0.0]
 
 
-def test_windows_in_a_row_are_one_pass() -> None:
+def test_windows_in_a_row_are_one_pass():
     network = SoundToPoints(replace(TINY, carry=3), HANDS_12, "piano", 3, NOWHERE).eval()
     sound = torch.randn(2, 72, 28)
-    np.testing.assert_allclose(
-        training.windows_passed(network, sound).detach().numpy(), network(sound)[0].detach().numpy(), atol=1e-6
-    )
+    torch.testing.assert_close(training.windows_passed(network, sound), network(sound)[0], atol=1e-6, rtol=0)
 
 
-def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path) -> None:
-    data = fake_set(params=replace(TINY, epochs=60))
+def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path):
+    data = fake_set(params=replace(TINY, epochs=40))
     folder = run.parent / "longer"
     network = train_audio2body(data, SPLIT, TrainOptions(folder))
     test = [data.sequences[3]]
@@ -638,7 +618,7 @@ def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path) -> None:
     assert stored["test"]["full"] == pytest.approx(errors(network, test).full, rel=1e-5)
 
 
-def test_a_piece_on_two_sides_is_refused() -> None:
+def test_a_piece_on_two_sides_is_refused():
     data = fake_set()
     doubled = replace(data.sequences[3], piece="0")
     refused("its piece is trained on in 'piece 0'", sequences.check_pieces, [*data.sequences[:3], doubled], SPLIT)
@@ -646,7 +626,7 @@ def test_a_piece_on_two_sides_is_refused() -> None:
     refused("no performance here", sequences.check_pieces, data.sequences[:2], SPLIT)
 
 
-def test_a_performance_is_as_long_as_its_sound(run: Path) -> None:
+def test_a_performance_is_as_long_as_its_sound(run: Path):
     network = load_weights(run, SoundToPoints)
     audio = Audio(noise(3.0), RATE)
     whole = synthesize_performance(network, audio)
@@ -657,55 +637,36 @@ def test_a_performance_is_as_long_as_its_sound(run: Path) -> None:
     refused("two frames", synthesize_performance, network, audio, seconds=0.05)
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("hears", "smell", "hears must be sound or notes"), ("components", 2.5, "whole number"),
-        ("dropout", 1.0, "shares"), ("fps", 1e4, "fps must be 240 at most"), ("carry", 0, "carry must be positive"),
-    ],
-)  # fmt: skip
-def test_settings_that_cannot_be_are_named(field: str, value: object, message: str) -> None:
-    refused(message, replace, Audio2BodyParams(), **{field: value})
+def test_settings_that_cannot_be_are_named():
+    refused("hears must be sound or notes", Audio2BodyParams, hears="smell")
+    refused("whole number", Audio2BodyParams, components=2.5)
+    refused("shares", Audio2BodyParams, dropout=1.0)
+    refused("fps must be 240 at most", Audio2BodyParams, fps=1e4)
+    refused("carry must be positive", Audio2BodyParams, carry=0)
 
 
 # The bow
 
 CELLS = notebook_cells("19_sound_to_hands")
-PARAMS = replace(
-    Audio2BodyParams.tables(), bow_phase=True, hidden=48, components=6, epochs=14, batch=8, rate=1e-2
-)  # fmt: skip
+PARAMS = replace(Audio2BodyParams.tables(), bow_phase=True, hidden=48, components=6, epochs=14, batch=8, rate=1e-2)
 
 
 @pytest.fixture(scope="module")
-def planted() -> list[PlantedPerformance]:
-    return list(planted_performances("violin", 7, seconds=20.0))
-
-
-@pytest.fixture(scope="module")
-def split(planted: list[PlantedPerformance]) -> PlayedSplit:
-    names = [each.performance.name for each in planted]
-    return PlayedSplit(tuple(names[:5]), (), tuple(names[5:]))
-
-
-@pytest.fixture(scope="module")
-def played(planted: list[PlantedPerformance], split: PlayedSplit) -> PlayedSet:
-    return sequences.played_set([each.performance for each in planted], PARAMS, split)
-
-
-@pytest.fixture(scope="module")
-def bow(played: PlayedSet) -> bowing.Bowing:
-    return bowing.Bowing.fit(played.sequences[:5], PLAYER_50, PARAMS)
-
-
-@pytest.fixture(scope="module")
-def network(played: PlayedSet, split: PlayedSplit, tmp_path_factory: pytest.TempPathFactory) -> SoundToPoints:
-    return train_audio2body(played, split, TrainOptions(tmp_path_factory.mktemp("runs") / "bow"))
+def violin(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """Seven planted violinists, five to train on: their sequences, their bow and a network of them."""
+    own = list(planted_performances("violin", 7, seconds=20.0))
+    names = [each.performance.name for each in own]
+    parts = PlayedSplit(tuple(names[:5]), (), tuple(names[5:]))
+    data = sequences.played_set([each.performance for each in own], PARAMS, parts)
+    fitted = bowing.Bowing.fit(data.sequences[:5], PLAYER_50, PARAMS)
+    trained = train_audio2body(data, parts, TrainOptions(tmp_path_factory.mktemp("runs") / "bow"))
+    return SimpleNamespace(planted=own, split=parts, played=data, bow=fitted, network=trained)
 
 
 # By hand
 
 
-def test_strokes_alternate_against_weak_evidence_and_break_off_for_strong() -> None:
+def test_strokes_alternate_against_weak_evidence_and_break_off_for_strong():
     assert bowing.alternating(np.array([2.0, 0.5, 0.1, -0.5, 1.0])).tolist() == [1, -1, 1, -1, 1]
     assert bowing.alternating(np.array([-2.0, 0.5, 0.1])).tolist() == [-1, 1, -1]
     # An overlooked turn: two down-bows in a row, of which five strokes on each side are sure.
@@ -719,13 +680,13 @@ def test_strokes_alternate_against_weak_evidence_and_break_off_for_strong() -> N
         assert bowing.alternating(np.array([1.0, 5.0, 5.0]), alternation=1.0).tolist() == [1, -1, 1]
 
 
-def test_a_bow_stays_within_its_ends_and_is_drawn_to_its_mean() -> None:
+def test_a_bow_stays_within_its_ends_and_is_drawn_to_its_mean():
     places = bowing.stroke_ends(np.array([0.5, -0.2, 0.9, -2.0]), start=0.25, mean=0.5, leak=0.0)
     np.testing.assert_allclose(places, [0.25, 0.75, 0.55, 1.0, 0.0])
     np.testing.assert_allclose(bowing.stroke_ends(np.zeros(2), start=0.0, mean=0.5, leak=0.1), [0.0, 0.05, 0.095])
 
 
-def test_places_are_straight_lines_between_turns() -> None:
+def test_places_are_straight_lines_between_turns():
     bow = replace(bowing.Bowing.empty(1), levels=np.array([0.0, 0.5, 0.5]))
     places = bow.places(bowing.Strokes(np.array([1.0, 2.0, 3.0]), np.array([1, -1]), np.array([0.25, 0.5])), 5, 1.0)
     down = 0.5 + 0.25
@@ -733,7 +694,7 @@ def test_places_are_straight_lines_between_turns() -> None:
     np.testing.assert_allclose(places, [0.5, 0.5, down, up, up])
 
 
-def test_turns_are_read_from_bumps_and_moved_back() -> None:
+def test_turns_are_read_from_bumps_and_moved_back():
     times = np.arange(0, 4, 1 / 96)
     turns = np.array([0.5, 1.003, 2.71])
     signal = bowing.PEAK * np.exp(-np.square((times[:, None] - turns - bowing.LATENESS) / 0.03) / 2).max(axis=1)
@@ -742,7 +703,7 @@ def test_turns_are_read_from_bumps_and_moved_back() -> None:
     assert bowing.turns_of(np.zeros(50), 96.0).size == 0
 
 
-def test_strokes_have_their_mean_loudness_and_duration() -> None:
+def test_strokes_have_their_mean_loudness_and_duration():
     loud = np.repeat([1.0, 3.0], 12)
     sounds = bowing.stroke_sounds(np.array([0.0, 0.5, 1.0]), loud, FPS)
     np.testing.assert_allclose(sounds, [[np.log(0.5), 1.0], [np.log(0.5), 3.0]])
@@ -750,7 +711,7 @@ def test_strokes_have_their_mean_loudness_and_duration() -> None:
     assert bowing.stroke_sounds(np.zeros(1), loud, FPS).shape == (0, 2)
 
 
-def test_contrasts_are_differences_to_the_neighbours() -> None:
+def test_contrasts_are_differences_to_the_neighbours():
     contrasts = bowing.stroke_contrasts(np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 4.0]]))
     assert contrasts.shape == (3, 4 * bowing.AROUND + 1)
     # Two before, one before, one after, two after; beyond the ends the last one stands for all.
@@ -759,7 +720,7 @@ def test_contrasts_are_differences_to_the_neighbours() -> None:
     assert bowing.stroke_contrasts(np.zeros((0, 2))).shape == (0, 4 * bowing.AROUND + 1)
 
 
-def test_the_discriminant_is_the_log_odds_of_two_normal_distributions() -> None:
+def test_the_discriminant_is_the_log_odds_of_two_normal_distributions():
     rng = np.random.default_rng(0)
     truth = np.arange(40000) % 2 == 0
     values = np.column_stack([np.where(truth, 1.0, -1.0) + 2 * rng.normal(size=truth.size), np.ones(truth.size)])
@@ -767,7 +728,7 @@ def test_the_discriminant_is_the_log_odds_of_two_normal_distributions() -> None:
     assert not bowing.discriminant(values, np.ones(truth.size, bool)).any()
 
 
-def test_a_bow_that_hears_nothing_stays_at_its_start() -> None:
+def test_a_bow_that_hears_nothing_stays_at_its_start():
     bow = replace(bowing.Bowing.empty(2), levels=np.array([0.0, 0.6, 0.3]))
     silence = np.full(48, -13.8)
     strokes = bow.strokes(np.zeros(0), silence, FPS)
@@ -779,83 +740,76 @@ def test_a_bow_that_hears_nothing_stays_at_its_start() -> None:
 # On the planted violinist
 
 
-def test_the_bow_of_the_points_is_the_planted_one(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing
-) -> None:
-    for each, sequence in zip(planted, played.sequences, strict=True):
+def test_the_bow_of_the_points_is_the_planted_one(violin: SimpleNamespace):
+    for each, sequence in zip(violin.planted, violin.played.sequences, strict=True):
         good = sequence.accepted
         assert each.bow is not None
-        assert np.corrcoef(bow.place(sequence.points)[good], each.bow[good])[0, 1] > 0.98
-        rest = bow.at_rest(sequence.points)
-        np.testing.assert_allclose(bow.at_place(rest, bow.place(sequence.points)), sequence.points, atol=1e-9)
+        assert np.corrcoef(violin.bow.place(sequence.points)[good], each.bow[good])[0, 1] > 0.98
+        rest, place = violin.bow.at_rest(sequence.points), violin.bow.place(sequence.points)
+        np.testing.assert_allclose(violin.bow.at_place(rest, place), sequence.points, atol=1e-9)
         # Read through its own effect, the place of a bow at rest is the mean one, give or take string crossings.
-        assert np.std(bow.place(rest)[good]) < 0.2 * np.std(bow.place(sequence.points)[good])
-    assert 0.5 < bow.law[1] < 1.0  # planted: loudness (half the log energy) x duration^0.8
-    assert 0.35 < bow.law[2] < 0.65
+        assert np.std(violin.bow.place(rest)[good]) < 0.2 * np.std(place[good])
+    assert 0.5 < violin.bow.law[1] < 1.0  # planted: loudness (half the log energy) x duration^0.8
+    assert 0.35 < violin.bow.law[2] < 0.65
 
 
-def test_the_turn_signal_has_a_bump_after_each_turn(planted: list[PlantedPerformance], played: PlayedSet) -> None:
-    signal = bowing.turn_signal(played.sequences[0], PLAYER_50, FPS)
+def test_the_turn_signal_has_a_bump_after_each_turn(violin: SimpleNamespace):
+    signal = bowing.turn_signal(violin.played.sequences[0], PLAYER_50, FPS)
     turns = bowing.turns_of(np.interp(np.arange(0, signal.size - 1, 0.25), np.arange(signal.size), signal), 4 * FPS)
-    times = planted[0].strikes.times
+    times = violin.planted[0].strikes.times
     assert abs(turns.size - times.size) <= 2
     around = np.round(times[:, None] * FPS).astype(int) + np.arange(-2, 3)
-    tracked = played.sequences[0].accepted[around.clip(0, signal.size - 1)].all(axis=1)
+    tracked = violin.played.sequences[0].accepted[around.clip(0, signal.size - 1)].all(axis=1)
     assert tracked.sum() > 20
     away = np.abs(times[tracked, None] - turns).min(axis=1)
     assert np.median(away) < 0.02
     assert np.mean(away < 0.06) > 0.9
 
 
-def test_directions_follow_from_planted_turns_alone(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing
-) -> None:
-    for each, sequence in zip(planted[5:], played.sequences[5:], strict=True):
-        strokes = bow.strokes(each.strikes.times, bowing.loudness(sequence.sound, PARAMS), FPS)
+def test_directions_follow_from_planted_turns_alone(violin: SimpleNamespace):
+    for each, sequence in zip(violin.planted[5:], violin.played.sequences[5:], strict=True):
+        strokes = violin.bow.strokes(each.strikes.times, bowing.loudness(sequence.sound, PARAMS), FPS)
         assert strokes.signs.tolist() == [(-1) ** number for number in range(len(each.strikes))]
         assert (CELLS.true_signs(strokes, each.bow, FPS) == strokes.signs)[:-1].all()
 
 
-def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direction(
-    planted: list[PlantedPerformance], played: PlayedSet, bow: bowing.Bowing, network: SoundToPoints
-) -> None:
-    test = played.sequences[5:]
-    truth = [CELLS.planted_points(each, network.reference) for each in planted[5:]]
-    projected = [network.projected(each.points) for each in test]
-    ceiling = errors_between([bow.at_rest(points) for points in truth], projected, test)
+def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direction(violin: SimpleNamespace):
+    test = violin.played.sequences[5:]
+    truth = [CELLS.planted_points(each, violin.network.reference) for each in violin.planted[5:]]
+    projected = [violin.network.projected(each.points) for each in test]
+    ceiling = errors_between([violin.bow.at_rest(points) for points in truth], projected, test)
     floor = errors_between(truth, projected, test)
-    full = errors(network, test).full
+    full = errors(violin.network, test).full
     assert floor.full < full < 0.85 * ceiling.full
-    assert ceiling.full < mean_pose_errors(network, test).full
-    outcome = CELLS.bow_errors(network, test)
+    assert ceiling.full < mean_pose_errors(violin.network, test).full
+    outcome = CELLS.bow_errors(violin.network, test)
     assert outcome["predicted"] == pytest.approx(full)
     assert outcome["true place"] < outcome["predicted"]
     assert outcome["directions right"] > 0.8
-    assert outcome["strokes"] == sum(predicted_strokes(network, each.sound).signs.size for each in test)
+    assert outcome["strokes"] == sum(predicted_strokes(violin.network, each.sound).signs.size for each in test)
 
 
-def test_a_performance_follows_its_strokes(
-    planted: list[PlantedPerformance], played: PlayedSet, network: SoundToPoints
-) -> None:
-    sequence, performance = played.sequences[5], planted[5].performance
-    points = predicted_points(network, sequence.sound)
-    motion = synthesize_performance(network, performance.audio)
+def test_a_performance_follows_its_strokes(violin: SimpleNamespace):
+    sequence, performance = violin.played.sequences[5], violin.planted[5].performance
+    points = predicted_points(violin.network, sequence.sound)
+    motion = synthesize_performance(violin.network, performance.audio)
     np.testing.assert_allclose(motion.positions.reshape(len(points), -1), points, atol=1e-6)
-    strokes = predicted_strokes(network, sequence.sound)
-    turned = predicted_points(network, sequence.sound, strokes=strokes._replace(signs=-strokes.signs))
+    strokes = predicted_strokes(violin.network, sequence.sound)
+    turned = predicted_points(violin.network, sequence.sound, strokes=strokes._replace(signs=-strokes.signs))
     assert np.abs(turned - points).max() > 20
 
 
-def test_weights_keep_the_bow(played: PlayedSet, network: SoundToPoints, tmp_path: Path) -> None:
-    save_weights(tmp_path / "again", network)
+def test_weights_keep_the_bow(violin: SimpleNamespace, tmp_path: Path):
+    save_weights(tmp_path / "again", violin.network)
     again = load_weights(tmp_path / "again", SoundToPoints)
-    sound = played.sequences[6].sound
-    np.testing.assert_array_equal(predicted_points(again, sound), predicted_points(network, sound))
+    sound = violin.played.sequences[6].sound
+    np.testing.assert_array_equal(predicted_points(again, sound), predicted_points(violin.network, sound))
 
 
-def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: PlayedSet, split: PlayedSplit) -> None:
-    network, train, _ = training.prepared(played, split)
-    plain, plain_train, _ = training.prepared(replace(played, params=replace(PARAMS, bow_phase=False)), split)
+def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(violin: SimpleNamespace):
+    network, train, _ = training.prepared(violin.played, violin.split)
+    without = replace(violin.played, params=replace(PARAMS, bow_phase=False))
+    plain, plain_train, _ = training.prepared(without, violin.split)
     assert (train.target.shape[2], plain_train.target.shape[2]) == (7, 6)
     assert (network.linear.out_features, plain.linear.out_features) == (7, 6)
     assert "bow_scale.effect" in network.state_dict()
@@ -863,7 +817,7 @@ def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: Playe
     assert 0 <= float(train.target[..., 6].min()) < 0.01 < 0.9 < float(train.target[..., 6].max()) / bowing.PEAK <= 1
 
 
-def test_correlations_of_components() -> None:
+def test_correlations_of_components():
     space = PointSpace(np.zeros(3), np.eye(3), np.ones(3))
     truth = np.array([[1.0, 0.0, 5.0], [2.0, 1.0, 5.0], [3.0, 0.0, 5.0]])
     values = CELLS.component_correlations(
@@ -875,15 +829,13 @@ def test_correlations_of_components() -> None:
 # Refused
 
 
-def test_bow_phase_is_refused_where_there_is_no_bow(
-    planted: list[PlantedPerformance], played: PlayedSet, split: PlayedSplit, network: SoundToPoints
-) -> None:
+def test_bow_phase_is_refused_where_there_is_no_bow(violin: SimpleNamespace):
     refused("bow_phase is of violinists", SoundToPoints, PARAMS, PLAYER_50, "piano", 3, NOWHERE)
-    refused("bow_phase is of violinists", training.prepared, replace(played, instrument="piano"), split)
-    refused("left_shoulder", training.prepared, replace(played, skeleton=HANDS_12), split)
+    refused("bow_phase is of violinists", training.prepared, replace(violin.played, instrument="piano"), violin.split)
+    refused("left_shoulder", training.prepared, replace(violin.played, skeleton=HANDS_12), violin.split)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
     for call in (predicted_strokes, CELLS.bow_errors):
         with pytest.raises(ValueError, match="without bow_phase"):
-            call(plain, played.sequences[0].sound if call is predicted_strokes else played.sequences)
-    still = replace(played.sequences[0], points=np.zeros_like(played.sequences[0].points))
+            call(plain, violin.played.sequences[0].sound if call is predicted_strokes else violin.played.sequences)
+    still = replace(violin.played.sequences[0], points=np.zeros_like(violin.played.sequences[0].points))
     refused("10 strokes or more; these recordings have 0", bowing.Bowing.fit, [still], PLAYER_50, PARAMS)

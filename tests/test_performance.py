@@ -11,18 +11,9 @@ import numpy as np
 import pytest
 
 from harmolab.data.synthetic import synthetic_clip, synthetic_motion
+from harmolab.lab.explain import performance as own
 from harmolab.lab.explain.page import dance_page, dance_player, save_page
-from harmolab.lab.explain.performance import (
-    ABSENT,
-    BODY,
-    FLOW,
-    OwnDance,
-    Placement,
-    explain_performance,
-    film_readings,
-    load_performance,
-    place_performance,
-)
+from harmolab.lab.explain.performance import OwnDance, Placement, load_performance
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.readers.audio import load_sound
@@ -66,7 +57,7 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def told_of(folder: Path, name: str | Path, **more: Any) -> OwnDance:
     """The dance beside its song, whose beats are annotated, so that planted times are exact; rests were told."""
     settings = {"beats": folder / "s.beats", "params": RESTING} | more
-    return explain_performance(folder / "song.wav", load_performance(folder / name), **settings)
+    return own.explain_performance(folder / "song.wav", load_performance(folder / name), **settings)
 
 
 @pytest.fixture(scope="module")
@@ -152,13 +143,13 @@ def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
 
 
 def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
-    rows = film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats")
-    assert list(rows.index) == [BODY, FLOW]
-    assert rows.loc[BODY].tolist() == [ABSENT, "", ""]
-    assert rows.loc[FLOW, "verdict"] == told_of(folder, "film.mp4", params=None).verdict
-    assert rows.loc[FLOW, "how sure"].startswith("How sure: ")
-    unread = film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats", offset=900.0)
-    assert "does not overlap" in unread.loc[FLOW, "verdict"]
+    rows = own.film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats")
+    assert list(rows.index) == [own.BODY, own.FLOW]
+    assert rows.loc[own.BODY].tolist() == [own.ABSENT, "", ""]
+    assert rows.loc[own.FLOW, "verdict"] == told_of(folder, "film.mp4", params=None).verdict
+    assert rows.loc[own.FLOW, "how sure"].startswith("How sure: ")
+    unread = own.film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats", offset=900.0)
+    assert "does not overlap" in unread.loc[own.FLOW, "verdict"]
 
 
 def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
@@ -166,11 +157,11 @@ def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(fold
     assert silent.sound is None
     other = synthetic_clip("waltz", seconds=SECONDS, seed=9)
     for recording, song in ((silent, clip), (film, other)):
-        assert place_performance(recording, song.audio, song.beats).source == "movement"
+        assert own.place_performance(recording, song.audio, song.beats).source == "movement"
 
 
 def test_video_can_be_its_own_song(folder: Path):
-    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
+    told = own.explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
     assert told.placement == Placement(0.0, "same")
     first, second = (part.mean for part in told.words.halves)
     assert second - first == pytest.approx(0.08, abs=0.03)

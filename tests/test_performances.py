@@ -17,17 +17,9 @@ import soundfile
 
 from harmolab.cli.data_check import check
 from harmolab.files import MissingFrameRate
+from harmolab.musician import performances as played
 from harmolab.musician.keypoints import PlayerPoints, load_player_points, player_points
-from harmolab.musician.performances import (
-    Performance,
-    find_performances,
-    load_notes,
-    load_performance,
-    note_patterns,
-    piece_groups,
-    shared_patterns,
-    split_by_piece,
-)
+from harmolab.musician.performances import Performance, find_performances, load_performance
 from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
 from harmolab.readers.motion import save_motion
 from harmolab.readers.player_points import HANDS_12, PLAYER_50, hand_joints
@@ -83,6 +75,14 @@ def holistic(shift: float = 0.0) -> dict[str, Any]:
         "left_hand_landmarks": landmarks(LEFT, shift, visibility=0.0),
         "right_hand_landmarks": landmarks(RIGHT, shift, visibility=0.0),
     }
+
+
+def hand(label: str, names: tuple[str, ...], score: float = 0.9, shift: float = 0.0) -> dict[str, Any]:
+    return {"handedness": label, "score": score, "landmarks": landmarks(names, shift)}
+
+
+def with_frames(*frames: Any, **about: Any) -> dict[str, Any]:
+    return {"fps": 30, "size": SIZE, "handedness": "picture", "frames": list(frames), **about}
 
 
 def places(points: PlayerPoints, frame: int = 0) -> dict[str, tuple[float, float]]:
@@ -141,28 +141,19 @@ def test_holistic_gives_pixels_by_name_though_hands_have_no_visibility(tmp_path:
 @pytest.mark.parametrize(("handedness", "label"), [("picture", "Left"), ("mirrored", "Right")])
 def test_label_of_a_hand_is_read_as_the_file_says(tmp_path: Path, handedness: str, label: str):
     """The hand at small x is the player's left one; MediaPipe calls it Left or Right, depending on the version."""
-    other = {"Left": "Right", "Right": "Left"}[label]
-    hands = [
-        {"handedness": label, "score": 0.9, "landmarks": landmarks(LEFT)},
-        {"handedness": other, "score": 0.9, "landmarks": landmarks(RIGHT)},
-    ]
-    content = {"fps": 30.0, "size": SIZE, "handedness": handedness, "frames": [{"hands": hands}] * 2}
+    frame = {"hands": [hand(label, LEFT), hand({"Left": "Right", "Right": "Left"}[label], RIGHT)]}
+    content = with_frames(frame, frame, handedness=handedness)
     assert_pose(load_player_points(saved(tmp_path, content)), PLAYER_50.joints[8:])
 
 
 def test_hands_whose_labels_are_not_explained_are_refused(tmp_path: Path):
-    hands = [{"handedness": "Left", "landmarks": landmarks(LEFT)}]
-    path = saved(tmp_path, {"fps": 30.0, "size": SIZE, "frames": [{"hands": hands}] * 2})
+    path = saved(tmp_path, {"fps": 30.0, "size": SIZE, "frames": [{"hands": [hand("Left", LEFT)]}] * 2})
     refused(r'points\.json: hand 0 of frame 0 is labelled .* "handedness": "picture"', load_player_points, path)
 
 
 def test_of_two_hands_with_one_label_the_surer_is_taken(tmp_path: Path):
-    hands = [
-        {"handedness": "Left", "score": score, "landmarks": landmarks(LEFT, shift)}
-        for score, shift in ((0.5, 50.0), (0.9, 0.0), (0.7, 99.0))
-    ]
-    content = {"fps": 30.0, "size": SIZE, "handedness": "picture", "frames": [{"hands": hands}] * 2}
-    points = load_player_points(saved(tmp_path, content))
+    frame = {"hands": [hand("Left", LEFT, *own) for own in ((0.5, 50.0), (0.9, 0.0), (0.7, 99.0))]}
+    points = load_player_points(saved(tmp_path, with_frames(frame, frame)))
     assert_pose(points, LEFT)
     assert set(points.confidence.ravel()) == {0.9}
 
@@ -188,12 +179,10 @@ def test_mirrored_picture_is_turned_back_with_the_names_of_both_sides(tmp_path: 
 
 
 def test_mirrored_landmarks_are_turned_back_by_the_word_of_the_file(tmp_path: Path):
-    frame = holistic()
-    left, right = frame["left_hand_landmarks"], frame["right_hand_landmarks"]
-    for point in (*left, *right):
+    frame = {"left_hand_landmarks": landmarks(RIGHT), "right_hand_landmarks": landmarks(LEFT)}
+    for point in itertools.chain(*frame.values()):
         point["x"] = 1 - point["x"]
-    frame = {"left_hand_landmarks": right, "right_hand_landmarks": left}
-    content = {"fps": 30, "size": SIZE, "mirrored": True, "frames": [frame, frame]}
+    content = with_frames(frame, frame, mirrored=True)
     assert_pose(load_player_points(saved(tmp_path, content)), PLAYER_50.joints[8:])
 
 
@@ -233,10 +222,8 @@ def test_doubtful_point_is_not_detected(tmp_path: Path):
 
 def test_of_several_files_each_point_comes_from_the_surer_one(tmp_path: Path):
     folder = openpose_folder(tmp_path / "frames", [[openpose(7.0, sure=0.6)]] * 2)
-    hands = [{"handedness": "Left", "score": 0.9, "landmarks": landmarks(LEFT)}]
-    hands += [{"handedness": "Right", "score": 0.4, "landmarks": landmarks(RIGHT)}]
-    content = {"fps": 30.0, "size": SIZE, "handedness": "picture", "frames": [{"hands": hands}] * 2}
-    points = load_player_points([folder, saved(tmp_path, content)])
+    frame = {"hands": [hand("Left", LEFT), hand("Right", RIGHT, 0.4)]}
+    points = load_player_points([folder, saved(tmp_path, with_frames(frame, frame))])
     assert places(points)["left_hand"] == pytest.approx((100, 200))
     assert places(points)["right_hand"] == (407, 300)
     assert places(points)["left_shoulder"] == (17, 100)
@@ -290,10 +277,6 @@ def test_rate_that_no_file_holds_has_to_be_passed(tmp_path: Path):
     assert load_player_points(path, fps=24).motion.fps == 24
 
 
-def with_frames(*frames: Any, **about: Any) -> dict[str, Any]:
-    return {"fps": 30, "size": SIZE, "handedness": "picture", "frames": list(frames), **about}
-
-
 @cases(
     "content, fault",
     (with_frames(holistic()), "motion needs at least two frames, got 1"),
@@ -324,10 +307,8 @@ def test_damaged_frame_of_openpose_is_named(tmp_path: Path):
     folder = openpose_folder(tmp_path / "frames", [[openpose()]] * 3)
     broken = {**openpose(), "hand_left_keypoints_2d": [1.0] * 60}
     (folder / "take_000000000001_keypoints.json").write_text(json.dumps({"people": [broken]}))
-    with pytest.raises(
-        ValueError, match=r"1_keypoints\.json: hand_left_keypoints_2d of frame: 60 values; OpenPose has 21"
-    ):
-        load_player_points(folder, fps=25)
+    fault = r"1_keypoints\.json: hand_left_keypoints_2d of frame: 60 values; OpenPose has 21"
+    refused(fault, load_player_points, folder, fps=25)
 
 
 def test_other_files_are_refused(tmp_path: Path):
@@ -379,10 +360,7 @@ def song_folder(folder: Path, **about: Any) -> Path:
 
 
 def test_saved_performance_comes_back_whole(tmp_path: Path):
-    notes = Notes(
-        np.array([0.1, 0.1, 1 / 3]), np.array([0.5, 0.7, 1.9]), np.array([36, 60, 88]), np.array([0.2, 1.0, 1 / 7]),
-        np.array([0, 1, -1]),
-    )  # fmt: skip
+    notes = Notes([0.1, 0.1, 1 / 3], [0.5, 0.7, 1.9], [36, 60, 88], [0.2, 1.0, 1 / 7], [0, 1, -1])
     one = performance(notes=notes, piece='op. 10/3 \u2013 "Tristesse"', rendered=True)
     save_performance(tmp_path / "one", one)
     again = load_performance(tmp_path / "one")
@@ -546,7 +524,8 @@ def test_performances_are_found_below_several_roots_and_parts_are_problems(tmp_p
     soundfile.write(three / "c.ogg", sound(0.5).samples, 44100)
     (song_folder(tmp_path / "violin" / "silent") / "song.wav").unlink()
     (tmp_path / "piano" / "loose").mkdir()
-    soundfile.write(tmp_path / "piano" / "loose" / "song.wav", sound(0.5).samples, 44100)
+    for place in ("loose/song.wav", "song.wav"):  # a song above performances is no problem
+        soundfile.write(tmp_path / "piano" / place, sound(0.5).samples, 44100)
     folders, problems = find_performances([tmp_path / "piano", tmp_path / "violin"])
     assert folders == (two, one, three)
     assert [problem.folder.name for problem in problems] == ["loose", "silent"]
@@ -554,12 +533,6 @@ def test_performances_are_found_below_several_roots_and_parts_are_problems(tmp_p
     assert "silent: has no sound" in problems[1].message
     assert find_performances(tmp_path).folders == folders
     assert find_performances(two).folders == (two,)
-
-
-def test_song_above_its_performances_is_no_problem(tmp_path: Path):
-    song_folder(tmp_path / "piano" / "take")
-    soundfile.write(tmp_path / "piano" / "song.wav", sound(0.5).samples, 44100)
-    assert find_performances(tmp_path).problems == ()
 
 
 def test_root_that_is_none_is_refused(tmp_path: Path):
@@ -596,11 +569,9 @@ def test_check_shows_a_saved_performance_once_and_a_part_as_unreadable(tmp_path:
 
 
 def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path: Path):
-    text = (
-        "# from a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
-    )
+    text = "# a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
     (tmp_path / "notes.csv").write_text(text)
-    notes = load_notes(tmp_path / "notes.csv")
+    notes = played.load_notes(tmp_path / "notes.csv")
     columns = {name: values.tolist() for name, values in vars(notes).items()}
     assert (columns["onsets"], columns["offsets"]) == ([0.5, 1.0, 2.0], [0.75, 1.5, 2.5])
     assert (columns["pitches"], columns["hands"], columns["loudness"]) == ([36, 60, 72], [0, 1, -1], [1, 1, 1])
@@ -626,7 +597,7 @@ def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path
 )
 def test_damaged_notes_are_refused_with_the_file_and_the_fault(tmp_path: Path, text: str, fault: str):
     (tmp_path / "notes.csv").write_text(text)
-    refused(rf"notes\.csv: .*{fault}", load_notes, tmp_path / "notes.csv")
+    refused(rf"notes\.csv: .*{fault}", played.load_notes, tmp_path / "notes.csv")
 
 
 # Splits by piece
@@ -637,7 +608,7 @@ def player_of(name: str, piece: str = "", pitches: Sequence[int] | None = None, 
 
 
 def shared(notes: Notes, others: Notes) -> float:
-    return shared_patterns(note_patterns(notes), note_patterns(others))
+    return played.shared_patterns(played.note_patterns(notes), played.note_patterns(others))
 
 
 @cases(
@@ -669,7 +640,7 @@ def test_pieces_that_share_patterns_are_one_group_through_any_of_their_performan
         player_of("e"),
         player_of("f"),
     ]
-    groups = piece_groups(performances)
+    groups = played.piece_groups(performances)
     assert groups[0] == groups[1] == groups[2]
     assert len(set(groups)) == 5
 
@@ -677,20 +648,20 @@ def test_pieces_that_share_patterns_are_one_group_through_any_of_their_performan
 def test_no_piece_is_on_two_sides_and_shares_are_nearly_as_asked():
     performances = [player_of(f"{piece}-{take}", str(piece)) for piece in range(40) for take in range(1 + piece % 3)]
     for seed in range(10):
-        split = split_by_piece(performances, test_share=0.2, validation_share=0.1, seed=seed)
+        split = played.split_by_piece(performances, test_share=0.2, validation_share=0.1, seed=seed)
         assert sum(map(len, [{one.piece for one in side} for side in split])) == 40
         assert [len(side) / len(performances) for side in split] == pytest.approx([0.7, 0.1, 0.2], abs=0.05)
-    assert split_by_piece(performances, seed=1) == split_by_piece(performances, seed=1)
-    assert split_by_piece(performances, seed=1) != split_by_piece(performances, seed=2)
+    assert played.split_by_piece(performances, seed=1) == played.split_by_piece(performances, seed=1)
+    assert played.split_by_piece(performances, seed=1) != played.split_by_piece(performances, seed=2)
 
 
 def test_every_side_gets_a_piece_and_a_share_of_nothing_gets_none():
     three = [player_of(name, name) for name in "abc"]
-    assert [len(side) for side in split_by_piece(three)] == [1, 1, 1]
-    assert [len(side) for side in split_by_piece(three, validation_share=0.0)][1] == 0
-    refused("2 performances are of 2 pieces: too few for 3 sides", split_by_piece, three[:2])
-    refused("must leave some to train on", split_by_piece, three, test_share=0.6, validation_share=0.4)
-    refused("too few", split_by_piece, [])
+    assert [len(side) for side in played.split_by_piece(three)] == [1, 1, 1]
+    assert [len(side) for side in played.split_by_piece(three, validation_share=0.0)][1] == 0
+    refused("2 performances are of 2 pieces: too few for 3 sides", played.split_by_piece, three[:2])
+    refused("must leave some to train on", played.split_by_piece, three, test_share=0.6, validation_share=0.4)
+    refused("too few", played.split_by_piece, [])
 
 
 # Sets in layouts of their own
@@ -820,21 +791,19 @@ def test_real_left_hands_lie_left_of_right_hands_and_play_lower(pianists: list[P
 @pytest.mark.data
 @pytest.mark.parametrize("seed", [0, 1])
 def test_sides_of_real_pianists_share_at_most_a_quarter_of_their_note_patterns(pianists: list[Performance], seed: int):
-    split = split_by_piece(pianists, seed=seed)
-    patterns = [[note_patterns(one.notes) for one in side] for side in split]
+    split = played.split_by_piece(pianists, seed=seed)
+    patterns = [[played.note_patterns(one.notes) for one in side] for side in split]
     pairs = [pair for sides in itertools.combinations(patterns, 2) for pair in itertools.product(*sides)]
     assert len(pairs) > 5000
-    assert max(shared_patterns(*pair) for pair in pairs) <= 0.25
+    assert max(played.shared_patterns(*pair) for pair in pairs) <= 0.25
     minutes = [sum(one.motion.duration for one in side) / 60 for side in split]
     assert minutes == pytest.approx(np.array([0.7, 0.15, 0.15]) * sum(minutes), abs=3)
 
 
 @pytest.mark.data
 def test_three_tracked_musicians_are_read(instruments: Path):
-    side, top, violin = (
-        load_tracked(instruments / "tracked" / f"{name}.npz")
-        for name in ("pianist_side_view", "piano_top_view", "violinist")
-    )
+    names = ("pianist_side_view", "piano_top_view", "violinist")
+    side, top, violin = (load_tracked(instruments / "tracked" / f"{name}.npz") for name in names)
     joints = [each.motion.skeleton.joints for each in (side, top, violin)]
     assert joints == [PLAYER_50.joints[:8], PLAYER_50.joints[8:], PLAYER_50.joints]
     assert (side.instrument, top.instrument, violin.instrument) == ("piano", "piano", "violin")
@@ -844,11 +813,9 @@ def test_three_tracked_musicians_are_read(instruments: Path):
 
 
 @pytest.mark.data
-def test_tracked_pianist_is_of_the_piece_that_the_clip_of_the_same_performance_is_of(
-    instruments: Path, pianists: list[Performance]
-):
+def test_tracked_pianist_plays_the_piece_of_the_clip_of_the_same_take(instruments: Path, pianists: list[Performance]):
     twin = load_tracked(instruments / "tracked" / "piano_top_view.npz")
     (clip,) = (one for one in pianists if one.name == "clip_186")
     assert twin.piece == clip.piece
     assert shared(twin.notes, clip.notes) > 0.5
-    assert piece_groups([replace(twin, piece=""), clip]) == [0, 0]
+    assert played.piece_groups([replace(twin, piece=""), clip]) == [0, 0]

@@ -31,17 +31,10 @@ from harmolab.readers.player_points import HANDS_12, PLAYER_50, SIDES, hand_join
 from harmolab.types import Motion, Notes
 from study import diagram
 from study.experiments import player_frames
+from study.experiments import players as players_of
 from study.experiments.instrument_sets import load_pianomime
 from study.experiments.player_in_space import FOREARM, HALF_SHOULDERS, player_in_space
-from study.experiments.players import (
-    HANDS,
-    PLANTED,
-    PlayerData,
-    cleaned_performance,
-    our_settings,
-    trained_player,
-    with_rendered_sound,
-)
+from study.experiments.players import HANDS, PLANTED, PlayerData, cleaned_performance, trained_player
 from study.figures import player_overlays, player_points, player_results
 from study.profile import RunProfile
 from tests.builders import refused
@@ -258,7 +251,7 @@ def test_a_table_has_every_side_of_every_row():
 def test_each_gain_is_one_setting_on_the_way_from_the_paper_to_ours(instrument: str):
     data = SimpleNamespace(label=PLANTED, instrument=instrument)
     rows = {row: asdict(params) for row, params in SOUND.gain_settings(data).items()}
-    plain, ours = rows.pop("our schedule"), asdict(our_settings(data))
+    plain, ours = rows.pop("our schedule"), asdict(players_of.our_settings(data))
     assert rows.pop(OURS) == ours
     changed = {row: {name: own[name] for name in own if own[name] != plain[name]} for row, own in rows.items()}
     assert {len(names) for names in changed.values()} == {1}
@@ -332,10 +325,10 @@ def test_hits_are_means_over_pieces_and_their_spread_is_over_seeds():
 
 def test_notes_without_a_sound_are_rendered_as_long_as_the_points(tmp_path: Path):
     (clip,) = load_pianomime(pianomime_folder(tmp_path / "set"))
-    rendered = with_rendered_sound(clip)
+    rendered = players_of.with_rendered_sound(clip)
     assert rendered.rendered
     assert rendered.audio.duration == pytest.approx(clip.motion.duration, abs=1e-4)
-    refused("its notes are not known", with_rendered_sound, replace(clip, notes=None))
+    refused("its notes are not known", players_of.with_rendered_sound, replace(clip, notes=None))
 
 
 # Notebook 18
