@@ -222,7 +222,7 @@ def test_lag_of_a_recording_is_where_its_clips_score_highest_together():
     shape = [np.cos(np.pi * (np.arange(8 * MOMENTS) / MOMENTS - peak)) for peak in (0.2, 0.4, 1.8)]
     batch = signal_batch([{"recommended": one, "bounce": 0 * one} for one in (*shape, np.zeros(0))], 2, SIGNALS)
     weights = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (4, 1))
-    part = PatternScores(np.arange(4), batch, None, weights, None)
+    part = PatternScores(np.arange(4), batch, None, lambda _: weights)
     score = FittedScore((part,), np.array([0, 0, 1, 2]), np.ones(4, bool))
     (clip, *_) = cut_clips(corpus([0.0])[0], "annotated", 6.0)
     np.testing.assert_allclose(recording_lags(score, [clip] * 4), [0.3, -0.2, np.nan], atol=1e-9)
