@@ -2,10 +2,15 @@
 
 The bodies here change their shape at random, which no music knows of, and are carried up and down as one piece: fastest
 upwards `peak` beats after every beat. The music has a beat every half second, two in a cycle.
+
+Corpora without any effect lie inside the chance band of `compare`; recordings of dancers in time do not.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +18,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import Recording
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.scores import DiscriminantLessons, FittedScore, PatternScores, beat_features, recording_lags
 from harmolab.lab.compare.windows import MOMENTS, SIGNALS, FitBatch, bounce, cut_clips, signal_batch, turned_signals
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.types import Audio, Clip, FloatArray, Motion
+from tests.builders import cases
 
 FPS = 30.0
 PERIOD = 0.5
@@ -40,15 +47,16 @@ def bobbing(seed: int, *, peak: float = 0.0, height: float = 0.05) -> Motion:
     return Motion(places, FPS, Skeleton.unnamed(8))
 
 
-def danced(name: str, motion: Motion, *figures: str, dance: str = "cha-cha", bars: bool = True) -> Recording:
+def danced(
+    name: str, motion: Motion, *figures: str, dance: str = "cha-cha", bars: bool = True, period: float = PERIOD
+) -> Recording:
     """A recording that begins on a downbeat; each figure fills an equal stretch of it."""
-    edges = np.linspace(0, SECONDS, len(figures) + 1)
+    edges = np.linspace(0, motion.duration, len(figures) + 1)
     units = tuple(Unit(f"{name} {i}", edges[i], edges[i + 1], 4, figure) for i, figure in enumerate(figures))
-    times = np.arange(0, SECONDS + 1, PERIOD)
-    annotation = BeatAnnotation(
-        times, times[::4] if bars else None, 4 if bars else None, 60 / PERIOD, dance, units, 0.0
-    )
-    sound = Audio(np.zeros(round(1000 * (SECONDS + 1))), 1000)
+    times = np.arange(0, motion.duration + 1, period)
+    downbeats, meter = (times[::4], 4) if bars else (None, None)
+    annotation = BeatAnnotation(times, downbeats, meter, 60 / period, dance, units, 0.0)
+    sound = Audio(np.zeros(round(1000 * (motion.duration + 1))), 1000)
     return Recording(Clip(name, sound, motion, 0.0, "hand-made", dance=dance), annotation, Path("corpus") / name)
 
 
@@ -122,9 +130,8 @@ def by_hand(clips: list[FloatArray]) -> FloatArray:
 def test_weights_are_those_of_the_formula_on_the_clips_that_may_teach(noise: FitBatch):
     usable = ~np.eye(5, dtype=bool)
     weights = DiscriminantLessons.of(noise, usable).weights()
-    features = {
-        i: beat_features(noise.fits[i, :, : noise.sizes[i]], 2) for i in (0, 1, 2, 4)
-    }  # the fourth has no beats
+    timed = (0, 1, 2, 4)  # the fourth has no beats
+    features = {i: beat_features(noise.fits[i, :, : noise.sizes[i]], 2) for i in timed}
     for judged in range(5):
         teachers = [rows for i, rows in features.items() if i != judged]
         np.testing.assert_allclose(weights[judged], by_hand(teachers), rtol=1e-9)
@@ -191,9 +198,8 @@ def test_another_window_of_the_judged_recording_teaches_it_nothing():
 
 
 def test_dances_of_one_cycle_share_what_they_teach():
-    dances = [
-        danced(f"S{i}", bobbing(i), f"a{i}", dance=dance) for i, dance in enumerate(("rumba", "tango", "cha-cha"))
-    ]
+    names = ("rumba", "tango", "cha-cha")
+    dances = [danced(f"S{i}", bobbing(i), f"a{i}", dance=dance) for i, dance in enumerate(names)]
     result = compared(dances, n_rotations=0)
     assert result.true["discriminant"].min() > 0.5
     assert result.summary["unfitted_parts"] == 6  # the curves of speed have nobody of their own dance
@@ -222,7 +228,7 @@ def test_lag_of_a_recording_is_where_its_clips_score_highest_together():
     shape = [np.cos(np.pi * (np.arange(8 * MOMENTS) / MOMENTS - peak)) for peak in (0.2, 0.4, 1.8)]
     batch = signal_batch([{"recommended": one, "bounce": 0 * one} for one in (*shape, np.zeros(0))], 2, SIGNALS)
     weights = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (4, 1))
-    part = PatternScores(np.arange(4), batch, None, weights, None)
+    part = PatternScores(np.arange(4), batch, None, lambda _: weights)
     score = FittedScore((part,), np.array([0, 0, 1, 2]), np.ones(4, bool))
     (clip, *_) = cut_clips(corpus([0.0])[0], "annotated", 6.0)
     np.testing.assert_allclose(recording_lags(score, [clip] * 4), [0.3, -0.2, np.nan], atol=1e-9)
@@ -232,3 +238,72 @@ def test_recordings_whose_lag_is_found_are_counted():
     peaks = [0.0] * 8 + [0.5]
     recordings = [danced(f"S{i}", bobbing(i, peak=peak), f"a{i}", bars=False) for i, peak in enumerate(peaks)]
     assert compared(recordings, n_rotations=0).summary["discriminant"]["lags_found"]["discriminant"] == 8
+
+
+NULL_SECONDS = 24.0
+N_CORPORA = 8
+N_DRAWS = 60
+
+
+def smooth_noise(rng: np.random.Generator, period: float) -> Motion:
+    """Eight joints that wander."""
+    frames = round(NULL_SECONDS * FPS)
+    places = gaussian_filter1d(rng.normal(size=(frames, 8, 3)), rng.uniform(3, 6), axis=0)
+    return Motion(0.15 * places / places.std() + 0.5 * rng.normal(size=(8, 3)), FPS, Skeleton.unnamed(8))
+
+
+def one_phase(rng: np.random.Generator, period: float) -> Motion:
+    """A dancer of the music's tempo, from a random moment of its bar on."""
+    beats = np.arange(-4, NULL_SECONDS / period + 4) * period + rng.uniform(0, 4 * period)
+    inside = beats[(beats >= 0) & (beats < NULL_SECONDS)]
+    return synthetic_motion(inside, seconds=NULL_SECONDS, fps=FPS, dance="cha-cha", seed=int(rng.integers(10**9)))
+
+
+def null_corpus(move: Callable[[np.random.Generator, float], Motion], seed: int) -> list[Recording]:
+    """Eight recordings of 24 s to annotated music that the motion knows nothing of; every figure is named."""
+    rng = np.random.default_rng(seed)
+    recordings = []
+    for number in range(8):
+        period, figures = rng.uniform(0.4, 0.7), [f"figure {number} {i}" for i in range(4)]
+        recordings.append(danced(f"S{number}", move(rng, period), *figures, period=period))
+    return recordings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("move", [smooth_noise, one_phase])
+def test_corpora_without_effect_lie_inside_the_band(move: Callable[[np.random.Generator, float], Motion]):
+    outside = {"recommended": 0, "discriminant": 0, "peaks_lagged": 0}
+    for seed in range(N_CORPORA):
+        scores = compare(null_corpus(move, seed), n_rotations=N_DRAWS, seed=seed).summary["scores"]
+        for name in outside:
+            low, high = scores[name]["chance_band"]
+            outside[name] += not low <= scores[name]["auc"] <= high
+    # At one in ten, three and more of eight happen once in 26.
+    assert max(outside.values()) <= 2
+
+
+@cache
+def recorded(corpus: Path, window: float | None) -> dict[str, Any]:
+    return compare(corpus, window=window, n_rotations=100).summary
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@cases("corpus, window, least", ("beatlocked", 6.0, 0.77), ("beatlocked", None, 0.90), ("realdance/replays", 6.0, 0.90))
+def test_recorded_movement_in_time_is_told_from_lagged_music(
+    data_root: Path, corpus: str, window: float | None, least: float
+):
+    row = recorded(data_root / corpus, window)["scores"]["recommended"]
+    assert row["auc"] >= least
+    assert row["auc"] > row["chance_band"][1]
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_discriminant_tells_more_of_recorded_dance_and_finds_fewer_lags(data_root: Path):
+    summary = recorded(data_root / "beatlocked", 6.0)
+    row, beside = summary["scores"]["discriminant"], summary["discriminant"]
+    assert row["auc"] >= 0.85
+    assert row["auc"] > row["chance_band"][1]
+    assert beside["interval"][0] > 0
+    assert beside["lags_found"]["recommended"] > beside["lags_found"]["discriminant"]

@@ -48,10 +48,9 @@ def expected(corpus: Path) -> CorpusResult:
     return compared(corpus_recordings(corpus), corpus=str(corpus))
 
 
-@pytest.mark.parametrize("jobs", [2, *(pytest.param(jobs, marks=pytest.mark.slow) for jobs in (1, 4))])
-def test_any_number_of_processes_gives_the_same_result(jobs: int, corpus: Path, expected: CorpusResult):
+def test_several_processes_give_the_same_result(corpus: Path, expected: CorpusResult):
     problems: list[Problem] = []
-    assert numbers(compared(corpus, processes=Processes(jobs), report=problems.append)) == numbers(expected)
+    assert numbers(compared(corpus, processes=Processes(2), report=problems.append)) == numbers(expected)
     assert [problem.folder for problem in problems] == [find_recordings(corpus).folders[3]]
 
 
@@ -183,12 +182,8 @@ def test_records_come_back_to_the_last_bit():
     back = unpacked(Tracks, cells)
     assert (back.name, back.figures, back.missing, back.pair[0]) == ("Ö", {"a", "b"}, None, np.inf)
     for one in back.tracks:
-        assert (one.times.tolist(), one.strengths.tolist(), one.fps, one.duration) == (
-            [third, 1.0],
-            [0.1, 0.2],
-            100,
-            10,
-        )
+        assert (one.times.tolist(), one.strengths.tolist()) == ([third, 1.0], [0.1, 0.2])
+        assert (one.fps, one.duration) == (100, 10)
         assert (one.bar_places.dtype, one.bar_places.tolist(), one.quality) == (np.int64, [0, 1], third)
     assert back.pair[1].shape == (0, 2)
     assert back.sums["wave"].tobytes() == sums["wave"].tobytes()

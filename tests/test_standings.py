@@ -23,12 +23,8 @@ def dances(system: str, values: dict[tuple[int, str, str, int], float], **others
 
 
 def test_mean_of_a_dance_is_over_draws_and_songs_and_that_of_all_over_dances():
-    values = {
-        (1, "waltz", "a", 1): 0.2,
-        (1, "waltz", "a", 2): 0.4,
-        (1, "waltz", "b", 1): 0.5,
-        (1, "tango", "c", 1): 0.9,
-    }
+    values = {(1, "waltz", "a", 1): 0.2, (1, "waltz", "a", 2): 0.4}
+    values |= {(1, "waltz", "b", 1): 0.5, (1, "tango", "c", 1): 0.9}
     table = CELLS.table_by_dance(dances(RIGHT_SONG, values, **{"h chance": 0.25}), "h").set_index("dance")
     assert table["mean"].to_dict() == pytest.approx({"waltz": 0.4, "tango": 0.9, "mean": 0.65})
     assert table["clips"].to_dict() == {"waltz": 2, "tango": 1, "mean": 3}
@@ -88,9 +84,8 @@ def test_a_difference_is_taken_clip_by_clip_and_ranked_only_by_both_intervals():
 def test_what_was_not_trained_is_held_against_every_training():
     base = {(training, "waltz", song, 1): 0.5 - 0.1 * training for training in (1, 2) for song in "ab"}
     cheap = {(1, "waltz", song, 1): 0.1 for song in "ab"}
-    (row,) = CELLS.difference_table(pd.concat([dances(HARMOGAN, base), dances(RIGHT_SONG, cheap)]), ["h"]).to_dict(
-        "records"
-    )
+    both = pd.concat([dances(HARMOGAN, base), dances(RIGHT_SONG, cheap)])
+    (row,) = CELLS.difference_table(both, ["h"]).to_dict("records")
     assert row["difference"] == pytest.approx(np.mean([-0.3, -0.2]))
     assert (row["low"], row["high"]) == pytest.approx(mean_interval([-0.3, -0.2])[1:])
     assert row["rank"] == ""

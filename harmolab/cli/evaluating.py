@@ -94,14 +94,9 @@ def evaluate(
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
-            settings,
-            out,
-            jobs=common.processes(jobs),
-            scheduler=scheduler,
-            resume=resume,
-            force=force,
+            settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
             progress=progress,
-        )
+        )  # fmt: skip
         from harmolab.lab.evaluate.page import write_evaluation
 
         paths = write_evaluation(out, evaluation)
@@ -234,14 +229,7 @@ def print_comparison(summary: dict[str, Any]) -> None:
         low, high = row["chance_band"]
         tells = "yes" if row["auc"] > high else "below" if row["auc"] < low else "no"
         own = [common.show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances]
-        return [
-            name,
-            common.show(row["auc"]),
-            common.show(row["interval"]),
-            common.show(row["chance_band"]),
-            tells,
-            *own,
-        ]
+        return [name, *(common.show(row[column]) for column in ("auc", "interval", "chance_band")), tells, *own]
 
     headings = [Column("score", no_wrap=True), "AUC", "interval", "chance band", "tells?", *dances]
     title = f"{summary['corpus']}: {summary['n']} windows, {summary['beats']} beats, {summary['null']} music"

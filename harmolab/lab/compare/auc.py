@@ -9,28 +9,23 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harmolab.data import recordings as folders
 from harmolab.files import Progress, plain, silent
+from harmolab.lab.compare import scores as scoring
 from harmolab.lab.compare.rows import THIS_PROCESS, Corpus, Processes, RecordingOptions, corpus_scores
-from harmolab.lab.compare.scores import (
-    DISCRIMINANT,
-    NEAR,
-    Scores,
-    ScoreTable,
-    discriminant_score,
-    other_music,
-    recording_lags,
-    score_table,
-    verdict_summary,
-)
+from harmolab.lab.compare.scores import DISCRIMINANT, NEAR, Scores, ScoreTable
 from harmolab.lab.compare.windows import CLIP_SECONDS, OURS, TENTHS, BeatClip, learn_patterns, usable_clips
 from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
+
+Names = NDArray[np.str_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +99,16 @@ def compare(
         raise ValueError("no sequence to compare")
     fit_clips = None
     if fit_on is not None:
-        options = RecordingOptions(beats, window, tuple(dances), judged=False)
+        options = replace(options, other_music=False, judged=False)
         others = corpus_scores(fit_on, options, processes.below("fit_on"), progress=progress, report=report)
         fit_clips = [clip for scores in others for clip in scores.clips]
         if not fit_clips:
             raise ValueError("no sequence to fit on")
     usable = usable_clips(clips, fit_clips)
     learnt = learn_patterns(clips, fit_clips)
-    music = other_music(clips, seed) if null == "other" else None
-    table = score_table(clips, learnt, usable, fit_clips, music)
-    second = {DISCRIMINANT: discriminant_score(clips, fit_clips, music)}
+    music = scoring.other_music(clips, seed) if null == "other" else None
+    table = scoring.score_table(clips, learnt, usable, fit_clips, music)
+    second = {DISCRIMINANT: scoring.discriminant_score(clips, fit_clips, music)}
     table = replace(table, fitted=table.fitted | second)
     result = _summarise(clips, table, n_rotations, seed, progress)
     verdicts = [scores.verdict for scores in recorded if scores.verdict is not None]
@@ -123,7 +118,7 @@ def compare(
         "n": len(result.dances), "n_sequences": len(set(result.sequences)), "fitted_on": _fit_note(clips, fit_clips),
         "n_parts": len(clips), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in learnt),
         "seed": seed, **result.summary, "discriminant": _beside(result, table, clips, seed, n_rotations),
-        **verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
+        **scoring.verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}
     shifts: dict[str, list[float]] = {}
@@ -189,11 +184,12 @@ def _summarise(
     means = {name: windows.means_of(row) for name, row in table.at(np.zeros(len(clips), np.int64)).items()}
     true, wrong = ({name: row[side] for name, row in means.items()} for side in (0, 1))
     bands = _chance_bands(clips, table, windows, n_rotations, seed, progress)
-    scores: dict[str, Any] = {}
-    for name in means:
-        scores[name] = _row(true[name], wrong[name], windows.sequences, seed, n_rotations)
-        scores[name]["chance_band"] = bands.get(name, [None, None])
-        scores[name]["by_dance"] = _rows_by_dance(true[name], wrong[name], windows, seed, n_rotations)
+    row, dances = partial(_row, seed=seed, count=n_rotations), np.array(windows.dances)
+    members = {dance_key(dance): np.flatnonzero(dances == dance) for dance in sorted(set(windows.dances))}
+    sequences, scores = np.array(windows.sequences), {}
+    for name, (right, other) in means.items():
+        scores[name] = row(right, other, sequences) | {"chance_band": bands.get(name, [None, None])}
+        scores[name]["by_dance"] = {key: row(right[own], other[own], sequences[own]) for key, own in members.items()}
     return CorpusResult({"scores": scores}, true, wrong, windows.dances, windows.sequences)
 
 
@@ -230,7 +226,7 @@ def _quantiles(values: Sequence[float]) -> list[float | None]:
     return [float(edge) for edge in np.quantile(values, [0.025, 0.975])] if len(values) else [None, None]
 
 
-def _row(true: FloatArray, wrong: FloatArray, sequences: Sequence[str], seed: int, count: int) -> dict[str, Any]:
+def _row(true: FloatArray, wrong: FloatArray, sequences: Names, *, seed: int, count: int) -> dict[str, Any]:
     """AUC, its bootstrap interval over recordings, and the mean scores."""
     return {
         "auc": auc(true, wrong),
@@ -241,10 +237,9 @@ def _row(true: FloatArray, wrong: FloatArray, sequences: Sequence[str], seed: in
     }
 
 
-def _resampled(sequences: Sequence[str], seed: int, count: int) -> list[IntArray]:
+def _resampled(sequences: Names, seed: int, count: int) -> list[IntArray]:
     """Numbers of the windows of as many recordings, drawn with replacement, so many times; none for one recording."""
-    names = np.array(sequences)
-    members = [np.flatnonzero(names == name) for name in dict.fromkeys(sequences)]
+    members = [np.flatnonzero(sequences == name) for name in dict.fromkeys(sequences)]
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, len(members), (count if len(members) > 1 else 0, len(members)))
     return [np.concatenate([members[i] for i in row]) for row in draws]
@@ -259,23 +254,12 @@ def _beside(
     def gain(rows: IntArray) -> float:
         return auc(true[DISCRIMINANT][rows], wrong[DISCRIMINANT][rows]) - auc(true[OURS][rows], wrong[OURS][rows])
 
-    lags = {name: recording_lags(table.fitted[name], clips) for name in (OURS, DISCRIMINANT)}
+    lags = {name: scoring.recording_lags(table.fitted[name], clips) for name in (OURS, DISCRIMINANT)}
     return {
         "auc_difference": gain(np.arange(len(result.sequences))),
-        "interval": _quantiles([gain(rows) for rows in _resampled(result.sequences, seed, count)]),
+        "interval": _quantiles([gain(rows) for rows in _resampled(np.array(result.sequences), seed, count)]),
         "lags_found": {name: int(np.sum(np.abs(row) <= NEAR)) for name, row in lags.items()},
     }
-
-
-def _rows_by_dance(
-    true: FloatArray, wrong: FloatArray, windows: _Windows, seed: int, count: int
-) -> dict[str, dict[str, Any]]:
-    """The same row for the windows of each dance, under its `dance_key`."""
-    rows = {}
-    for dance in sorted(set(windows.dances)):
-        index = np.flatnonzero(np.array(windows.dances) == dance)
-        rows[dance_key(dance)] = _row(true[index], wrong[index], [windows.sequences[i] for i in index], seed, count)
-    return rows
 
 
 def dance_key(dance: str) -> str:

@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from harmolab.data import recordings
-from harmolab.data.recordings import recording_beats
+from harmolab.data.recordings import Recording, recording_beats
 from harmolab.files import plain
 from harmolab.lab.compare import windows
 from harmolab.lab.compare.batch import BeatBatch, rescore
@@ -37,6 +36,8 @@ from harmolab.verdict.judge import judge, music_and_motion
 LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
 N_OTHERS = 5  # stretches of other music for the "other" null
 Scores = tuple[FloatArray, FloatArray]  # (n,) with true and (n, K) with wrong music
+# Beats by which the music of the teaching clips begins late -> (n, F) coefficients of the pattern of each judged clip.
+Weights = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class ScoredClip(windows.BeatClip):
 def scored_clip(clip: windows.BeatClip, *, other_music: bool) -> ScoredClip:
     """The clip scored with its own music; without what only other music needs, its movement, where there is none."""
     own = clip.music()
-    curves = {name: windows.cycle_curve(*signal, own, clip.cycle) for name, signal in clip.speeds.items()}
+    curves = windows.cycle_curves(clip.speeds, own, clip.cycle)
     hits = hit_scores(clip, shifted_music(clip))
     kept = clip if other_music else replace(clip, visual={}, speeds={})
     return ScoredClip(**vars(kept), hits=hits, curves=curves)
@@ -91,12 +92,11 @@ class ScoreTable:
             grid, others = fitted.at(origins / windows.TENTHS)
             true, lagged = self._lagged(grid, origins)
             rows[name] = true, lagged if others is None else others
-        rows |= {name: self._lookup(name, grid, origins) for name, grid in self.hits.items()}
-        late = origins + self.lags.at(origins)
-        return rows | {"peaks_lagged": self._lookup("peaks", self.hits["peaks"], late)}
+        rows |= {name: self._lookup(name, origins) for name in self.hits}
+        return rows | {"peaks_lagged": self._lookup("peaks", origins + self.lags.at(origins))}
 
-    def _lookup(self, name: str, grid: FloatArray, origins: IntArray) -> Scores:
-        true, lagged = self._lagged(grid, origins)
+    def _lookup(self, name: str, origins: IntArray) -> Scores:
+        true, lagged = self._lagged(self.hits[name], origins)
         return true, self.other_hits.get(name, lagged)
 
     def _lagged(self, grid: FloatArray, origins: IntArray) -> Scores:
@@ -152,35 +152,26 @@ class FittedScore:
         grid = np.zeros((origins.size, max(windows.TENTHS * part.batch.cycle for part in self.parts)))
         others = None
         for part in self.parts:
-            weights = part.weights(origins)
+            weights = part.weights(origins[part.clips])
             rows = part.batch.harmony(weights)
             free = ~self.is_placed[part.clips]
             rows[free] = with_one_place(rows[free], self.sequences[part.clips][free])
             grid[part.clips, : rows.shape[1]] = rows
             if part.others is not None:
                 others = np.zeros((origins.size, N_OTHERS)) if others is None else others
-                others[part.clips] = part.others.harmony(np.repeat(weights, N_OTHERS, axis=0))[:, 0].reshape(
-                    -1, N_OTHERS
-                )
+                wrong = part.others.harmony(np.repeat(weights, N_OTHERS, axis=0))
+                others[part.clips] = wrong[:, 0].reshape(-1, N_OTHERS)
         return grid, others
 
 
 @dataclass(frozen=True, eq=False)
 class PatternScores:
-    """The clips of one cycle: their numbers (p,), their fits, those of other music (p K rows), and their patterns.
-
-    `fixed` holds the coefficients (p, F) of patterns that come from another corpus, else `lessons` teaches them.
-    """
+    """The clips of one cycle: their numbers (p,), their fits, those of other music (p K rows), and their patterns."""
 
     clips: IntArray
     batch: windows.FitBatch
     others: windows.FitBatch | None
-    fixed: FloatArray
-    lessons: windows.Teacher | None
-
-    def weights(self, origins: FloatArray) -> FloatArray:
-        """Coefficients of each clip's pattern where the music of the clips begins so many beats late."""
-        return self.fixed if self.lessons is None else self.lessons.weights(origins[self.clips])
+    weights: Weights
 
 
 def with_one_place(grid: FloatArray, sequences: IntArray) -> FloatArray:
@@ -253,7 +244,7 @@ def fitted_score(
     signals: Sequence[str],
     clips: Sequence[ScoredClip],
     others: Sequence[Sequence[BeatTrack]] | None,
-    taught: Callable[[IntArray, int], tuple[FloatArray, windows.Teacher | None]],
+    taught: Callable[[IntArray, int], Weights],
 ) -> FittedScore:
     """The score that reads some signals of n clips, by the patterns that were taught.
 
@@ -261,7 +252,7 @@ def fitted_score(
     ----------
     signals : names in `BeatClip.speeds`
     others : n lists of other music, None for lagged music
-    taught : function of the numbers of clips, and of the cycle that they have, to `PatternScores.fixed` and `lessons`
+    taught : function of the numbers of clips, and of the cycle that they have, to `PatternScores.weights`
     """
     cycles, parts = np.array([clip.cycle for clip in clips]), []
     for cycle in np.unique(cycles).tolist():
@@ -270,12 +261,10 @@ def fitted_score(
         wrong = None
         if others is not None:
             pairs = [(clips[i].speeds, track) for i in numbers.tolist() for track in others[i]]
-            curves = [
-                {one: windows.cycle_curve(*speeds[one], track, cycle) for one in signals} for speeds, track in pairs
-            ]
+            curves = [windows.cycle_curves(speeds, track, cycle) for speeds, track in pairs]
             wrong = windows.signal_batch(curves, cycle, signals)
         batch = windows.signal_batch([clip.curves for clip in own], cycle, signals)
-        parts.append(PatternScores(numbers, batch, wrong, *taught(numbers, cycle)))
+        parts.append(PatternScores(numbers, batch, wrong, taught(numbers, cycle)))
     _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
     return FittedScore(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
 
@@ -291,12 +280,11 @@ def pattern_score(
     `usable` is the (n, n) bool array of `usable_clips`; None where the patterns come from another corpus.
     """
 
-    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, windows.Teacher | None]:
-        weights = np.array([windows.coefficients(patterns[i], cycle) for i in numbers.tolist()])
+    def taught(numbers: IntArray, cycle: int) -> Weights:
         if usable is None:
-            return weights, None
+            return lambda _: np.array([windows.coefficients(patterns[i], cycle) for i in numbers.tolist()])
         sums = [clips[i].sums for i in numbers.tolist()]
-        return weights, windows.Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle)
+        return windows.Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle).weights
 
     return fitted_score((windows.OURS,), clips, others, taught)
 
@@ -331,8 +319,6 @@ def score_table(
         PeakLags(folded, usable, fit_clips is None),
     )
 
-
-# The second score of `compare`: a discriminant that is trained on the very null that judges it, never in the
 
 DISCRIMINANT = "discriminant"
 NEAR = 1 / 8  # beat: as near as "on the beat" is in the verdict
@@ -431,11 +417,12 @@ def discriminant_score(
     usable = windows.usable_clips(clips, fit_clips, any_dance=True)
     cycles = np.array([clip.cycle for clip in source])
 
-    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, windows.Teacher | None]:
+    def taught(numbers: IntArray, cycle: int) -> Weights:
         teachers = np.flatnonzero(cycles == cycle)
         batch = windows.signal_batch([source[j].lessons for j in teachers.tolist()], cycle, windows.SIGNALS)
         lessons = DiscriminantLessons.of(batch, usable[np.ix_(numbers, teachers)])
-        return lessons.weights(), lessons if fit_clips is None else None
+        fixed = lessons.weights()
+        return lessons.weights if fit_clips is None else lambda _: fixed
 
     return fitted_score(windows.SIGNALS, clips, others, taught)
 
@@ -481,12 +468,10 @@ class RecordingVerdict:
     def lagged(self, seed: int) -> BeatTrack:
         """The music one random lag of 0.3-0.7 beat later."""
         lag = int(np.random.default_rng(seed).choice(LAGS)) / windows.TENTHS
-        return _later(self.music, lag * self.clip.period)
+        return self.music.span(-lag * self.clip.period, self.music.duration)
 
 
-def recording_verdict(
-    recording: recordings.Recording, beats: str, clips: Sequence[windows.BeatClip]
-) -> RecordingVerdict:
+def recording_verdict(recording: Recording, beats: str, clips: Sequence[windows.BeatClip]) -> RecordingVerdict:
     """The verdict on a whole recording as `score_clip` judges it.
 
     Parameters
@@ -509,13 +494,6 @@ def recording_verdict(
     return RecordingVerdict(first, plain(row), slim, music)
 
 
-def _later(track: BeatTrack, seconds: float) -> BeatTrack:
-    """The beats later by so many seconds, but for those that leave the time line."""
-    times = track.times + seconds
-    inside = times <= track.duration
-    return replace(track.select(inside), times=times[inside])
-
-
 def verdict_summary(
     verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[windows.BeatClip], is_inside: bool, seed: int
 ) -> dict[str, Any]:
@@ -530,11 +508,8 @@ def verdict_summary(
         lagged = verdict.lagged(seed + number)
         levels["true"].append(verdict.row["level"])
         levels["lagged"].append(judge(verdict.shape, lagged, pattern=DANCE_PATTERNS.get(verdict.clip.dance)).level)
-        sums = [
-            clip.sums
-            for clip in fit_clips
-            if clip.sums is not None and usable(clip, verdict.clip, same_corpus=is_inside)
-        ]
+        teachers = [clip for clip in fit_clips if usable(clip, verdict.clip, same_corpus=is_inside)]
+        sums = [clip.sums for clip in teachers if clip.sums is not None]
         if sums:
             pattern = replace(fit_pattern(sums), dance=verdict.clip.dance)
             for name, track in (("true, learnt", verdict.music), ("lagged, learnt", lagged)):

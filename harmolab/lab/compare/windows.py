@@ -13,7 +13,6 @@ begins elsewhere multiplies a clip's Fourier sums by a phase, so patterns are le
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -31,8 +30,7 @@ from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion
 from harmolab.verdict import bar_pattern
 from harmolab.verdict.evidence import floor
 
-# Clips ranked against patterns, many clips at once, and patterns that are learnt anew: the fitted scores of a
-
+Signal = tuple[FloatArray, FloatArray]  # (T,) seconds and values
 MOMENTS = 20  # a beat
 TENTHS = 10  # of a beat: the lags at which a clip is scored
 
@@ -53,6 +51,11 @@ def cycle_curve(times: FloatArray, speed: FloatArray, track: BeatTrack, cycle: i
     curve, first = bar_pattern.beat_curve(times, speed, track, moments=MOMENTS)
     whole = curve.size // (cycle * MOMENTS) * cycle * MOMENTS
     return np.roll(curve[:whole], first % max(whole, 1))
+
+
+def cycle_curves(signals: Mapping[str, Signal], track: BeatTrack, cycle: int) -> dict[str, FloatArray]:
+    """The `cycle_curve` of each signal."""
+    return {name: cycle_curve(*signal, track, cycle) for name, signal in signals.items()}
 
 
 def coefficients(pattern: BarPattern, cycle: int) -> FloatArray:
@@ -131,11 +134,12 @@ def signal_batch(curves: Sequence[Mapping[str, FloatArray]], cycle: int, signals
     cycle : int, beats
     """
     first = [row[signals[0]] for row in curves]
-    rows = [
-        [row[name] if row[name].size == own.size else 0 * own for row, own in zip(curves, first, strict=True)]
-        for name in signals
-    ]
-    batches = [FitBatch.of(row, cycle) for row in rows]
+
+    def batch(name: str) -> FitBatch:
+        pairs = ((row[name], own) for row, own in zip(curves, first, strict=True))
+        return FitBatch.of([curve if curve.size == own.size else 0 * own for curve, own in pairs], cycle)
+
+    batches = [batch(name) for name in signals]
     return FitBatch(cycle, np.concatenate([batch.fits for batch in batches], axis=1), batches[0].sizes)
 
 
@@ -144,13 +148,6 @@ def _ranks(values: FloatArray) -> FloatArray:
     ranks = np.empty(values.shape)
     np.put_along_axis(ranks, values.argsort(axis=1), np.arange(values.shape[1])[None], axis=1)
     return ranks
-
-
-class Teacher(Protocol):
-    """Source of the weights of a score: lessons of clips, and who may learn from whom."""
-
-    def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
-        """(n, F) coefficients for each judged clip where the music of each teaching clip begins so many beats late."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +226,7 @@ class BeatClip:
     cycle: int
     is_placed: bool
     visual: Mapping[str, BeatTrack]
-    speeds: Mapping[str, tuple[FloatArray, FloatArray]]
+    speeds: Mapping[str, Signal]
     sums: bar_pattern.PatternSums | None
     lessons: Mapping[str, FloatArray]
 
@@ -260,14 +257,16 @@ def cut_clips(recording: folders.Recording, beats: str, window: float | None) ->
     n_windows = 1 if window is None else max(1, int(motion.duration / window + 1e-6))
     length = motion.duration if window is None else min(window, motion.duration)
     per_window = max(1, int(length / CLIP_SECONDS + 1e-6))
-    clips = []
     is_placed = cycle == 1 or track.bar_places is not None
-    for index in range(n_windows * per_window):
-        # On a frame, or the music would be up to half a frame off.
-        start = round(index * length / per_window * motion.fps) / motion.fps
-        movement = motion.span(start, length / per_window)
-        clips.append(_beat_clip(recording, index // per_window, start, movement, judged, teacher, cycle, is_placed))
-    return clips
+    # On a frame, or the music would be up to half a frame off.
+    frames = [round(index * length / per_window * motion.fps) for index in range(n_windows * per_window)]
+    spans = [(frame / motion.fps, motion.span(frame / motion.fps, length / per_window)) for frame in frames]
+    return [
+        _beat_clip(
+            recording, *span, teacher, window=index // per_window, track=judged, cycle=cycle, is_placed=is_placed
+        )
+        for index, span in enumerate(spans)
+    ]
 
 
 def _meter(recording: folders.Recording) -> int | None:
@@ -278,15 +277,9 @@ def _meter(recording: folders.Recording) -> int | None:
 
 
 def _beat_clip(
-    recording: folders.Recording,
-    window: int,
-    start: float,
-    motion: Motion,
-    track: BeatTrack,
-    teacher: BeatTrack,
-    cycle: int,
-    is_placed: bool,
-) -> BeatClip:
+    recording: folders.Recording, start: float, motion: Motion, teacher: BeatTrack, *, window: int, track: BeatTrack,
+    cycle: int, is_placed: bool,
+) -> BeatClip:  # fmt: skip
     """The clip of a span of the motion; the motion itself is not kept, so a large corpus stays small in memory.
 
     It is judged by the beats of `track`, and teaches by those of `teacher`: annotated ones, where there are any.
@@ -298,20 +291,20 @@ def _beat_clip(
     beats = teacher.span(begins, motion.duration)
     sums = bar_pattern.pattern_sums(bar_pattern.beat_positions(times, beats), speed, cycle) if len(beats) > 1 else None
     speeds = dict(zip(SIGNALS, ((times, speed), bounce(motion)), strict=True))
-    lessons = {name: cycle_curve(*speeds[name], beats, cycle) for name in SIGNALS}
     return BeatClip(
-        folder, window, recording.clip.dance, frozenset(figure for figure, _ in units), longest, begins,
-        motion.duration, track, cycle, is_placed, _visual_tracks(motion), speeds, sums, lessons,
+        sequence=folder, dance=recording.clip.dance, figures=frozenset(figure for figure, _ in units), unit=longest,
+        start=begins, duration=motion.duration, cycle=cycle, visual=_visual_tracks(motion), speeds=speeds, sums=sums,
+        lessons=cycle_curves(speeds, beats, cycle), window=window, track=track, is_placed=is_placed,
     )  # fmt: skip
 
 
-def _shape(motion: Motion) -> tuple[FloatArray, FloatArray]:
+def _shape(motion: Motion) -> Signal:
     """Seconds and normalised shape speed of a clip; all 0 where too little moves inside the body to judge its shape."""
     signal = shape_signal(shape_speed(motion))
     return signal.times, signal.values * (not floor(signal))
 
 
-def bounce(motion: Motion) -> tuple[FloatArray, FloatArray]:
+def bounce(motion: Motion) -> Signal:
     """Seconds and vertical velocity of the mean of all joints, upwards, in its standard deviations over the clip.
 
     Both are (T',) arrays on the time line of the shape speed; the velocity is 0 where the body keeps its height.
@@ -328,12 +321,8 @@ def bounce(motion: Motion) -> tuple[FloatArray, FloatArray]:
 def _visual_tracks(motion: Motion) -> dict[str, BeatTrack]:
     """Visual beats of every kind that a score reads."""
     valleys = HarmonyParams.valleys()
-    kinds = {
-        "turns": HarmonyParams.paper(),
-        "valleys": valleys,
-        "peaks": replace(valleys, detector="peaks"),
-        "kinematic": kinematic_params(),
-    }
+    kinds = {"valleys": valleys, "peaks": replace(valleys, detector="peaks")}
+    kinds |= {"turns": HarmonyParams.paper(), "kinematic": kinematic_params()}
     return {kind: visual_beats(motion, params=params) for kind, params in kinds.items()}
 
 
@@ -353,11 +342,13 @@ def usable(clip: BeatClip, judged: BeatClip, *, same_corpus: bool, any_dance: bo
 
     With `any_dance` the dances of one cycle share what they teach.
     """
-    if clip.cycle != judged.cycle or clip.figures & judged.figures:
+    if (
+        clip.cycle != judged.cycle
+        or clip.figures & judged.figures
+        or (same_corpus and clip.sequence == judged.sequence)
+    ):
         return False
-    if clip.dance != judged.dance and not any_dance:
-        return False
-    return not (same_corpus and clip.sequence == judged.sequence)
+    return any_dance or clip.dance == judged.dance
 
 
 def usable_clips(
@@ -406,9 +397,6 @@ def dance_patterns(
                 rows.setdefault(clip.dance, []).append(clip.sums)
     if not rows:
         raise ValueError("no sequence with annotated beats to learn from")
-    return {
-        dance: replace(
-            bar_pattern.fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}"), dance=dance
-        )
-        for dance, sums in rows.items()
-    }
+    labels = {dance: f"{len(sums)} clips of {dance or 'unknown dance'}" for dance, sums in rows.items()}
+    fits = {dance: bar_pattern.fit_pattern(sums, source=labels[dance]) for dance, sums in rows.items()}
+    return {dance: replace(pattern, dance=dance) for dance, pattern in fits.items()}

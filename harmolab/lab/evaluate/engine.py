@@ -33,11 +33,10 @@ from filelock import FileLock, Timeout
 from harmolab.files import PathLike, Progress, atomic_write, plain, read_json, reading, silent, write_json
 from harmolab.systems.training.about import write_synced
 
-# Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it
-
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow
+    from distributed import Client, Scheduler
 
 Row = Mapping[str, Any]
 
@@ -111,11 +110,6 @@ def part_rows(path: Path) -> list[dict[str, Any]]:
         return _table(path).to_pylist()
 
 
-def part_keys(path: Path) -> list[str]:
-    """The keys of a part's rows; none where there is no part, or half of one."""
-    return part_texts(path, KEY)
-
-
 def part_texts(path: Path, column: str) -> list[str]:
     """A column of a part's rows; empty where there is no part, half of one, or no such column."""
     try:
@@ -185,55 +179,33 @@ def _frame(path: Path, schema: pyarrow.Schema) -> pd.DataFrame:
 
     with reading(path, _WHAT):
         table = _table(path)
-        columns = {
-            field.name: table[field.name].cast(field.type)
-            if field.name in table.column_names
-            else pyarrow.nulls(len(table), field.type)
-            for field in schema
-        }
-        return pyarrow.table(columns, schema=schema).to_pandas(use_threads=False)
+        own = table.select([name for name in table.column_names if name != STAMP])
+        both = pyarrow.concat_tables([schema.empty_table(), own], promote_options="permissive")
+        return both.to_pandas(use_threads=False)
 
 
-class PartWriter:
-    """Writes rows that come in their order into the parts of a folder; some may be there already.
+def write_parts(folder: Path, size: int, rows: Iterable[tuple[int, Row]]) -> None:
+    """Write (number, row) that come in their order into the parts of a folder; some may be there already.
 
-    A part is written when it is full, every `FLUSH_SECONDS`, and at the end of the block, be it by an error.
+    A part is written when it is full, every `FLUSH_SECONDS`, and at the end, be it by an error.
     """
+    part: list[Row] = []
+    path, last, is_written = folder, time.monotonic(), True
+    try:
+        for index, row in rows:
+            number, place = divmod(index, size)
+            if path != part_path(folder, number):  # a part is full before the next one begins
+                path = part_path(folder, number)
+                part = [*part_rows(path)[:place]] if place else []
+            part.append(row)
+            is_written = len(part) == size or time.monotonic() - last >= FLUSH_SECONDS
+            if is_written:
+                write_part(path, part)
+                last = time.monotonic()
+    finally:
+        if not is_written:
+            write_part(path, part)
 
-    def __init__(self, folder: Path, part_rows: int) -> None:
-        self._folder, self._size = folder, part_rows
-        self._number = -1
-        self._rows: list[Row] = []
-        self._pending = 0
-        self._last = time.monotonic()
-
-    def __enter__(self) -> PartWriter:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._flush()
-
-    def add(self, index: int, row: Row) -> None:
-        """Add row number `index`; those before it in its part have been added, or are on disk."""
-        number, place = divmod(index, self._size)
-        if number != self._number:
-            self._flush()
-            self._number = number
-            self._rows = [*part_rows(part_path(self._folder, number))[:place]] if place else []
-        self._rows.append(row)
-        self._pending += 1
-        if len(self._rows) == self._size or time.monotonic() - self._last >= FLUSH_SECONDS:
-            self._flush()
-
-    def _flush(self) -> None:
-        if self._pending:
-            write_part(part_path(self._folder, self._number), self._rows)
-        self._pending, self._last = 0, time.monotonic()
-
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from distributed import Client, Scheduler
 
 PER_WORKER = 4  # tasks under way for each: one runs, the others wait, so that it never does
 MOST_WAITING = 1024  # rows that are measured, but wait for an earlier one
@@ -342,9 +314,9 @@ def run_rows(
         if missing:
             measurement = Measurement(measure, stamp)
             indices = (index for place, rows in zip(places, done, strict=True) for index in place[rows:])
-            with _rows(tasks, measurement, indices, jobs, scheduler) as rows, PartWriter(out, size) as writer:
-                for _, (index, row) in zip(progress(range(missing), "measured"), rows, strict=True):
-                    writer.add(index, row)
+            with _rows(tasks, measurement, indices, jobs, scheduler) as rows:
+                counted = zip(progress(range(missing), "measured"), rows, strict=True)
+                write_parts(out, size, (row for _, row in counted))
     return read_rows(out)
 
 
@@ -401,12 +373,10 @@ def _check_same(path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> N
     """ValueError that names every entry in which the manifest of a run differs from that of this one."""
     before, now = dict(_leaves(old)), dict(_leaves(new))
     changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    named = [name for name in changed if name != "keys"]
+    pairs = [f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in named]
     if changed:
-        pairs = [
-            f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in changed if name != "keys"
-        ]
-        if changed == ["keys"]:
-            pairs = ["other files, as many as now"]
+        pairs = pairs or ["other files, as many as now"]
         raise ValueError(
             f"{path}: the run was begun otherwise: {', '.join(pairs)}; ask for the same, or begin anew by --force, "
             "without --resume"
@@ -424,7 +394,7 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def _rows_done(path: Path, tasks: Sequence[Task], place: range, stamp: Stamp | None) -> int:
     """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
-    keys = part_keys(path)
+    keys = part_texts(path, KEY)
     own = [tasks[index] for index in place[: len(keys)]]
     if keys != [task.key for task in own]:
         return 0

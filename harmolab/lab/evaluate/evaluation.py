@@ -13,23 +13,13 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
-from harmolab.lab.evaluate import summary
+from harmolab.lab.evaluate import pairing, summary
 from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
 from harmolab.lab.evaluate.measured import MEASURES
-from harmolab.lab.evaluate.pairing import (
-    RECORDED,
-    Pair,
-    Pairing,
-    Unpaired,
-    folder_pairs,
-    listed_pairs,
-    songs_in,
-    unused_songs,
-)
+from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
-from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_motion, recorded_limits
+from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_file, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
-from harmolab.lab.evaluate.summary import ranks
 from harmolab.readers.motion_file import ReadingOptions
 from harmolab.readers.smpl import load_body
 
@@ -142,7 +132,7 @@ class Evaluation:
     ranks: Mapping[str, Mapping[str, int]]
     counts: Mapping[str, Counts]
     facts: Mapping[str, Mapping[str, Counter[str]]]
-    extremes: Mapping[str, tuple[Extreme, Extreme]]
+    extremes: Mapping[str, tuple[Extreme, ...]]
     unpaired: tuple[Unpaired, ...]
     errors: tuple[Unpaired, ...]
 
@@ -198,28 +188,27 @@ def evaluate_dances(
     check_table_folder(out, settings, force=force)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
-    pairing = evaluation_pairs(settings)
-    recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
+    pairs, unpaired = evaluation_pairs(settings)
+    recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
-    options = RowOptions(
-        settings.fps, settings.scale, settings.protocol, _pose_net(settings), smpl=settings.smpl, up=settings.up
-    )
-    _check_rates(pairing.pairs, options)
+    same = {name: getattr(settings, name) for name in ("fps", "scale", "protocol", "smpl", "up")}
+    options = RowOptions(pose_net=_pose_net(settings), **same)
+    _check_rates(pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
     if resume:
         _check_limits(out / ROWS, settings, options)
-    tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
+    tasks = (*(pair for pair in pairs if pair.kind != RECORDED), *control_pairs(recorded))
     out.mkdir(parents=True, exist_ok=True)
-    mark = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
-    write_json(out / MARK, mark)
+    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    write_json(out / MARK, about)
     parts = run_rows(
         sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
         progress=progress,
     )  # fmt: skip
     collected = collect(written_parts(parts, out / CLIPS, tasks))
-    return _evaluation(settings, options, tasks, collected, pairing.unpaired)
+    return _evaluation(settings, options, tasks, collected, unpaired)
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
@@ -250,18 +239,18 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
 
 def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
     """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
-    songs = songs_in(settings.music)
-    parts = [folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    songs = pairing.songs_in(settings.music)
+    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
     if settings.pairs is None:
-        parts += [folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+        parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
     else:
         default = next(iter(settings.systems), "generated")
-        parts.append(listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
+        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
     pairs = tuple(pair for part in parts for pair in part.pairs)
     if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
-    return Pairing(pairs, (*unpaired, *unused_songs(songs, pairs)))
+    return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
 
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
@@ -277,14 +266,12 @@ def _pose_net(settings: EvaluationSettings) -> Path | None:
     return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
 
 
-def _check_rates(pairs: Iterable[Pair], options: RowOptions) -> None:
+def _check_rates(pairs: Sequence[Pair], options: RowOptions) -> None:
     """The error of the first system whose first dance has no frame rate, before anything is measured."""
-    first: dict[str, Pair] = {}
-    for pair in pairs:
-        first.setdefault(pair.system, pair)
-    for pair in first.values():
+    first = {pair.system: pair for pair in reversed(pairs)}
+    for system in dict.fromkeys(pair.system for pair in pairs):
         try:
-            pair_motion(pair, options)
+            pair_file(first[system], options)
         except MissingFrameRate:
             raise
         except (ValueError, OSError):
@@ -292,12 +279,9 @@ def _check_rates(pairs: Iterable[Pair], options: RowOptions) -> None:
 
 
 def _evaluation(
-    settings: EvaluationSettings,
-    options: RowOptions,
-    tasks: tuple[Pair, ...],
-    collected: Collected,
-    unpaired: tuple[Unpaired, ...],
-) -> Evaluation:
+    settings: EvaluationSettings, options: RowOptions, tasks: Sequence[Pair], collected: Collected,
+    unpaired: Iterable[Unpaired],
+) -> Evaluation:  # fmt: skip
     """The record of what was collected."""
     by_key = {pair.key: pair for pair in tasks}
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
@@ -314,39 +298,20 @@ def _evaluation(
     sets = set_numbers(collected.features, seed=settings.seed)
     if settings.protocol:
         sets |= protocol_sets(collected.features, settings.protocol)
+    rank = partial(summary.ranks, differences, systems)
+    ranks = {name: rank(name, better=summary.measure_of(name).better) for name in map(str, songs.columns)}
+    extremes = {
+        name: tuple(Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+        for name in (*systems, RECORDED)
+        if name in collected.extremes
+    }
     return Evaluation(
-        settings,
-        options,
-        systems,
-        tuple(name for name in names if name in CONTROLS),
-        songs,
-        summary.system_means(songs, interval=interval),
-        differences,
-        sets,
-        {
-            name: ranks(differences, systems, name, better=summary.measure_of(name).better)
-            for name in map(str, songs.columns)
-        },
-        counts,
-        collected.facts,
-        _extremes(collected, by_key, (*systems, RECORDED)),
-        tuple(dict.fromkeys(unpaired)),
-        errors,
-    )
+        settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
+        summary.system_means(songs, interval=interval), differences, sets, ranks, counts, collected.facts, extremes,
+        tuple(dict.fromkeys(unpaired)), errors,
+    )  # fmt: skip
 
 
 def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
     measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
     return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
-
-
-def _extremes(
-    collected: Collected, by_key: Mapping[str, Pair], systems: Iterable[str]
-) -> dict[str, tuple[Extreme, Extreme]]:
-    """The worst and the best dance of each of some systems."""
-    extremes = {}
-    for name in systems:
-        if name in collected.extremes:
-            worst, best = (Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
-            extremes[name] = (worst, best)
-    return extremes

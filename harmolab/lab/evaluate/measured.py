@@ -23,7 +23,6 @@ from harmolab.lab.evaluate.sets import FEATURES, SETS, feature_cells, set_number
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.metrics.features import geometric_features, kinetic_features
 from harmolab.metrics.likeness import MEASURES as BODY_MEASURES
-from harmolab.metrics.likeness import MEASURES as LIKENESS_MEASURES
 from harmolab.metrics.likeness import Likeness, LikenessLimits, likeness
 from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc, relative_jerk
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
@@ -187,7 +186,9 @@ def measure_dances(
         numbers = dance_numbers(one, single) | {name: measure(one) for name, measure in others.items()}
         lines += [(one.system, one.song, one.seed, name, value) for name, value in numbers.items()]
     for name in ratios:
-        lines += _ratios(lines, name)
+        plain = [line for line in lines if line[3] == RATIOS[name]]
+        mean = np.nanmean([line[4] for line in plain if line[0] == RECORDED])
+        lines += [(*line[:3], name, line[4] / mean) for line in plain]
     lines = [line for line in lines if line[3] in {*measures, *others}]
     sets: dict[tuple[str, str | int], list[Dance]] = {}
     for one in dances:
@@ -197,13 +198,6 @@ def measure_dances(
     numbers_of = set_numbers(_feature_tables(dances, kinds, pose_net), seed=seed) if kinds else {}
     lines += [(system, "", "", name, one.value) for (system, name), one in numbers_of.items() if name in measures]
     return pd.DataFrame(lines, columns=["system", "song", "seed", "measure", "value"])
-
-
-def _ratios(lines: Sequence[tuple[Any, ...]], name: str) -> list[tuple[Any, ...]]:
-    """The lines of one of `RATIOS`."""
-    own = [line for line in lines if line[3] == RATIOS[name]]
-    mean = np.nanmean([line[4] for line in own if line[0] == RECORDED])
-    return [(*line[:3], name, line[4] / mean) for line in own]
 
 
 def _feature_tables(dances: Iterable[Dance], kinds: Collection[str], pose_net: Path | None) -> dict[str, pd.DataFrame]:
@@ -229,12 +223,11 @@ def statue(motion: Motion) -> Motion:
 def harmony_numbers(dance: Dance) -> dict[str, float]:
     """The recommended score without a pattern, and by the bar pattern of the dance where there is one."""
     values = _recommended(dance, HarmonyParams.recommended())
-    p = values["p_value"]
-    numbers = values | {"significant": float(p <= ALPHA) if p == p else p}
-    if dance.dance not in DANCE_PATTERNS:
-        return numbers | {"harmony_dance": float("nan"), "p_value_dance": float("nan")}
-    by_bar = _recommended(dance, HarmonyParams.recommended(DANCE_PATTERNS[dance.dance]))
-    return numbers | {"harmony_dance": by_bar["harmony"], "p_value_dance": by_bar["p_value"]}
+    p, by_bar = values["p_value"], {"harmony": float("nan"), "p_value": float("nan")}
+    if dance.dance in DANCE_PATTERNS:
+        by_bar = _recommended(dance, HarmonyParams.recommended(DANCE_PATTERNS[dance.dance]))
+    of_dance = {"harmony_dance": by_bar["harmony"], "p_value_dance": by_bar["p_value"]}
+    return values | {"significant": float(p <= ALPHA) if p == p else p} | of_dance
 
 
 def _recommended(dance: Dance, params: HarmonyParams) -> dict[str, float]:
@@ -299,33 +292,24 @@ def guard_numbers(dance: Dance) -> dict[str, float]:
     }
 
 
-QUALITY: Mapping[str, Callable[[Motion], float]] = MappingProxyType(
-    {"pfc": pfc, "foot_skating": foot_skating, "freezing": freezing, "jerk": jerk, "relative_jerk": relative_jerk}
-)
+QUALITY: Mapping[str, Callable[[Motion], float]] = {
+    **{"pfc": pfc, "foot_skating": foot_skating, "freezing": freezing, "jerk": jerk, "relative_jerk": relative_jerk}
+}
 HARMONY = (
-    "harmony",
-    "p_value",
-    "harmony_low",
-    "harmony_high",
-    "level",
-    "significant",
-    "harmony_dance",
-    "p_value_dance",
+    *("harmony", "p_value", "harmony_low", "harmony_high", "level", "significant", "harmony_dance", "p_value_dance"),
 )
 PAPER = ("paper_harmony", "paper_harmony_chance", "paper_hit_rate", "paper_hit_rate_chance")
 BEATS = ("beat_align_motion", "beat_align_music", "beat_coverage", "beat_hit_rate", "mir_eval_f")
 # Name of a measure -> the function of a dance that gives it, with others.
-SOURCES: Mapping[str, Callable[[Dance], Mapping[str, float]]] = MappingProxyType(
-    {"seconds": lambda dance: {"seconds": dance.motion.duration}}
-    | dict.fromkeys(HARMONY, harmony_numbers)
-    | dict.fromkeys((*PAPER, "paper_visual_beats"), lambda dance: paper_numbers(dance.music, dance.motion))
-    | dict.fromkeys(BEATS, lambda dance: beat_numbers(dance.music, dance.motion))
-    | dict.fromkeys(("rests", "rests_late", "room_rests", "statue_rests"), rest_numbers)
-    | dict.fromkeys((*QUALITY, "speed"), quality_numbers)
-    | dict.fromkeys(
-        ("likeness", "likeness_within", *BODY, *(f"likeness_{name}" for name in BODY_MEASURES)), guard_numbers
-    )
-)
+SOURCES: Mapping[str, Callable[[Dance], Mapping[str, float]]] = {
+    "seconds": lambda dance: {"seconds": dance.motion.duration},
+    **dict.fromkeys(HARMONY, harmony_numbers),
+    **dict.fromkeys((*PAPER, "paper_visual_beats"), lambda dance: paper_numbers(dance.music, dance.motion)),
+    **dict.fromkeys(BEATS, lambda dance: beat_numbers(dance.music, dance.motion)),
+    **dict.fromkeys(("rests", "rests_late", "room_rests", "statue_rests"), rest_numbers),
+    **dict.fromkeys((*QUALITY, "speed"), quality_numbers),
+    **dict.fromkeys(("likeness", "likeness_within", *BODY, *map("likeness_{}".format, BODY_MEASURES)), guard_numbers),
+}
 # Measures in multiples of the mean of the recorded dances.
 RATIOS = MappingProxyType({"jerk_ratio": "jerk", "skating_ratio": "foot_skating", "speed_ratio": "speed"})
 SET_MEASURES = tuple(f"{kind}_{name}" for kind in SETS for name in FEATURES)
@@ -377,16 +361,14 @@ ABOVE_CHANCE = "harmony above chance"
 OF_HARMONY = (ABOVE_CHANCE, "level, 0 to 4", "p in time", "paper: harmony", "paper: hit rate", "paper: chance")
 MEANINGLESS = "not meaningful"
 # Measure of `dance_numbers` -> its words.
-WORDS: Mapping[str, str] = MappingProxyType(
-    {
-        "paper_harmony": "paper: harmony",
-        "paper_hit_rate": "paper: hit rate",
-        "paper_hit_rate_chance": "paper: chance",
-        "paper_visual_beats": "paper: visual beats M",
-        "jerk": "jerk, m/s³",
-        "foot_skating": "foot skating, m/s",
-    }
-)
+WORDS: Mapping[str, str] = {
+    "paper_harmony": "paper: harmony",
+    "paper_hit_rate": "paper: hit rate",
+    "paper_hit_rate_chance": "paper: chance",
+    "paper_visual_beats": "paper: visual beats M",
+    "jerk": "jerk, m/s³",
+    "foot_skating": "foot skating, m/s",
+}
 
 
 def dance_scores(
@@ -417,9 +399,7 @@ def _guarded(scores: dict[str, Entry], likeness: Likeness) -> dict[str, Entry]:
         scores |= dict.fromkeys(OF_HARMONY, MEANINGLESS)
     first = {ABOVE_CHANCE: scores[ABOVE_CHANCE], "looks like dancing": likeness.cannot or likeness.count}
     return (
-        first
-        | scores
-        | {f"like dancing: {LIKENESS_MEASURES[name]}": _measured(likeness, name) for name in LIKENESS_MEASURES}
+        first | scores | {f"like dancing: {words}": _measured(likeness, name) for name, words in BODY_MEASURES.items()}
     )
 
 

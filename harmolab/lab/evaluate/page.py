@@ -45,12 +45,11 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     -------
     name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
     """
+    content = plain(tables.table_content(evaluation))
     texts = {
         "index.html": evaluation_page(evaluation),
         "table.csv": tables.table_csv(evaluation),
-        "table.json": json.dumps(
-            plain(tables.table_content(evaluation)), indent=1, ensure_ascii=False, allow_nan=False
-        ),
+        "table.json": json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
         "table.tex": tables.table_tex(evaluation),
     }
     paths = {name: Path(out) / name for name in texts}
@@ -64,15 +63,13 @@ def evaluation_page(evaluation: Evaluation) -> str:
     records = tables.table_records(evaluation)
     panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
-    notes = list(tables.table_notes(evaluation))
+    notes, groups = list(tables.table_notes(evaluation)), (evaluation.measures, evaluation.set_measures)
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
         findings=list(findings(evaluation)),
         records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
-        groups=[
-            [_line(records, name, notes) for name in names] for names in (evaluation.measures, evaluation.set_measures)
-        ],
+        groups=[[_line(records, name, notes) for name in names] for names in groups],
         wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
         differences=list(_differences(evaluation)),
@@ -168,8 +165,7 @@ def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)
-        return Shown(
-            title, player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended()).page, ""
-        )
+        player = player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended())
+        return Shown(title, player.page, "")
     except (ValueError, OSError) as error:
         return Shown(title, "", str(error))

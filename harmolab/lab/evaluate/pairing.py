@@ -20,6 +20,7 @@ SONGS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 GENERATED, RECORDED = "generated", "recorded"
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
+_WORD = re.compile(r"[^\W_]+")
 _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
 
 
@@ -135,8 +136,7 @@ def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
 
 def _word_of_name(name: str, songs: Sequence[Song]) -> list[Song]:
     """The songs with most words, of those whose words stand in the name in a row."""
-    words = _words(name)
-    sizes = {song: len(own) for song in songs if (own := _words(song.name)) and _stand_in(own, words)}
+    sizes = {song: words.count(" ") for song in songs if (words := _words(song.name)).strip() and words in _words(name)}
     return [song for song, size in sizes.items() if size == max(sizes.values())]
 
 
@@ -148,13 +148,9 @@ def _same_music_id(name: str, songs: Sequence[Song]) -> list[Song]:
 _RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (_same_name, _word_of_name, _same_music_id)
 
 
-def _words(name: str) -> list[str]:
-    return [word for word in re.split(r"[\W_]+", name.casefold()) if word]
-
-
-def _stand_in(words: Sequence[str], others: Sequence[str]) -> bool:
-    """True where `words` stand in `others` one after the other."""
-    return any(others[place : place + len(words)] == words for place in range(len(others) - len(words) + 1))
+def _words(name: str) -> str:
+    """The words of a name with a blank before and behind each."""
+    return f" {' '.join(_WORD.findall(name.casefold()))} "
 
 
 def _motions(folder: Path, unpaired: list[Unpaired]) -> Iterator[tuple[str, Path]]:

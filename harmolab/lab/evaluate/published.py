@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,20 +53,15 @@ SMPL_POINTS = (
 _LEGS = ("root", "lankle", "ltoes", "rankle", "rtoes")
 # Words for the six joints of SMPL that geometric features do not ask for: (side, part), the clearest first.
 _COLLAR = ("collar", "inshoulder", "clavicle", "shoulder")
-_OTHER_POINTS = MappingProxyType(
-    {
-        "spine": [("", part) for part in ("spine2", "spine", "spine1")],
-        "lcollar": [("left", part) for part in _COLLAR],
-        "rcollar": [("right", part) for part in _COLLAR],
-        "head": [("", "head")],
-        "lhand": [("left", "hand")],
-        "rhand": [("right", "hand")],
-    }
-)
-_SETS = (("k", "kinetic"), ("g", "geometric"))
-_FEATURES: Mapping[str, Callable[..., FloatArray]] = MappingProxyType(
-    {"kinetic": kinetic_features, "geometric": geometric_features}
-)
+_OTHER_POINTS: Mapping[str, Sequence[tuple[str, str]]] = {
+    "spine": [("", part) for part in ("spine2", "spine", "spine1")],
+    "lcollar": [("left", part) for part in _COLLAR],
+    "rcollar": [("right", part) for part in _COLLAR],
+    "head": [("", "head")],
+    "lhand": [("left", "hand")],
+    "rhand": [("right", "hand")],
+}
+_FEATURES: Mapping[str, Callable[..., FloatArray]] = {"kinetic": kinetic_features, "geometric": geometric_features}
 
 
 def smpl_joints(skeleton: Skeleton, points: Sequence[str] = SMPL_POINTS) -> list[int]:
@@ -239,10 +235,11 @@ def set_scores(features: Mapping[str, ArrayLike], reference: Mapping[str, ArrayL
     ValueError
         If arrays of two rows or more are not two-dimensional, differ in their columns, or hold NaN or infinity.
     """
-    scores = {}
-    for letter, name in _SETS:
+    scores: dict[str, float] = {}
+    for name in _FEATURES:
         values, model = (np.asarray(side[name], dtype=np.float64) for side in (features, reference))
-        scores[f"FID_{letter}"], scores[f"Div_{letter}"] = _distance_and_diversity(values, model)
+        pair = _distance_and_diversity(values, model)
+        scores |= dict(zip((f"FID_{name[0]}", f"Div_{name[0]}"), pair, strict=True))
     return scores
 
 
@@ -307,9 +304,8 @@ def published_music_and_motion(
     """
     if clip.motion is None or music_beats is None:
         return music_and_motion(clip)
-    fps = clip.motion.fps
-    if not FRAME_RATES[0] <= fps <= FRAME_RATES[1]:
-        low, high = FRAME_RATES
+    fps, (low, high) = clip.motion.fps, FRAME_RATES
+    if not low <= fps <= high:
         raise ValueError(
             f"the published code tracks beats on the motion's frames, {low:g} to {high:g} a second: {fps:g}"
         )
@@ -323,6 +319,22 @@ def published_music_and_motion(
 def _song_beats(music: Path, _: int, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
     """The beats of a song; the second argument, its time of change, keeps them up to date."""
     return music_beats(load_sound(music, sample_rate=HOP * fps), song)
+
+
+def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BeatAlign": beat_align_frames(motion, music)}
+
+
+def _bas(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BAS": bas_frames(motion, music)}
+
+
+def _pfc(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"PFC": pfc_frames(motion)}
+
+
+def _nothing(*_: object) -> dict[str, Any]:
+    return {}
 
 
 SAME_RATE = 1e-3  # relative; a rate nearer to the published one than this is the published one
@@ -339,15 +351,15 @@ class Protocol:
     fps : float, hertz
         The rate that its numbers of frames are meant for. Motions of other rates are not resampled, as they are not
         there: `remarks` says so.
+    notes : tuple of str
+        Conventions and known faults, a sentence each.
+    clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
         takes none
-    clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     features : Motion -> "kinetic" and "geometric" -> array of one dance, all that `sets` needs of it
     sets : (features, reference), arrays of one row a dance -> FID_k, FID_g, Div_k, Div_g
         `clip` and `features` raise ValueError that names the joints where a skeleton lacks some that the published code
         takes. Dicts are empty where the code has no such measure.
-    notes : tuple of str
-        Conventions and known faults, a sentence each.
 
     Examples
     --------
@@ -357,11 +369,11 @@ class Protocol:
 
     source: str
     fps: float
-    music_beats: MusicBeats | None
-    clip: Callable[[Motion, BeatTrack], dict[str, float]]
-    features: Callable[[Motion], dict[str, FloatArray]]
-    sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]]
     notes: tuple[str, ...]
+    clip: Callable[[Motion, BeatTrack], dict[str, float]]
+    music_beats: MusicBeats | None = None
+    features: Callable[[Motion], dict[str, FloatArray]] = _nothing
+    sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]] = _nothing
 
     def remarks(self, motion: Motion, scores: Mapping[str, float]) -> tuple[str, ...]:
         """Sentences on one dance: another frame rate, other joints, filler frames, numbers that are NaN.
@@ -383,33 +395,11 @@ class Protocol:
         return (*(line for line, holds in lines.items() if holds), *nan)
 
 
-def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:
-    return {"BeatAlign": beat_align_frames(motion, music)}
-
-
-def _bas(motion: Motion, music: BeatTrack) -> dict[str, float]:
-    return {"BAS": bas_frames(motion, music)}
-
-
-def _pfc(motion: Motion, music: BeatTrack) -> dict[str, float]:
-    return {"PFC": pfc_frames(motion)}
-
-
-def _no_features(motion: Motion) -> dict[str, FloatArray]:
-    return {}
-
-
-def _no_sets(features: Mapping[str, ArrayLike], reference: Mapping[str, ArrayLike]) -> dict[str, float]:
-    return {}
-
-
-_UNDEFINED = MappingProxyType(
-    {
-        "BeatAlign": "there are no music beats, where the published code stops with an error.",
-        "BAS": "there are no beats of the music or of the motion, where the published code stops with an error.",
-        "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
-    }
-)
+_UNDEFINED: Mapping[str, str] = {
+    "BeatAlign": "there are no music beats, where the published code stops with an error.",
+    "BAS": "there are no beats of the music or of the motion, where the published code stops with an error.",
+    "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
+}
 _FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
 _MEANS = "Published means are over dances; here a song counts once, however many dances there are to it."
 _MUSIC_BEATS = (
@@ -435,10 +425,6 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
         "aist++": Protocol(
             "Li et al. 2021, google-research/mint with its author's fork, google/aistplusplus_api",
             60.0,
-            aist_beats,
-            _beat_align,
-            smpl_features,
-            set_scores,
             (
                 "BeatAlign is the mean over motion beats of exp(-d^2 / 18), d frames to the nearest music beat: music "
                 "beats without a motion beat cost nothing.",
@@ -457,14 +443,11 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Features depend on where in the room a dancer is, by the bracket.",
                 "The published script leaves out the first 120 frames, which FACT is given; here all frames count.",
             ),
+            *(_beat_align, aist_beats, smpl_features, set_scores),
         ),
         "edge": Protocol(
             "Tseng et al. 2023, Stanford-TML/EDGE",
             30.0,
-            None,
-            _pfc,
-            _no_features,
-            _no_sets,
             (
                 "PFC is the mean over frames of (slower of left ankle and toes) x (slower of the right ones) x "
                 "(acceleration of the root, downward part left out) / (its largest in the clip), times 10^4.",
@@ -479,14 +462,11 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "here all count.",
                 "No code for beat alignment, FID or diversity is public (issues 11, 27 and 46), so there is none here.",
             ),
+            _pfc,
         ),
         "bailando": Protocol(
             "Li Siyao et al. 2022, lisiyao21/Bailando",
             60.0,
-            bailando_beats,
-            _bas,
-            smpl_features_from_start,
-            set_scores,
             (
                 "BAS is the mean over music beats of exp(-d^2 / 18), d frames to the nearest motion beat: the other "
                 "way round than BeatAlign, so a dance that comes to rest all the time scores high.",
@@ -502,6 +482,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Features are of the first 1,200 frames, seen from where the root starts: by the bracket they measure "
                 "how far a dancer goes from there.",
             ),
+            *(_bas, bailando_beats, smpl_features_from_start, set_scores),
         ),
     }
 )

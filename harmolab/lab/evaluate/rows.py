@@ -77,7 +77,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     FileNotFoundError, ValueError
         Motion or song cannot be read, or they do not overlap; names the file.
     """
-    file = _pair_file(pair, options)
+    file = pair_file(pair, options)
     clip = _clip(pair, file.motion)
     music, motion = music_and_motion(clip)
     joints = motion.skeleton.joints
@@ -88,9 +88,8 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions),
     }  # fmt: skip
-    numbers = dance_numbers(
-        Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits), NUMBERS
-    )
+    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
+    numbers = dance_numbers(dance, NUMBERS)
     features = motion_features(motion, options.pose_net)
     if options.protocol:
         own, vectors, about["remarks"] = protocol_numbers(clip, pair, options.protocol)
@@ -119,7 +118,7 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
     A motion begins where its file or its recording says, else with the song. To another song than its own it begins
     there too, or earlier, so that it ends with a song that is shorter.
     """
-    return _clip(pair, pair_motion(pair, options))
+    return _clip(pair, pair_file(pair, options).motion)
 
 
 def _clip(pair: Pair, motion: Motion) -> Clip:
@@ -134,13 +133,11 @@ def _clip(pair: Pair, motion: Motion) -> Clip:
         raise ValueError(f"{pair.motion} with {pair.music}: {error}") from None
 
 
-def pair_motion(pair: Pair, options: RowOptions) -> Motion:
-    """The motion of a pair; of the control "frozen pose" its middle frame, held. Errors as `clip_row`."""
-    return _pair_file(pair, options).motion
+def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
+    """The motion of a pair, with notes on how it was read; of the control "frozen pose" its middle frame, held.
 
-
-def _pair_file(pair: Pair, options: RowOptions) -> MotionFile:
-    """As `pair_motion`, with notes on how the file was read."""
+    Errors as `clip_row`.
+    """
     file = read_any_motion(
         pair.motion, fps=options.fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
     )
@@ -196,7 +193,7 @@ def recorded_limits(recorded: Sequence[Pair], options: RowOptions, *, progress: 
     windows = []
     for place in progress(places.tolist(), "measuring recorded dancers"):
         try:
-            windows.append(window_measures(pair_motion(recorded[place], options)))
+            windows.append(window_measures(pair_file(recorded[place], options).motion))
         except (ValueError, OSError):
             continue  # the row of this dance says what is wrong with it
     usable = [each for each in windows if any(each)]

@@ -268,10 +268,8 @@ def _variety(danced: FeatureSet) -> dict[str, SetNumber]:
 
 def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
     """The rows of each name, of those that have two or more."""
-    places: dict[str, list[int]] = {}
-    for place, name in enumerate(names):
-        places.setdefault(name, []).append(place)
-    return [values[each] for each in places.values() if len(each) > 1]
+    groups = pd.DataFrame(values).groupby(np.array(names), sort=False)
+    return [rows.to_numpy() for _, rows in groups if len(rows) > 1]
 
 
 def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:

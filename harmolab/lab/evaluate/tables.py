@@ -156,13 +156,13 @@ def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
-    if name == "pose" and evaluation.options.pose_net is None:
+    if name != "pose":
+        words = {"kinetic": "the joints are not those of the recorded dances"}
+        reason = words.get(name, "they need joints by name that the body does not have")
+        return f"{reason}, or there are fewer than four dances"
+    if evaluation.options.pose_net is None:
         return "torch is not installed"
-    if name == "pose":
-        return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
-    if name == "kinetic":
-        return "the joints are not those of the recorded dances, or there are fewer than four dances"
-    return "they need joints by name that the body does not have, or there are fewer than four dances"
+    return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
 
 
 def methods_paragraph(evaluation: Evaluation) -> str:
@@ -179,10 +179,8 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
             f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
             f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
         )
-    beats, dances = (
-        sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
-        for name in ("beats", "dance")
-    )
+    rows = (*evaluation.systems, RECORDED)
+    beats, dances = (sum((facts[row][name] for row in rows), Counter[str]()) for name in ("beats", "dance"))
     yield from _assumptions(evaluation)
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
@@ -203,9 +201,7 @@ def _assumptions(evaluation: Evaluation) -> Iterator[Note]:
 def _listed(values: Mapping[str, int]) -> str:
     """The values of a count, the most frequent first; the numbers beside them where they differ."""
     ordered = sorted(values.items(), key=lambda item: (-item[1], item[0]))
-    if len(ordered) == 1:
-        return ordered[0][0]
-    return ", ".join(f"{value} ({count})" for value, count in ordered)
+    return ", ".join(f"{value} ({count})" if len(ordered) > 1 else value for value, count in ordered)
 
 
 def _measurement(evaluation: Evaluation) -> Iterator[str]:
@@ -260,26 +256,15 @@ def _protocol(evaluation: Evaluation) -> Iterator[str]:
 
 
 # Columns of the LaTeX table, those that were measured: name -> heading. The others are in the CSV file.
-COLUMNS: Mapping[str, str] = MappingProxyType(
-    {
-        "harmony": "Harmony",
-        "harmony_dance": "H. of dance",
-        "paper_harmony": r"$h$",
-        "paper_harmony_chance": r"$h$ by chance",
-        "beat_align_motion": r"BA$_\mathrm{motion}$",
-        "beat_align_music": r"BA$_\mathrm{music}$",
-        "mir_eval_f": "Beat $F$",
-        "fid_kinetic": r"FID$_k$",
-        "fid_geometric": r"FID$_g$",
-        "fid_pose": r"FID$_\mathrm{pose}$",
-        "diversity_kinetic": r"Div$_k$",
-        "diversity_geometric": r"Div$_g$",
-        "pfc": "PFC",
-        "foot_skating": "Skating",
-        "freezing": "Freezing",
-        "likeness": "Likeness",
-    }
-)
+COLUMNS: Mapping[str, str] = {
+    **{"harmony": "Harmony", "harmony_dance": "H. of dance"},
+    **{"paper_harmony": r"$h$", "paper_harmony_chance": r"$h$ by chance"},
+    **{"beat_align_motion": r"BA$_\mathrm{motion}$", "beat_align_music": r"BA$_\mathrm{music}$"},
+    "mir_eval_f": "Beat $F$",
+    **{"fid_kinetic": r"FID$_k$", "fid_geometric": r"FID$_g$", "fid_pose": r"FID$_\mathrm{pose}$"},
+    **{"diversity_kinetic": r"Div$_k$", "diversity_geometric": r"Div$_g$"},
+    **{"pfc": "PFC", "foot_skating": "Skating", "freezing": "Freezing", "likeness": "Likeness"},
+}
 ARROWS = MappingProxyType({1: r" $\uparrow$", -1: r" $\downarrow$", 0: ""})
 NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
 # Below so much, so many digits; rounding must not lead over the edge.
@@ -384,7 +369,8 @@ def _tabular(records: list[dict[str, Any]], heads: Mapping[str, str], group: str
     yield f"{' & '.join(['System', *(heads[name] for name in names)])} \\\\"
     for controls in (False, True):
         yield "\\midrule"
-        yield from _lines([record for record in records if record["control"] == controls], names)
+        for record in (record for record in records if record["control"] == controls):
+            yield f"{' & '.join([latex_text(record['system']), *(_cell(record, name) for name in names)])} \\\\"
     yield "\\bottomrule"
     yield "\\end{tabular}"
 
@@ -400,12 +386,6 @@ def _caption(evaluation: Evaluation) -> str:
         "interval of the paired difference excluding 0, and none better. FID corrected for the bias of small samples. "
         f"Below the line: controls.{published} Computed with harmolab {latex_text(version('harmolab'))}."
     )
-
-
-def _lines(records: list[dict[str, Any]], names: list[str]) -> Iterator[str]:
-    for record in records:
-        cells = [_cell(record, name) for name in names]
-        yield f"{' & '.join([latex_text(record['system']), *cells])} \\\\"
 
 
 def _cell(record: dict[str, Any], name: str) -> str:
