@@ -781,10 +781,8 @@ def test_same_seed_gives_the_same_pieces_whatever_other_clips_there_are(clips: l
     alone = corpus.lagged_pieces(clips[2:3], seconds=SECONDS, seed=3).pieces[0]
     np.testing.assert_array_equal(alone.motions["true"].positions, lagged.pieces[2].motions["true"].positions)
     others = corpus.lagged_pieces(clips, seconds=SECONDS, seed=4).pieces
-    shown = [
-        (one.motions["true"].positions, other.motions["true"].positions) for one, other in zip(lagged.pieces, others)
-    ]
-    assert not all(np.array_equal(*both) for both in shown)
+    pairs = zip(lagged.pieces, others, strict=True)
+    assert not all(np.array_equal(*(piece.motions["true"].positions for piece in pair)) for pair in pairs)
 
 
 def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rate(clips: list[Clip]):
