@@ -45,16 +45,14 @@ def jerk(motion: Motion) -> float:
 
 
 @cases(
-    "params, seed, fps, seconds",
-    pytest.param(RECOMMENDED, 2, 15.0, 10.0, id="recommended"),
-    pytest.param(RECOMMENDED, 2, 15.0, 6.0, id="recommended, too short to judge"),
-    pytest.param(VALLEYS, 2, 15.0, 6.0, id="valleys"),
-    pytest.param(VALLEYS, 2, 60.0, 4.0, marks=pytest.mark.slow, id="valleys, 60 hertz"),
+    "params, fps, seconds",
+    pytest.param(RECOMMENDED, 15.0, 10.0, id="recommended"),
+    pytest.param(RECOMMENDED, 15.0, 6.0, id="recommended, too short to judge"),
+    pytest.param(VALLEYS, 15.0, 6.0, id="valleys"),
+    pytest.param(VALLEYS, 60.0, 4.0, marks=pytest.mark.slow, id="valleys, 60 hertz"),
 )
-def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(
-    params: HarmonyParams, seed: int, fps: float, seconds: float
-):
-    motion, beats = dance(seed, fps=fps, seconds=seconds)
+def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(params: HarmonyParams, fps: float, seconds: float):
+    motion, beats = dance(2, fps=fps, seconds=seconds)
     result = harmonise(motion, beats, steps=90, params=params)
     assert score(motion, beats, params) < 0.5
     assert score(result, beats, params) > score(motion, beats, params) + 0.35
@@ -62,13 +60,6 @@ def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(
     np.testing.assert_allclose(bone_lengths(result), bone_lengths(motion), atol=1e-6)
     assert jerk(result) < 1.25 * jerk(motion)
     assert (result.fps, result.skeleton, result.n_frames) == (motion.fps, motion.skeleton, motion.n_frames)
-
-
-def test_a_small_reach_is_kept_and_gains_less():
-    motion, beats = dance(2, seconds=6.0)
-    near, far = harmonise(motion, beats, steps=30, reach=0.03), harmonise(motion, beats, steps=30, reach=0.1)
-    assert 0 < np.linalg.norm(near.positions - motion.positions, axis=2).max() <= 0.03 + 1e-9
-    assert score(motion, beats) < score(near, beats) < score(far, beats)
 
 
 def test_a_perfect_dance_is_left_alone():

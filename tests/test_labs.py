@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
@@ -61,10 +61,8 @@ LABS = {**MAKERS, "detector": detector_lab, "meter": meter.meter_lab}
 
 def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
     stage = Stage(track([1.0, 1.3, 3.0], duration=6.0), shared_turn())
-    many, nearest = (
-        one_clip.scoring_numbers(stage, mode="valleys", delay=0.2, matching=how) for how in ("many", "nearest")
-    )
-    assert (many["hits"], nearest["hits"]) == (2, 1)
+    for matching, hits in (("many", 2), ("nearest", 1)):
+        assert one_clip.scoring_numbers(stage, mode="valleys", delay=0.2, matching=matching)["hits"] == hits
 
 
 def test_a_beat_dragged_away_from_its_movement_is_missed():
@@ -78,8 +76,8 @@ def test_a_beat_dragged_away_from_its_movement_is_missed():
 def test_numbers_are_what_score_clip_says(planted_clip: Clip, stage: Stage, mode: str):
     numbers = one_clip.scoring_numbers(stage, mode=mode)
     score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=one_clip.N_ROTATIONS)
-    assert (numbers["harmony"], numbers["chance"], numbers["p"]) == (score.harmony, score.chance, score.p_value)
-    assert (numbers["hits"], numbers["beats"]) == (score.hits.sum(), score.n_audio)
+    told = (score.harmony, score.chance, score.p_value, score.hits.sum(), score.n_audio)
+    assert tuple(numbers[name] for name in ("harmony", "chance", "p", "hits", "beats")) == told
     words = f"Now {score.hits.sum()} of {score.n_audio} music beats are met; by chance alone {100 * score.chance:.0f} %"
     assert numbers["sentence"].startswith(words)
 
@@ -97,9 +95,8 @@ def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
     verdicts = one_clip.scoring_content(judged).to_browser()["evidence"]["verdicts"]
     steps = one_clip.lags()
     assert (steps[0], steps[20], steps[-1]) == (-0.4, 0.0, 0.4)
-    later = score_motion(judged.music, judged.motion, params=replace(HarmonyParams.recommended(), lag=0.24))
-    assert verdicts[steps.index(0.24)]["sentence"] == later.judgement.verdict
-    assert verdicts[20]["sentence"] != later.judgement.verdict
+    later = score_motion(judged.music, judged.motion, params=replace(HarmonyParams.recommended(), lag=0.24)).judgement
+    assert verdicts[steps.index(0.24)]["sentence"] == later.verdict != verdicts[20]["sentence"]
 
 
 def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
@@ -119,13 +116,12 @@ def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
     music = BeatTrack([0.5, 1.0, 1.5, 2.0, 2.5], [2.0, 4.0, 0.1, 3.0, 1.0], fps=100, duration=3.0)
     dance = BeatTrack([0.2, 0.55, 0.8, 1.15, 1.6, 2.45], [4.0, 1.0, 5.0, 2.0, 2.2, 6.0], fps=100, duration=3.0)
     stage = Stage(music, planted_clip.motion.span(0.0, 3.0))
-    numbers = one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0)
-    assert numbers["sentence"] == "Now 4 of 5 music beats and 5 of 6 movements are noticed."
-    assert one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=0.0)["dance"] == 6
+    numbers = partial(one_clip.saliency_numbers, stage, dance)
+    assert numbers(lambda1=0.1, lambda2=1.0)["sentence"] == "Now 4 of 5 music beats and 5 of 6 movements are noticed."
+    assert numbers(lambda1=0.1, lambda2=0.0)["dance"] == 6
     # SD(s_a) is .3466 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.
-    assert one_clip.saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
-    kept = [one_clip.saliency_numbers(stage, dance, lambda1=value)["music"] for value in (0.0, 1.0, 2.0, 3.0)]
-    assert kept == [5, 3, 2, 0]
+    assert numbers(lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
+    assert [numbers(lambda1=value)["music"] for value in (0.0, 1.0, 2.0, 3.0)] == [5, 3, 2, 0]
 
 
 def test_halves_of_a_per_cent_are_rounded_up():
@@ -166,11 +162,6 @@ def test_control_or_value_that_does_not_exist_is_refused_by_name(
     refused(fault, MAKERS[name], planted_clip, **values)
 
 
-def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
-    fault = "mode must be one of paper, recommended, valleys; got 'tea leaves'"
-    refused(fault, one_clip.scoring_lab, planted_clip, mode="tea leaves")
-
-
 def test_clip_without_motion_is_refused(planted_clip: Clip):
     for maker in (*MAKERS.values(), detector_lab):
         refused("no motion", maker, Clip("song", planted_clip.audio))
@@ -180,10 +171,7 @@ def test_silence_and_a_dancer_who_stands_still_have_labs_too(planted_clip: Clip)
     clip = replace(planted_clip, motion=along_x(np.zeros(180), fps=30.0), beats=track([], duration=6.0))
     for maker in LABS.values():
         assert maker(clip).page
-    lab = one_clip.scoring_lab(clip)
-    assert lab.sentence == "No music beat is loud enough to count."
-    lab.set(mode="recommended")
-    assert lab.sentence.startswith("Cannot tell: ")
+    assert one_clip.scoring_lab(clip).sentence == "No music beat is loud enough to count."
 
 
 # The page
@@ -286,9 +274,9 @@ def test_lab_without_a_truth_makes_no_claim_about_planted_rests(planted_clip: Cl
 
 def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(planted_clip: Clip):
     lab = detector_lab(replace(planted_clip, motion=holding_dancer()), fps=None)
-    before = lab.numbers["times"]
+    before = lab.numbers["times"].mean()
     lab.set(plateau="middle")
-    assert lab.numbers["times"].mean() < before.mean()
+    assert lab.numbers["times"].mean() < before
 
 
 @cases(
@@ -302,10 +290,6 @@ def test_line_of_the_detector_lab_follows_its_controls(planted_clip: Clip, value
     lab = detector_lab(planted_clip)
     lab.set(**values)
     assert lab.line == line
-
-
-def test_a_rate_that_is_not_offered_is_refused(planted_clip: Clip):
-    refused(r"fps must be one of None, 60\.0, 30\.0, .*; got 29\.97", detector_lab, planted_clip, fps=29.97)
 
 
 # The meter lab
@@ -337,9 +321,8 @@ def test_downbeats_are_counted_only_where_somebody_annotated_them(planted_clip: 
 
 
 def test_weak_beats_below_the_threshold_are_not_compared():
-    assert (
-        meter.meter_numbers(meter.Song({"of the clip": metronome(12, [1.0, 0.2, 2.0] * 4)}), lambda1=1.0)["beats"] == 8
-    )
+    song = meter.Song({"of the clip": metronome(12, [1.0, 0.2, 2.0] * 4)})
+    assert meter.meter_numbers(song, lambda1=1.0)["beats"] == 8
 
 
 # The corpus lab
@@ -426,8 +409,13 @@ def test_clip_that_cannot_be_played_says_why_under_the_picture(clips: list[Clip]
 
 def test_corpus_whose_parts_do_not_fit_is_refused():
     one = (metronome(12),)
-    fault = "as many names, tracks and places as clips; got 1, 2 in the modes paper"
-    refused(fault, Corpus, ("a", "b"), one * 2, {"paper": one})
+    refused(
+        "as many names, tracks and places as clips; got 1, 2 in the modes paper",
+        Corpus,
+        ("a", "b"),
+        one * 2,
+        {"paper": one},
+    )
     refused(r"at least one clip and one mode, .* in the modes none", Corpus, ("a",), one, {})
     for mode in ("literal", "recommended"):
         refused(f"no mode {mode} counts hits", Corpus, ("a",), one, {mode: one})
@@ -472,13 +460,9 @@ STAGE = Stage.of(pages.inexact_dance())
 
 def with_every_control(content: LabContent, measure: str = "hits") -> LabContent:
     """The lab with every control that one of its formulas reads and that has a place for each mode's own value."""
-    names = [
-        name for name in CONTROLS if name != "position_smoothing" and not live.unread(content.kind, measure, [name])
-    ]
-    controls = {**content.controls, **{name: CONTROLS[name] for name in names}}
-    return replace(
-        content, controls=controls, evidence={**content.evidence, **live.curve_evidence(STAGE.motion, controls)}
-    )
+    read = [name for name in CONTROLS if not live.unread(content.kind, measure, [name])]
+    controls = content.controls | {name: CONTROLS[name] for name in read if name != "position_smoothing"}
+    return replace(content, controls=controls, evidence=content.evidence | live.curve_evidence(STAGE.motion, controls))
 
 
 SCRIPTED: dict[str, Callable[[], LiveLab]] = {
@@ -486,9 +470,7 @@ SCRIPTED: dict[str, Callable[[], LiveLab]] = {
     "scoring, every control": lambda: LiveLab(with_every_control(one_clip.scoring_content(STAGE))),
     "saliency": lambda: one_clip.saliency_lab(pages.inexact_dance()),
     "corpus": lambda: corpus_lab(pages.inexact_corpus(6)),
-    "corpus, every control": lambda: LiveLab(
-        with_every_control(corpus.corpus_content(Corpus.of(pages.inexact_corpus(4))))
-    ),
+    "corpus, every control": lambda: LiveLab(with_every_control(corpus_lab(pages.inexact_corpus(4)).content)),
     "detector": pages.inexact_detector_lab,
     "meter": pages.inexact_meter_lab,
 }
@@ -526,12 +508,7 @@ def engine(lab: LiveLab) -> Any:
 
 def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
     """Any values of the controls: a third of the sliders on a step, the others between; and beats that were dragged."""
-    values: dict[str, Any] = {}
-    for name, control in lab.content.controls.items():
-        if isinstance(control, live.Menu):
-            values[name] = list(control.options)[int(rng.integers(len(control.options)))]
-        else:
-            values[name] = slider_value(control, rng)
+    values = {name: control_value(control, rng) for name, control in lab.content.controls.items()}
     if values.get("mode") == "recommended" and lab.content.kind == "scoring":
         values["lag"] = float(rng.choice(one_clip.lags()))  # the verdict is computed at the slider's steps
     for name in WHOLE & set(values):
@@ -541,7 +518,9 @@ def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
     return values
 
 
-def slider_value(slider: live.Slider, rng: np.random.Generator) -> float:
+def control_value(slider: live.Slider | live.Menu, rng: np.random.Generator) -> Any:
+    if isinstance(slider, live.Menu):
+        return list(slider.options)[int(rng.integers(len(slider.options)))]
     steps = round((slider.high - slider.low) / slider.step)
     if rng.random() < 1 / 3:
         return round(slider.low + int(rng.integers(steps + 1)) * slider.step, 6)
@@ -612,17 +591,6 @@ def test_a_formula_that_reads_what_it_does_not_declare_stops(settings: str, name
     context = engine(scripted("meter"))
     with pytest.raises(quickjs.JSException, match=fault):
         context.eval(f'declared({settings}, "place").{name}')
-
-
-def test_a_reading_that_a_lab_is_given_by_one_word_acts_on_the_page_as_in_python() -> None:
-    controls = {**one_clip.scoring_content(STAGE).controls, "saliency": CONTROLS["saliency"]}
-    lab = LiveLab(replace(one_clip.scoring_content(STAGE), controls=controls), {"lambda2": 3.0})
-    answer, harmonies = engine(lab).get("answer"), []
-    for reading in ("threshold", "literal"):
-        lab.set(saliency=reading)
-        harmonies.append(json.loads(answer(json.dumps(lab.settings)))[0]["harmony"])
-        assert harmonies[-1] == pytest.approx(lab.numbers["harmony"])
-    assert harmonies[0] != pytest.approx(harmonies[1])
 
 
 @cases(

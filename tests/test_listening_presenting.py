@@ -5,8 +5,8 @@ import http.client
 import io
 import json
 import re
-import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
@@ -47,19 +47,18 @@ def address(trials: TrialSet, log: AnswerLog) -> Iterator[str]:
         yield address
 
 
-def ask(address: str, method: str, form: object = None, *, path: str | None = None) -> tuple[int, str]:
+def ask(address: str, method: str, form: object = None, *, path: str = "", **options: object) -> tuple[int, str]:
     parts = urlsplit(address)
-    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)
-    try:
+    with closing(http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)) as connection:
         body = urlencode(form) if isinstance(form, dict) else form
-        connection.request(method, path or parts.path, body)
+        connection.request(method, path or parts.path, body, **options)
         reply = connection.getresponse()
         return reply.status, reply.read().decode()
-    finally:
-        connection.close()
 
 
-def test_page_and_frame_in_a_notebook_ask_every_trial_and_each_answer_is_on_disk(trials: TrialSet, log: AnswerLog):
+def test_page_and_frame_ask_every_trial_each_answer_is_on_disk_and_the_thanks_are_the_end(
+    trials: TrialSet, log: AnswerLog
+):
     server = StudyServer(trials, log, shown).start()
     assert urlsplit(server.address).hostname == "127.0.0.1"
     for number, trial in enumerate(trials.trials, 1):
@@ -72,7 +71,9 @@ def test_page_and_frame_in_a_notebook_ask_every_trial_and_each_answer_is_on_disk
         action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
         assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
         assert len(log.read().answers) == number
+        assert not server.finished.is_set()
     assert "Thank you" in ask(server.address, "GET")[1]
+    assert server.finished.wait(10)
     server.stop()
 
 
@@ -113,19 +114,6 @@ def test_damaged_answer_file_is_said_on_the_page_and_the_answer_asked_again(
     assert "Trial 1 of 4" in ask(address, "GET")[1]
     assert ask(address, "POST", form)[0] == 303
     assert len(log.read().answers) == 1
-
-
-def test_server_is_finished_when_thanks_were_sent_and_not_before(trials: TrialSet, log: AnswerLog):
-    server = StudyServer(trials, log, shown)
-    assert isinstance(server.finished, threading.Event)
-    with server.running() as address:
-        for trial in trials.trials:
-            ask(address, "GET")
-            assert not server.finished.is_set()
-            ask(address, "POST", {"trial": trial.id, "choice": "harmonious"})
-        assert not server.finished.is_set()
-        assert "Thank you" in ask(address, "GET")[1]
-        assert server.finished.wait(10)
 
 
 def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
@@ -204,14 +192,8 @@ def test_what_is_no_taps_is_refused_and_the_person_may_go_on(server: TapServer, 
 
 
 def test_a_body_that_is_announced_too_long_is_refused_unread(server: TapServer, saved: Saved):
-    parts = urlsplit(server.address)
-    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)
-    connection.putrequest("POST", parts.path)
-    connection.putheader("Content-Length", str(TapServer.most_bytes + 1))
-    connection.endheaders()
-    reply = connection.getresponse()
-    assert (reply.status, reply.read()) == (400, b"at most 1048576 bytes are taken")
-    connection.close()
+    announced = {"Content-Length": str(TapServer.most_bytes + 1)}
+    assert ask(server.address, "POST", headers=announced) == (400, "at most 1048576 bytes are taken")
     assert saved == []
 
 
@@ -226,7 +208,6 @@ def test_other_addresses_hold_nothing(server: TapServer, saved: Saved, path: str
 
 # Taps of a person
 
-Clicks = Callable[..., Audio]
 NOTHING = np.zeros(0)
 
 
@@ -266,7 +247,9 @@ def test_taps_that_keep_no_tempo_are_refused(taps: np.ndarray, fault: str):
     refused(fault, tap_grid, taps)
 
 
-def test_taps_to_a_part_become_beats_of_the_whole_song_where_it_sounds(click_track: Clicks, rng: np.random.Generator):
+def test_taps_to_a_part_become_beats_of_the_whole_song_where_it_sounds(
+    click_track: Callable[..., Audio], rng: np.random.Generator
+):
     # Clicks of 113 a minute for a minute, tapped for ten seconds, 40 ms late; silence at both ends has no beats.
     clicks = click_track(113, seconds=60.0).samples
     audio = Audio(np.concatenate([np.zeros(22050), clicks, np.zeros(3 * 22050)]), 22050)
@@ -279,7 +262,7 @@ def test_taps_to_a_part_become_beats_of_the_whole_song_where_it_sounds(click_tra
     assert result.remark == ""
 
 
-def test_taps_between_the_beats_of_the_sound_stay_there_and_it_is_said(click_track: Clicks):
+def test_taps_between_the_beats_of_the_sound_stay_there_and_it_is_said(click_track: Callable[..., Audio]):
     result = tapped_beats(click_track(120, seconds=30.0), 5.2 + 0.5 * np.arange(20), NOTHING)
     assert np.median(np.mod(result.track.times, 0.5)) == pytest.approx(0.2, abs=0.02)
     assert "ms after the sound's own beats and were left there" in result.remark
@@ -292,7 +275,7 @@ def test_where_no_grid_is_heard_the_taps_alone_count_and_it_is_said(rng: np.rand
     assert "far from your taps the beats may drift" in result.remark
 
 
-def test_ones_that_disagree_are_outvoted_and_it_is_said(click_track: Clicks):
+def test_ones_that_disagree_are_outvoted_and_it_is_said(click_track: Callable[..., Audio]):
     beats = 0.5 * np.arange(8, 40)
     result = tapped_beats(click_track(120, seconds=30.0), beats, beats[[2, 6, 10, 15]], meter=4)
     assert result.track.bar_places[np.abs(result.track.times - beats[2]).argmin()] == 0
@@ -308,7 +291,7 @@ def test_ones_that_disagree_are_outvoted_and_it_is_said(click_track: Clicks):
     ([1.0], [], 0, "a bar has 1 to 32 beats, got 0"),
     ([[1.0]], [], 4, "taps must have shape"),
 )
-def test_impossible_taps_are_refused(click_track: Clicks, taps: list, ones: list, meter: int, fault: str):
+def test_impossible_taps_are_refused(click_track: Callable[..., Audio], taps: list, ones: list, meter: int, fault: str):
     refused(fault, tapped_beats, click_track(120), np.array(taps), np.array(ones), meter=meter)
 
 

@@ -24,12 +24,13 @@ from harmolab.readers.smpl import SMPL_24
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
 from tests.builders import planted_dance, track
+from tests.test_labs_browser import PHONE, WIDE, at_address, closed, picture
+from tests.test_player import delay_of
 from tests.test_render import standing
 
 pytestmark = pytest.mark.browser
 
 FRAME = 1 / 60
-WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +38,13 @@ def clip() -> Clip:
     return planted_dance(seconds=15.0)
 
 
+def dancer_of(clip: Clip, motion: Motion | None = None, name: str = "one") -> Dancer:
+    motion = motion or clip.motion
+    return Dancer(name, motion, score_motion(clip.beats, motion, params=HarmonyParams.valleys()))
+
+
 def player_of(clip: Clip, names: tuple[str, ...] = ("one",)) -> Player:
-    score = score_motion(clip.beats, clip.motion, params=HarmonyParams.valleys())
-    dancers = [Dancer(name, clip.motion, score) for name in names]
+    dancers = [dancer_of(clip, name=name) for name in names]
     return Player(clip.audio, dancers, music=clip.beats, title="A cha-cha")
 
 
@@ -51,12 +56,8 @@ def saved(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE) -> Any:
-    """The page, ready to play; `page.faults` collects its errors."""
-    page = chromium.new_page(viewport=viewport)
-    page.faults = []
-    page.on("pageerror", lambda error: page.faults.append(str(error)))
-    page.on("request", lambda request: page.faults.append(request.url) if request.url.startswith("http") else None)
-    page.goto(path.as_uri())
+    """The page, ready to play."""
+    page = at_address(chromium, path.as_uri(), viewport)
     page.evaluate("harmolabPlayer.ready")
     return page
 
@@ -65,14 +66,7 @@ def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE) -> Any:
 def page(chromium: Any, saved: Path) -> Iterator[Any]:
     page = opened(chromium, saved)
     yield page
-    assert page.faults == []
-    page.close()
-
-
-def closed(page: Any) -> None:
-    """Closes a page that had no fault."""
-    assert page.faults == []
-    page.close()
+    closed(page)
 
 
 def audio_time(page: Any) -> float:
@@ -151,10 +145,7 @@ def test_the_decoded_sound_starts_where_the_original_does(page: Any, clip: Clip)
     heard = np.array(page.evaluate("ready.then(() => Array.from(original.samples))"))
     given = clip.audio.samples
     assert heard.size == given.size
-    lags = np.fft.irfft(np.fft.rfft(heard, 2 * given.size) * np.conj(np.fft.rfft(given, 2 * given.size)))
-    lag = int(np.argmax(lags))
-    lag -= lags.size if lag > given.size else 0
-    assert abs(lag) / clip.audio.sample_rate < 0.005
+    assert abs(delay_of(heard, given)) / clip.audio.sample_rate < 0.005
 
 
 def test_clicks_are_mixed_in_at_the_beats(page: Any, clip: Clip) -> None:
@@ -251,8 +242,7 @@ def test_plays_again_after_the_end(page: Any) -> None:
 
 
 def test_drag_turns_and_wheel_zooms(page: Any) -> None:
-    stage = page.locator(".stage")
-    box, first = stage.bounding_box(), stage.evaluate("canvas => canvas.toDataURL()")
+    box, first = page.locator(".stage").bounding_box(), picture(page, ".stage")
     angle = page.evaluate("view.angle")
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.wheel(0, 100)
@@ -260,7 +250,7 @@ def test_drag_turns_and_wheel_zooms(page: Any) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 300, box["y"] + 200, steps=4)
     page.mouse.up()
-    assert stage.evaluate("canvas => canvas.toDataURL()") != first
+    assert picture(page, ".stage") != first
     assert page.evaluate("view.angle") - angle == pytest.approx(-1.0, abs=0.05)
     page.mouse.wheel(0, -200)
     wait_until(page, "view.zoom > 1.2")
@@ -270,12 +260,8 @@ def test_every_control_is_reached_by_tab_and_has_a_name(page: Any) -> None:
     names = []
     for _ in range(30):
         page.keyboard.press("Tab")
-        names.append(
-            page.evaluate(
-                "(e => e.getAttribute('aria-label') || e.textContent.trim() || (e.labels && e.labels[0].textContent))"
-                "(document.activeElement)"
-            )
-        )
+        named = "e => e.getAttribute('aria-label') || e.textContent.trim() || (e.labels && e.labels[0].textContent)"
+        names.append(page.evaluate(f"({named})(document.activeElement)"))
     assert all(names)
     assert {"Play", "1×", "½×", "¼×", "Loop starts here", "Position in seconds"} <= set(names)
     assert {"music", "dancer", "Keys"} <= {name.strip() for name in names}
@@ -297,40 +283,37 @@ def test_nothing_is_wider_than_the_screen(
     closed(page)
 
 
-@pytest.mark.parametrize("sandbox", ["", ' sandbox="allow-scripts"'], ids=["free", "sandboxed"])
-def test_plays_inside_a_frame(chromium: Any, clip: Clip, tmp_path: Path, sandbox: str) -> None:
-    shown = player_of(clip)._repr_html_().replace("<iframe", f"<iframe{sandbox}", 1)
-    (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><p>before</p>{shown}", "utf-8")
-    page = chromium.new_page(viewport=WIDE)
-    faults: list[str] = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.goto((tmp_path / "notebook.html").as_uri())
+def playing_frame(page: Any) -> Any:
+    """The player in the page's frame, playing."""
+    page.locator("iframe").scroll_into_view_if_needed()
     frame = page.frames[1]
     frame.wait_for_function("window.harmolabPlayer", timeout=20_000)
     frame.click("#play")
     frame.wait_for_function("harmolabPlayer.time() > 0.5", timeout=20_000)
-    assert faults == []
+    return frame
+
+
+@pytest.mark.parametrize("sandbox", ["", ' sandbox="allow-scripts"'], ids=["free", "sandboxed"])
+def test_plays_inside_a_frame(chromium: Any, clip: Clip, tmp_path: Path, sandbox: str) -> None:
+    shown = player_of(clip)._repr_html_().replace("<iframe", f"<iframe{sandbox}", 1)
+    (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><p>before</p>{shown}", "utf-8")
+    page = at_address(chromium, (tmp_path / "notebook.html").as_uri())
+    playing_frame(page)
     if not sandbox:
         heights = page.evaluate(
             "(f => [f.clientHeight, f.contentDocument.documentElement.scrollHeight])(frames[0].frameElement)"
         )
         assert heights[1] <= heights[0]
-    page.close()
+    closed(page)
 
 
 def test_plays_in_the_offline_report(chromium: Any, clip: Clip, tmp_path: Path) -> None:
     shown = new_output("display_data", {"text/html": player_of(clip)._repr_html_(), "text/plain": "a player"})
     node = new_notebook(cells=[new_code_cell("player", outputs=[shown])])
     write_pages(tmp_path, [NotebookRun(tmp_path / "01.ipynb", node, 1.0, "")], "quick")
-    page = chromium.new_page(viewport=PHONE)
-    page.goto((tmp_path / "01.html").as_uri())
-    page.locator("iframe").scroll_into_view_if_needed()
-    frame = page.frames[1]
-    frame.wait_for_function("window.harmolabPlayer", timeout=20_000)
-    frame.click("#play")
-    frame.wait_for_function("harmolabPlayer.time() > 0.5", timeout=20_000)
-    assert frame.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-    page.close()
+    page = at_address(chromium, (tmp_path / "01.html").as_uri(), PHONE)
+    assert playing_frame(page).evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    closed(page)
 
 
 def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, saved: Path, tmp_path: Path) -> None:
@@ -345,8 +328,7 @@ def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, sa
 
 def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) -> None:
     points = Motion(clip.motion.positions[..., :2] * [100.0, -100.0], clip.motion.fps, clip.motion.skeleton)
-    dancer = Dancer("flat", points, score_motion(clip.beats, points, params=HarmonyParams.valleys()))
-    Player(clip.audio, [dancer], music=clip.beats, title="flat").save(tmp_path / "x.html")
+    Player(clip.audio, [dancer_of(clip, points)], music=clip.beats, title="flat").save(tmp_path / "x.html")
     page = opened(chromium, tmp_path / "x.html")
     inked = page.eval_on_selector(
         ".stage",
@@ -362,19 +344,14 @@ def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) 
 
 
 def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromium: Any, clip: Clip, tmp_path: Path):
-    judged = Dancer("one", clip.motion, score_motion(clip.beats, clip.motion))
-    for name, player in {
-        "judged": Player(clip.audio, [judged], music=clip.beats, title="A cha-cha"),
-        "counted": player_of(clip),
-    }.items():
-        player.save(tmp_path / f"{name}.html")
-    captions = {}
-    for name in ("judged", "counted"):
-        page = opened(chromium, tmp_path / f"{name}.html")
-        captions[name] = page.text_content("figcaption").splitlines()[0]
-        page.close()
-    assert captions["judged"] == f"one: {judged.score.judgement.verdict}"
-    assert captions["counted"].endswith("beats met")
+    judged, captions = Dancer("one", clip.motion, score_motion(clip.beats, clip.motion)), []
+    for player in (Player(clip.audio, [judged], music=clip.beats, title="A cha-cha"), player_of(clip)):
+        player.save(tmp_path / "x.html")
+        page = opened(chromium, tmp_path / "x.html")
+        captions.append(page.text_content("figcaption").splitlines()[0])
+        closed(page)
+    assert captions[0] == f"one: {judged.score.judgement.verdict}"
+    assert captions[1].endswith("beats met")
 
 
 # The person, and buttons and keys
@@ -402,16 +379,11 @@ def barred() -> Clip:
     return replace(clip, beats=track(clip.beats.times, duration=clip.beats.duration, bar_places=places))
 
 
-def barred_dancer(barred: Clip, motion: Motion | None = None, name: str = "one") -> Dancer:
-    motion = motion or barred.motion
-    return Dancer(name, motion, score_motion(barred.beats, motion, params=HarmonyParams.valleys()))
-
-
 @pytest.fixture(scope="module")
 def pair(barred: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     late = Motion(np.roll(barred.motion.positions, 17, axis=0), barred.motion.fps, barred.motion.skeleton)
     path = tmp_path_factory.mktemp("person") / "player.html"
-    dancers = [barred_dancer(barred), barred_dancer(barred, late, "other")]
+    dancers = [dancer_of(barred), dancer_of(barred, late, "other")]
     Player(barred.audio, dancers, music=barred.beats, title="A cha-cha, synthetic", command=COMMAND).save(path)
     return path
 
@@ -441,7 +413,7 @@ def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, ba
         motion = avatar(player_in_space("violin", seconds=2.0).points, "violin")
     else:
         motion = moving(*BODIES[name])
-    Player(barred.audio, [barred_dancer(barred, motion)], music=barred.beats, title="x").save(tmp_path / "x.html")
+    Player(barred.audio, [dancer_of(barred, motion)], music=barred.beats, title="x").save(tmp_path / "x.html")
     page = opened(chromium, tmp_path / "x.html")
     stage = stage_of(page_motion(motion))
     camera, positions = stage.camera(480, 640), stage.turned(stage.positions)
@@ -490,10 +462,9 @@ def test_follow_keeps_the_hips_in_the_middle(pair_page: Any) -> None:
 
 
 def test_overlay_draws_the_second_dancer_pale_behind_the_first(pair_page: Any) -> None:
-    first = pair_page.locator(".stage").first
-    alone = first.evaluate("canvas => canvas.toDataURL()")
+    alone = picture(pair_page, ".stage")
     pair_page.keyboard.press("o")
-    assert first.evaluate("canvas => canvas.toDataURL()") != alone
+    assert picture(pair_page, ".stage") != alone
     assert [pair_page.locator(".stage").nth(n).is_visible() for n in (0, 1)] == [True, False]
     assert "other (pale)" in pair_page.locator("figcaption").nth(1).text_content()
     pair_page.click("#overlay")
@@ -524,7 +495,7 @@ def test_a_click_into_the_overview_goes_there_and_the_window_follows(pair_page: 
 def test_count_is_that_of_the_bars_and_clicks_are_higher_on_one(pair_page: Any, barred: Clip) -> None:
     counts = pair_page.evaluate("data.music.map(beat => [beat.count, beat.bar])")
     assert counts[:7] == [[3, 0], [4, 0], [1, 1], [2, 1], [3, 1], [4, 1], [1, 2]]
-    plain = pair_page.locator(".stage").first.evaluate("canvas => canvas.toDataURL()")
+    plain = picture(pair_page, ".stage")
     pair_page.evaluate(
         "void (addClicks = (samples, times, pitch) => (window.clicked ??= []).push([pitch, times.length]))"
     )
@@ -533,7 +504,7 @@ def test_count_is_that_of_the_bars_and_clicks_are_higher_on_one(pair_page: Any, 
     ones = sum(count == 1 for count, _ in counts)
     assert pair_page.evaluate("window.clicked") == [[2400, ones], [1200, len(counts) - ones]]
     pair_page.evaluate(f"harmolabPlayer.seek({barred.beats.times[2] + 0.05})")
-    assert pair_page.locator(".stage").first.evaluate("canvas => canvas.toDataURL()") != plain
+    assert picture(pair_page, ".stage") != plain
 
 
 def test_voice_of_this_machine_speaks_the_count(pair_page: Any) -> None:
@@ -596,4 +567,4 @@ def test_a_finger_hits_every_control_of_a_phone(chromium: Any, pair: Path) -> No
     )
     assert small == []
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    page.close()
+    closed(page)
