@@ -772,7 +772,7 @@ class Fake:
 
 
 def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    refused("no protocol is called 'fake'", settings, planted, protocol="fake")
+    refused("no protocol is called 'fake'", settings, few, protocol="fake")
     monkeypatch.setattr(protocols, "PROTOCOLS", {"fake": Fake()})
     some = settings(few, protocol="fake", systems={"off": few / "off"})
     evaluation = evaluate_dances(some, tmp_path / "table")
