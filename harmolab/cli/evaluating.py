@@ -24,41 +24,20 @@ NAME_WIDTH, CELL_WIDTH = 26, 11  # letters in the terminal for the measures, and
 
 
 def evaluate(
-    music: Annotated[
-        Path,
-        typer.Option(
-            help="Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats "
-            "beside a song holds its beats, else they are tracked."
-        ),
-    ],
-    reference: Annotated[Path, typer.Option(help="Folder of recorded dances, the controls of the table.")],
-    out: Annotated[Path, typer.Option(help="Folder for the table: csv, json, LaTeX and an HTML page.")],
-    generated: Annotated[
-        Path | None, typer.Argument(metavar="GENERATED", help="Folder of generated dances; one subfolder a seed.")
-    ] = None,
-    system: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Another system to compare; can be repeated.")
-    ] = None,
-    pairs: Annotated[
-        Path | None,
-        typer.Option(help="CSV with the columns motion, music and perhaps system, seed, in place of names."),
-    ] = None,
-    protocol: Annotated[
-        str,
-        typer.Option(
-            help="Also the numbers of a published code: aist++, edge, bailando.",
-            autocompletion=common.completed("aist++", "edge", "bailando"),
-        ),
-    ] = "",
+    music: Annotated[Path, typer.Option()],
+    reference: Annotated[Path, typer.Option()],
+    out: Annotated[Path, typer.Option()],
+    generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
+    system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
+    pairs: Path | None = None,
+    protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
     fps: common.Fps = None,
     scale: common.Scale = None,
     smpl: common.Smpl = None,
     up: common.Up = None,
-    pose_net: Annotated[
-        Path | None, typer.Option(help="Pose network of `harmolab train`, for FID (default: the shipped one).")
-    ] = None,
-    resamples: Annotated[int, typer.Option(help="Resamplings of the songs behind each interval.", min=100)] = 4000,
-    seed: Annotated[int, typer.Option(help="Seed of the resampling.", min=0)] = 0,
+    pose_net: Path | None = None,
+    resamples: Annotated[int, typer.Option(min=100)] = 4000,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
     scheduler: common.Scheduler = "",
     resume: common.Resume = False,
@@ -84,6 +63,20 @@ def evaluate(
 
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
+
+    Parameters
+    ----------
+    music : Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats beside a song holds its
+        beats, else they are tracked.
+    reference : Folder of recorded dances, the controls of the table.
+    out : Folder for the table: csv, json, LaTeX and an HTML page.
+    generated : Folder of generated dances; one subfolder a seed.
+    system : Another system to compare; can be repeated.
+    pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
+    protocol : Also the numbers of a published code: aist++, edge, bailando.
+    pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
+    resamples : Resamplings of the songs behind each interval.
+    seed : Seed of the resampling.
     """
     from harmolab.lab.evaluate.evaluation import evaluate_dances
 
@@ -164,22 +157,15 @@ def _print_table(records: list[dict[str, Any]]) -> None:
 
 
 def compare(
-    corpus: Annotated[Path, typer.Argument(help="Folder of recordings (Tang 2018 layout, or ours).")],
-    window: Annotated[float, typer.Option(help="Seconds a window; 0 judges whole recordings.", min=0.0)] = 6.0,
-    null: Annotated[
-        Literal["lagged", "other"], typer.Option(help="Wrong music: the same 0.3-0.7 beat late, or other songs.")
-    ] = "lagged",
-    beats: Annotated[
-        Literal["annotated", "tracked"] | None,
-        typer.Option(help="Music beats (default: annotated where every recording has a beats.json)."),
-    ] = None,
-    fit_on: Annotated[Path | None, typer.Option(help="Fit patterns and lags on this corpus instead.")] = None,
-    dances: Annotated[str, typer.Option(help="Only these dances, such as cha-cha,rumba.")] = "",
-    rotations: Annotated[int, typer.Option(help="Null corpora behind each chance band.", min=20)] = 400,
-    seed: Annotated[int, typer.Option(help="Seed of rotations and resampling.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder that keeps what is measured of each recording, for --resume.")
-    ] = None,
+    corpus: Path,
+    window: Annotated[float, typer.Option(min=0.0)] = 6.0,
+    null: Literal["lagged", "other"] = "lagged",
+    beats: Literal["annotated", "tracked"] | None = None,
+    fit_on: Path | None = None,
+    dances: str = "",
+    rotations: Annotated[int, typer.Option(min=20)] = 400,
+    seed: int = 0,
+    out: Path | None = None,
     jobs: common.Jobs = None,
     scheduler: common.Scheduler = "",
     resume: common.Resume = False,
@@ -196,6 +182,18 @@ def compare(
     Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
 
     Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
+
+    Parameters
+    ----------
+    corpus : Folder of recordings (Tang 2018 layout, or ours).
+    window : Seconds a window; 0 judges whole recordings.
+    null : Wrong music: the same 0.3-0.7 beat late, or other songs.
+    beats : Music beats (default: annotated where every recording has a beats.json).
+    fit_on : Fit patterns and lags on this corpus instead.
+    dances : Only these dances, such as cha-cha,rumba.
+    rotations : Null corpora behind each chance band.
+    seed : Seed of rotations and resampling.
+    out : Folder that keeps what is measured of each recording, for --resume.
     """
     from harmolab.clips import check_dances, corpus_dances
     from harmolab.lab.compare.auc import compare as run
@@ -250,13 +248,15 @@ def print_comparison(summary: dict[str, Any]) -> None:
     typer.echo("lagged: the music 0.3-0.7 beat late; learnt: by a curve of other figures, for recordings that have one")
 
 
-def learn(
-    corpus: Annotated[Path, typer.Argument(help="Folder of recordings with beats.json.")],
-    out: Annotated[Path, typer.Option(help="Where to write the patterns (JSON).")],
-) -> None:
+def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     """Learn each dance's bar pattern, for `harmolab score --pattern`.
 
     Example: `harmolab learn recordings --out patterns.json`
+
+    Parameters
+    ----------
+    corpus : Folder of recordings with beats.json.
+    out : Where to write the patterns (JSON).
     """
     from harmolab.lab.compare.windows import dance_patterns
     from harmolab.verdict.bar_pattern import save_patterns
