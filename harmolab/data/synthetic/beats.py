@@ -1,8 +1,8 @@
 """Settings of a synthetic clip, and when things happen in it: beats of the music and ends of the movements."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Integral
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,20 +15,18 @@ CLOSEST = 0.25  # beats that two movement ends stay apart at least
 TINY = np.nextafter(0.0, 1.0)  # the least that is positive
 
 # Lowest and highest value of each setting, and the rule in words.
-RANGES = MappingProxyType(
-    {
-        "seconds": (TINY, 3600.0, "must be positive and at most 3600"),
-        "fps": (TINY, 1000.0, "must be positive and at most 1000 (15 to 120 is usual)"),
-        "tempo": (20.0, 400.0, "must be within 20 and 400 beats per minute"),
-        "drift": (-1.0, 1.0, "is a share of the tempo and must be within -1 and 1"),
-        "lateness": (-1.0, 1.0, "must be within -1 and 1 seconds"),
-        "jitter": (0.0, 1.0, "must be within 0 and 1 seconds"),
-        "omission": (0.0, 1.0, "is a share and must be within 0 and 1"),
-        "redundancy": (0.0, 1.0, "is a share and must be within 0 and 1"),
-        "noise": (0.0, 1.0, "is in metres and must be within 0 and 1"),
-        "sample_rate": (8000, np.inf, "must be at least 8000 Hz to hold the drums"),
-    }
-)
+RANGES: Mapping[str, tuple[float, float, str]] = {
+    "seconds": (TINY, 3600.0, "must be positive and at most 3600"),
+    "fps": (TINY, 1000.0, "must be positive and at most 1000 (15 to 120 is usual)"),
+    "tempo": (20.0, 400.0, "must be within 20 and 400 beats per minute"),
+    "drift": (-1.0, 1.0, "is a share of the tempo and must be within -1 and 1"),
+    "lateness": (-1.0, 1.0, "must be within -1 and 1 seconds"),
+    "jitter": (0.0, 1.0, "must be within 0 and 1 seconds"),
+    "omission": (0.0, 1.0, "is a share and must be within 0 and 1"),
+    "redundancy": (0.0, 1.0, "is a share and must be within 0 and 1"),
+    "noise": (0.0, 1.0, "is in metres and must be within 0 and 1"),
+    "sample_rate": (8000, np.inf, "must be at least 8000 Hz to hold the drums"),
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """Music whose beats are planted: a small band (drums, bass, chords, melody) for each of the seven ballroom dances."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -64,18 +65,16 @@ def _bell(rate: int, rng: np.random.Generator, *, pitches: tuple[float, ...], de
     return _shaped(np.sum(partials, axis=0) * np.exp(-t / decay), rate)
 
 
-DRUMS = MappingProxyType(
-    {
-        "kick": (1.0, partial(_skin, pitch=52.0, drop=110.0, decay=0.11, hiss=0.12)),
-        "conga": (0.45, partial(_skin, pitch=210.0, drop=30.0, decay=0.07, hiss=0.15)),
-        "snare": (0.55, partial(_rattle, low=900, high=7000, decay=0.06, body=0.5)),
-        "brush": (0.4, partial(_rattle, low=1500, high=7000, decay=0.05)),
-        "hat": (0.3, partial(_rattle, low=5500, high=9500, decay=0.03)),
-        "maracas": (0.25, partial(_rattle, low=3500, high=9000, decay=0.025)),
-        "clave": (0.3, partial(_bell, pitches=(2350.0,), decay=0.03)),
-        "cowbell": (0.22, partial(_bell, pitches=(555.0, 835.0, 1660.0), decay=0.06)),
-    }
-)
+DRUMS: Mapping[str, Any] = {
+    "kick": (1.0, partial(_skin, pitch=52.0, drop=110.0, decay=0.11, hiss=0.12)),
+    "conga": (0.45, partial(_skin, pitch=210.0, drop=30.0, decay=0.07, hiss=0.15)),
+    "snare": (0.55, partial(_rattle, low=900, high=7000, decay=0.06, body=0.5)),
+    "brush": (0.4, partial(_rattle, low=1500, high=7000, decay=0.05)),
+    "hat": (0.3, partial(_rattle, low=5500, high=9500, decay=0.03)),
+    "maracas": (0.25, partial(_rattle, low=3500, high=9000, decay=0.025)),
+    "clave": (0.3, partial(_bell, pitches=(2350.0,), decay=0.03)),
+    "cowbell": (0.22, partial(_bell, pitches=(555.0, 835.0, 1660.0), decay=0.06)),
+}
 
 
 def drum(name: str, rate: int, rng: np.random.Generator) -> FloatArray:
@@ -153,38 +152,36 @@ def _groove(bass: str, chords: str, swell: tuple[float, ...], *, minor: bool = F
 
 # Accents follow the dance's usual count: cha-cha "one, two, three, four-and", samba with its surdo on two, jive with a
 # swung hi-hat and back beat, quickstep and waltz as low note and after-beats, tango marcato on every beat.
-GROOVES = MappingProxyType(
-    {
-        "cha-cha": _groove(
-            "R.....F.R.....F.", "7...5...7...5.5.", (1.0, 0.8, 0.85, 0.9),
-            kick="9...5...8...6...", cowbell="8...6...7...6...", maracas="5.2.5.2.5.2.5.2.", conga="....6.......6.5.",
-        ),
-        "jive": _groove(
-            "R..F..O..F..", "6.....5.....", (1.0, 0.85, 0.9, 0.85),
-            kick="9..5..8..5..", snare="...7.....7..", hat="6..6.36..6.3",
-        ),
-        "quickstep": _groove(
-            "R...F...", "..5...5.", (1.0, 0.8, 0.9, 0.8),
-            kick="9.4.8.4.", brush="5.7.5.7.", hat="4.4.4.4.",
-        ),
-        "rumba": _groove(
-            "R.....F.R...F...", "7...4...6...4...", (1.0, 0.8, 0.85, 0.85),
-            kick="9...5...8...6...", clave="8...5...6...6...", maracas="5.2.5.2.5.2.5.2.", conga="....5.....3.6.3.",
-        ),
-        "samba": _groove(
-            "R..fF..rR..fF..r", "6.....4.6.....4.", (1.0, 0.9, 0.9, 0.9), minor=True,
-            kick="8...9...7...9...", maracas="7.237.237.237.23", snare="6..16..16..16..1",
-        ),
-        "tango": _groove(
-            "R...R...F...R...", "8...6...7...6...", (1.0, 0.8, 0.9, 0.8), minor=True,
-            kick="9...6...8...6...", snare="5...4...5...4.34", hat="3...3...3...3...",
-        ),
-        "waltz": _groove(
-            "R...........", "....6...6...", (1.0, 0.75, 0.75),
-            kick="9...5...5...", brush="4...6...6...", hat="3...5...5...",
-        ),
-    }
-)  # fmt: skip
+GROOVES: Mapping[str, Groove] = {
+    "cha-cha": _groove(
+        "R.....F.R.....F.", "7...5...7...5.5.", (1.0, 0.8, 0.85, 0.9),
+        kick="9...5...8...6...", cowbell="8...6...7...6...", maracas="5.2.5.2.5.2.5.2.", conga="....6.......6.5.",
+    ),
+    "jive": _groove(
+        "R..F..O..F..", "6.....5.....", (1.0, 0.85, 0.9, 0.85),
+        kick="9..5..8..5..", snare="...7.....7..", hat="6..6.36..6.3",
+    ),
+    "quickstep": _groove(
+        "R...F...", "..5...5.", (1.0, 0.8, 0.9, 0.8),
+        kick="9.4.8.4.", brush="5.7.5.7.", hat="4.4.4.4.",
+    ),
+    "rumba": _groove(
+        "R.....F.R...F...", "7...4...6...4...", (1.0, 0.8, 0.85, 0.85),
+        kick="9...5...8...6...", clave="8...5...6...6...", maracas="5.2.5.2.5.2.5.2.", conga="....5.....3.6.3.",
+    ),
+    "samba": _groove(
+        "R..fF..rR..fF..r", "6.....4.6.....4.", (1.0, 0.9, 0.9, 0.9), minor=True,
+        kick="8...9...7...9...", maracas="7.237.237.237.23", snare="6..16..16..16..1",
+    ),
+    "tango": _groove(
+        "R...R...F...R...", "8...6...7...6...", (1.0, 0.8, 0.9, 0.8), minor=True,
+        kick="9...6...8...6...", snare="5...4...5...4.34", hat="3...3...3...3...",
+    ),
+    "waltz": _groove(
+        "R...........", "....6...6...", (1.0, 0.75, 0.75),
+        kick="9...5...5...", brush="4...6...6...", hat="3...5...5...",
+    ),
+}  # fmt: skip
 
 # Semitones above the key, one chord per bar; the second number tells major (4) from minor (3).
 MAJOR_SONGS = (((0, 4), (9, 3), (5, 4), (7, 4)), ((0, 4), (7, 4), (9, 3), (5, 4)), ((0, 4), (5, 4), (7, 4), (0, 4)))

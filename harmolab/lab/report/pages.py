@@ -164,52 +164,7 @@ MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
 # Items of the harmony paper; then those of Music2Dance and of Audio to Body Dynamics, whose numbers are the same.
-PAPER = {
-    "Fig. 1": "which beats are felt to fall together, and which apart",
-    "Fig. 2": "visual beats from optical flow and from the skeleton",
-    "Fig. 3": "harmony distorted: onsets against beats from direction changes",
-    "Fig. 4": "joint speed and the movements that it follows",
-    "Fig. 5": "better agreement with beats from the joint speed",
-    "Fig. 6": "meter units found in the music's beats",
-    "Fig. 7": "the generator, its discriminators and their training",
-    "Fig. 8": "how often inharmonious videos are told from true ones",
-    "Fig. 9": "quality of the generated motion (FID)",
-    "Fig. 10": "a generated dance beside the recorded one",
-    "Fig. 11": "what the harmony loss adds",
-    "Fig. 12": "harmony and hit rate against other systems",
-    "Fig. 13": "which system viewers prefer",
-    "Fig. 14": "frames of a dance at the beats of its music",
-    "Table 1": "harmony for seven dances",
-    "Table 2": "hit rate for seven dances",
-    "Music2Dance Fig. 1": "two dances of the network",
-    "Music2Dance Fig. 2": "the capture; here the way from recordings to windows",
-    "Music2Dance Fig. 3": "the network, with the shapes of its tensors",
-    "Music2Dance Fig. 4": "features of a song, on one time axis",
-    "Music2Dance Fig. 5": "the classifier of songs, layer by layer",
-    "Music2Dance Fig. 6": "marks of people; here of measures",
-    "Music2Dance Fig. 7": "dances beside a recorded dancer",
-    "Music2Dance Fig. 8": "heights of the hands by music features and by a mel spectrogram",
-    "Music2Dance Fig. 9": "places of the end effectors with and without the mapping of the music",
-    "Music2Dance Fig. 10": "heights of the toes with and without end effectors, before and after the foot model",
-    "Music2Dance Fig. 11": "loss with and without clusters of windows",
-    "Music2Dance Table 1": "how often two classifiers give a song its class",
-    "Music2Dance Table 2": "error of two foot models",
-    "Music2Dance Table 3": "what people marked; here measures, and simulated raters",
-    "Audio to Body Fig. 1": "from a sound to an avatar",
-    "Audio to Body Fig. 2": "frames of musicians with their points",
-    "Audio to Body Fig. 3": "rejected frames, and the rules that caught them",
-    "Audio to Body Fig. 4": "the network",
-    "Audio to Body Fig. 5": "the first component over the epochs",
-    "Audio to Body Fig. 6": "the first component to sound that is no music",
-    "Audio to Body Fig. 7": "predicted over tracked points, piano",
-    "Audio to Body Fig. 8": "predicted over tracked points, violin",
-    "Audio to Body Fig. 9": "an avatar at the piano",
-    "Audio to Body Fig. 10": "an avatar with a violin",
-    "Audio to Body Fig. 11": "the worst frames, and their causes",
-    "Audio to Body video": "music and points that do not match",
-    "Audio to Body Table 1": "errors of a violinist by setting",
-    "Audio to Body Table 2": "errors of a pianist by setting",
-}
+PAPER: dict[str, str] = json.loads(Path(__file__).with_name("paper_items.json").read_text("utf-8"))
 
 
 @dataclass(frozen=True)
