@@ -46,9 +46,9 @@ from harmolab.readers.player_points import (
 )
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
+from study.cells import notebook_cells
 from study.experiments.player_in_space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from tests.builders import bone_lengths, cases, refused, track
-from tests.notebook_cells import notebook_cells
 from tests.test_player import data_of, positions_of
 
 OURS = AvatarParams()
