@@ -61,8 +61,14 @@ lab: $(STAMP) ## open JupyterLab on the first notebook
 report: $(STAMP) ## run the notebooks in the quick profile and write report/index.html
 	$(BIN)/python -m harmolab.lab.report.run --profile quick --out report --jobs $(JOBS)
 
-figures: $(STAMP) ## run the notebooks in the full profile and replace figures/
+figures: $(STAMP) ## replace figures/ by a full run of the notebooks; FROM=tables: draw charts again from its csv
+ifeq ($(FROM),tables)
+	PYTHONPATH=notebooks $(BIN)/python -m study.figures.redraw --folder figures
+else ifdef FROM
+	@echo "FROM=tables is all there is, not FROM=$(FROM)" >&2; exit 1
+else
 	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures
+endif
 
 docs: $(STAMP) ## build the site in site/, readable from disk; warnings are errors
 	$(BIN)/python -m sphinx -b html -W --keep-going -q docs site

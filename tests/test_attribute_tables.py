@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, Song, SongSplit, window_starts
 from harmolab.types import Audio, Clip
+from study.cells import notebook_cells
 from study.experiments import attributes
 from study.experiments.attributes import LabelledSongs
 from study.figures import attributes as drawing
 from study.profile import RunProfile
 from study.shapes import classifier_stages
 from tests.builders import cases
-from tests.notebook_cells import notebook_cells
 
 QUICK, NOTEBOOK = RunProfile.quick(), "15_music_and_attributes"
 CELLS = notebook_cells(NOTEBOOK)

@@ -31,8 +31,8 @@ from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.weights import load_weights, save_weights
 from harmolab.types import Audio, FloatArray, Motion, Notes
+from study.cells import notebook_cells
 from tests.builders import cases, refused
-from tests.notebook_cells import notebook_cells
 
 FPS = 24.0
 # Left and right shoulder, elbow, wrist and hip; the box around the whole player is 300 wide, the shoulders 100.

@@ -30,9 +30,9 @@ from harmolab.readers.bvh import WORLD, load_bvh, save_bvh
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
+from study.cells import notebook_cells
 from study.experiments.player_in_space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from tests.builders import bone_lengths, cases, refused, track
-from tests.notebook_cells import notebook_cells
 from tests.test_player import data_of, positions_of
 
 OURS = AvatarParams()

@@ -13,12 +13,12 @@ from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import judge
+from study.cells import notebook_cells
 from study.experiments import judging
 from study.experiments.judging import LATE, TRUE, half_a_beat_late, trick_means
 from study.experiments.locked import evidence, locked_table, metronome, statue_on_turntable
 from study.profile import RunProfile
 from tests.builders import bobbing, cases, planted_dance, refused, still, track
-from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 TWO = Skeleton(("hip", "knee"), (-1, 0))

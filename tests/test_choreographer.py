@@ -38,9 +38,9 @@ from harmolab.systems.training.motion_code import fixed_bones
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.bar_pattern import fit_pattern
 from harmolab.verdict.judge import score_motion
+from study.cells import notebook_cells
 from study.experiments.study import readable_recordings
 from tests.builders import BODY, bone_lengths, cases, refused, track, waving
-from tests.notebook_cells import notebook_cells
 from tools.bank import TAKES, danced_parts, dancing_span, shipped_takes, write_bank
 
 SILENCE = Audio(np.zeros(8000 * 60), 8000.0)

@@ -19,13 +19,13 @@ from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import score_motion
+from study.cells import notebook_cells
 from study.experiments import contestants, contests, generation
 from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS, Contestant, Entry, Row, entries
 from study.experiments.contests import Contest, Excerpt, Material, music_anchors, rest_anchors
 from study.experiments.generation import SYNTHETIC, training_split
 from study.profile import RunProfile
 from tests.builders import planted_dance, refused
-from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile(
     "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16, songs=1,

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.types import Motion
+from study.cells import notebook_cells
 from study.figures.feet import MEASURES, draw_ways, ways_figure
 from study.profile import RunProfile
 from study.saving import save_figure
 from tests.builders import cases
-from tests.notebook_cells import notebook_cells
 
 DANCES, FEET = notebook_cells("16_music2dance"), notebook_cells("17_feet")
 

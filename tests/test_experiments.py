@@ -16,11 +16,11 @@ from harmolab.params import BarPattern, HarmonyParams
 from harmolab.readers.motion import save_motion
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import score_clip
+from study.cells import notebook_cells
 from study.experiments import study
 from study.experiments.study import agreement, clip_of_study, corpus_folders, data_root, excerpt, study_recordings
 from study.profile import RunProfile
 from tests.builders import cases, refused, track
-from tests.notebook_cells import notebook_cells
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 RATE = 8000

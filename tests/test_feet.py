@@ -27,11 +27,11 @@ from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import Clip, FloatArray, Motion
+from study.cells import notebook_cells
 from study.experiments.contests import Contest
 from study.experiments.sliding import SlidWindows, slid_windows
 from study.profile import RunProfile
 from tests.builders import cases, planted_dance
-from tests.notebook_cells import notebook_cells
 from tests.test_music2dance_dancing import foot_model, sound, system
 
 CELLS = notebook_cells("17_feet")

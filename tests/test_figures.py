@@ -32,9 +32,9 @@ from harmolab.params import CHOICES, HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore, score_harmony
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import music_and_motion, score_motion
+from study.cells import notebook_cells
 from study.saving import smallest_text
 from tests.builders import ARM, cases, planted_dance, refused, track, waving
-from tests.notebook_cells import notebook_cells
 from tests.test_player import data_of
 from tests.test_render import standing
 

@@ -15,6 +15,7 @@ from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
 from harmolab.types import Motion
 from study import diagram
+from study.cells import notebook_cells
 from study.experiments import contestants, generation, unheard_songs
 from study.experiments.contestants import RIGHT_SONG, Contestant, Row, kept_name
 from study.experiments.contests import Contest, Excerpt
@@ -22,7 +23,6 @@ from study.experiments.unheard_songs import recorded_dancers, unheard_song
 from study.figures.music2dance import chance_figure, endurance_summary, limits_figure, marks_figure
 from study.profile import RunProfile
 from tests.builders import cases
-from tests.notebook_cells import notebook_cells
 
 PROFILE = replace(RunProfile.quick(), n_seeds=2, n_clips=20, pose_epochs=1)
 PLANTED, FROZEN = "planted dancer", "frozen pose"

@@ -16,10 +16,10 @@ from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
+from study.cells import notebook_cells
 from study.experiments.generation import Trained
 from study.experiments.judging import recorded_motions
 from tests.builders import ARM
-from tests.notebook_cells import notebook_cells
 
 CELLS = notebook_cells("08_motion_quality")
 HALVES, OTHER_FIGURES, FROZEN = "recorded, halves", "recorded, other figures", "recorded, frozen"

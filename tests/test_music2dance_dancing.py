@@ -34,8 +34,9 @@ from harmolab.systems.training.about import read_about
 from harmolab.systems.training.feet import foot_contacts
 from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.systems.training.weights import save_weights
+from harmolab.types import Audio, BeatTrack, Motion
+from study.cells import notebook_cells
 from tests.builders import called, cases, planted_dance, refused, still, write_song
-from tests.notebook_cells import notebook_cells
 from tests.tiny_music2dance import TINY as SMALL
 from tools.ship import ENDING_SECONDS
 from tools.ship import ship_music2dance as ship

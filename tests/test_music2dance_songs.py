@@ -22,9 +22,9 @@ from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack
+from study.cells import notebook_cells
 from study.experiments.attributes import LabelledSongs, folds, two_classes
 from tests.builders import cases, metronome, planted_dance, refused, track, write_song
-from tests.notebook_cells import notebook_cells
 from tests.tiny_music2dance import trained
 
 

@@ -15,6 +15,7 @@ from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import time_test
 from harmolab.verdict.judge import judge
+from study.cells import notebook_cells
 from study.figures.results import (
     SCORE_LABELS,
     auc_figure,
@@ -28,7 +29,6 @@ from study.figures.results import (
 from study.profile import RunProfile
 from study.saving import smallest_text
 from tests.builders import cases, planted_dance
-from tests.notebook_cells import notebook_cells
 
 CELLS = notebook_cells("05_right_from_wrong")
 

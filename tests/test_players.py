@@ -30,6 +30,7 @@ from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_perf
 from harmolab.readers.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import Motion, Notes
 from study import diagram
+from study.cells import notebook_cells
 from study.experiments import player_frames
 from study.experiments import players as players_of
 from study.experiments.instrument_sets import load_pianomime
@@ -38,7 +39,6 @@ from study.experiments.players import HANDS, PLANTED, PlayerData, cleaned_perfor
 from study.figures import player_overlays, player_points, player_results
 from study.profile import RunProfile
 from tests.builders import refused
-from tests.notebook_cells import notebook_cells
 from tests.test_performances import pianomime_folder
 
 QUICK = RunProfile.quick()

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from harmolab.significance import bootstrap_interval, mean_interval
+from study.cells import notebook_cells
 from study.experiments.contestants import HARMOGAN, LEE, REN, RIGHT_SONG, WITHOUT
 from study.experiments.judging import PAPER_MEANS, TABLE_1, TABLE_2, printed
-from tests.notebook_cells import notebook_cells
 
 CELLS = notebook_cells("10_systems_compared")
 KEYS = ("music", "corpus", "system", "training", "song", "clip", "dance", "draw")

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from itertools import combinations, product
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,13 +27,15 @@ from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.report.pages import MANIFEST
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
+from study.cells import notebook_cells
 from study.figures import redraw, variants
 from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
+from study.figures.pictures import PICTURES
 from study.figures.variants import APART, LOOKS, THIN, WIDE
+from study.findings import RunTables
 from study.profile import RunProfile
-from study.saving import PAGE_WIDTH, save_figure, smallest_text
-from tests.builders import cases
-from tests.notebook_cells import notebook_cells
+from study.saving import PAGE_WIDTH, save_figure, save_table, smallest_text
+from tests.builders import cases, refused
 
 NAN = float("nan")
 TRAINING, QUALITY = notebook_cells("07_anatomy_and_training"), notebook_cells("08_motion_quality")
@@ -508,53 +511,98 @@ SHIPPED = Path(__file__).parents[1] / "figures"
 ENTRIES = json.loads((SHIPPED / MANIFEST).read_text("utf-8"))
 
 
+# Drawn of bodies, of sound, or of the shapes of a network, by the patterns of their names.
+OF_NO_TABLE = (
+    *("fig0[0-6]_*", "fig01_03_*", "fig05b_*", "fig10_*", "fig12_sheet_*", "fig14*", "own_dance_*"),
+    *("m2d_fig0[2-5]_*", "m2d_fig07_*", "a2b_features", "a2b_fig0[124789]_*", "a2b_fig03_planted"),
+    *("a2b_fig1[01]_*", "a2b_video_*"),
+)
+
+
+def tables_of(name: str) -> list[str]:
+    """The files of the tables that give a picture."""
+    return [f"{table}.csv" for table in PICTURES[name][2:]]
+
+
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, Figure]:
-    """Every figure of the shipped tables."""
-    return dict(redraw.figures_of_tables(SHIPPED))
+    """Every picture that the shipped tables give."""
+    there = [name for name in PICTURES if f"{name}.png" in ENTRIES and {*tables_of(name)} <= set(ENTRIES)]
+    return {name: redraw.drawn_again(name, RunTables(SHIPPED), ENTRIES[f"{name}.png"]) for name in there}
 
 
 def test_shipped_tables_give_figures_whose_letters_are_large_enough_and_whose_words_hold_no_name_of_a_corpus(
     drawn: dict[str, Figure],
 ):
-    assert {name: size for name, figure in drawn.items() if (size := smallest_text(figure)) < 9} == {}
-    assert {"fig11_harmony_loss", "m2d_chance", "a2b_hits"} <= set(drawn)
+    assert {f"{name}.png" for name, figure in drawn.items() if smallest_text(figure) < 9} <= TOO_WIDE
+    assert {"fig11_harmony_loss", "m2d_chance", "a2b_hits", "cheating_on_the_beat"} <= set(drawn)
     for name, figure in drawn.items():
         words = " ".join(text.get_text() for text in figure.findobj(Text))
         assert not re.search("beatlocked|realdance|tang2018", words), name
 
 
-def test_figure_of_other_weights_is_there_only_with_its_table(drawn: dict[str, Figure], tmp_path: Path):
-    is_shipped = "table11d_trade_off.csv" in ENTRIES
-    assert ("fig11b_trade_off.png" in ENTRIES) == ("fig11b_trade_off" in drawn) == is_shipped
+def test_every_shipped_picture_names_its_tables_or_is_drawn_of_none(drawn: dict[str, Figure]):
+    pictures = {name.removesuffix(".png"): entry for name, entry in ENTRIES.items() if name.endswith(".png")}
+    assert {path.stem for path in SHIPPED.glob("*.png")} == set(pictures)
+    of_none = {name for name in pictures if any(fnmatchcase(name, pattern) for pattern in OF_NO_TABLE)}
+    assert of_none == set(pictures) - set(PICTURES)
+    named = {name: entry["tables"] for name, entry in pictures.items() if "tables" in entry}
+    assert named == {name: [] for name in of_none} | {name: tables_of(name) for name in drawn}
+    assert all((SHIPPED / table).is_file() for tables in named.values() for table in tables)
+
+
+def test_function_that_draws_stands_where_the_list_says():
+    for place, function, *_ in PICTURES.values():
+        assert callable(getattr(redraw.place_of(place), function)), (place, function)
+    assert set(redraw.OPTIONS) <= set(PICTURES)
+
+
+def test_picture_is_refused_without_its_table_and_drawn_as_soon_as_it_is_there(tmp_path: Path):
+    name, tables = "fig11b_trade_off", RunTables(tmp_path)
     means = pd.read_csv(shutil.copy(SHIPPED / "table11_ablation.csv", tmp_path))
+    with pytest.raises(FileNotFoundError, match=r"table11d_trade_off\.csv"):
+        redraw.drawn_again(name, tables, ENTRIES["fig11_harmony_loss.png"])
     sweep = {"corpus": means["corpus"][:1], "harmony_weight": 0.1, "above_chance": 0.5, "jerk": 80.0, "fid": 2.0}
     pd.DataFrame(sweep).to_csv(tmp_path / "table11d_trade_off.csv", index=False)
-    assert next(redraw.figures_of_tables(tmp_path))[0] == "fig11b_trade_off"
+    assert redraw.drawn_again(name, tables, ENTRIES["fig11_harmony_loss.png"]).axes
 
 
-def test_marks_are_weighted_as_they_were_computed():
-    weights = redraw.WEIGHTS
-    assert weights == notebook_cells("16_music2dance").MARKS
-    totals = pd.read_csv(SHIPPED / "m2d_table03_machine.csv")
+def test_figure_is_saved_only_after_its_tables_and_the_manifest_names_them(
+    ax: Axes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    about = {"notebook": "00_start_here", "source": "made up", "profile": RunProfile.quick()}
+    for name, tables in (("a2b_steps", None), ("any", ("a2b_steps",))):
+        refused(r"a2b_steps\.csv, not saved", save_figure, ax.figure, name, tables=tables, **about)
+    save_table(MEASURED, "a2b_steps", **about)
+    save_figure(ax.figure, "a2b_steps", trained=True, **about)
+    entry = json.loads((tmp_path / MANIFEST).read_text("utf-8"))["a2b_steps.png"]
+    assert (entry["tables"], entry["trained"]) == (["a2b_steps.csv"], True)
+
+
+def test_weights_of_marks_are_those_they_were_computed_with():
+    weights, totals = notebook_cells("16_music2dance").MARKS, pd.read_csv(SHIPPED / "m2d_table03_machine.csv")
     np.testing.assert_allclose(totals[list(weights)] @ list(weights.values()), totals["total"], atol=0.002)
 
 
-def test_figure_drawn_again_keeps_its_source_and_title_in_the_manifest(
-    drawn: dict[str, Figure], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_figures_drawn_again_keep_their_entries_in_the_manifest_and_what_is_left_out_has_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    assert {f"{name}.png" for name in drawn} <= set(ENTRIES)
-    shutil.copy(SHIPPED / MANIFEST, tmp_path)
-    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
-    few = [(name, drawn[name]) for name in ("cheating_tricks", "a2b_hits")]
-    monkeypatch.setattr(redraw, "figures_of_tables", lambda folder: few)
-    saved = redraw.redraw(RunProfile.full())
-    assert [each.path.name for each in saved] == ["cheating_tricks.png", "a2b_hits.png"]
-    assert all(each.path.parent == tmp_path and each.path.stat().st_size > 10_000 for each in saved)
+    few = ("cheating_tricks", "a2b_hits", "fig11_harmony_loss", "a2b_steps")
+    monkeypatch.setattr(redraw, "PICTURES", {name: PICTURES[name] for name in few})
+    monkeypatch.setenv("HARMOLAB_FIGURES", "elsewhere")
+    for name in (MANIFEST, *tables_of("cheating_tricks"), *tables_of("a2b_hits"), "table11_ablation.csv"):
+        shutil.copy(SHIPPED / name, tmp_path)
+    redraw.main(["--folder", str(tmp_path)])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == " 3 of 4: fig11_harmony_loss is left out: its table table11b_gains.csv is not there"
+    assert lines[4].startswith("2 drawn, 2 left out")
+    assert all(path.stat().st_size > 10_000 for path in tmp_path.glob("*.png"))
+    assert {path.stem for path in tmp_path.glob("*.png")} == set(few[:2])
     after = json.loads((tmp_path / MANIFEST).read_text("utf-8"))
-    assert {name: entry | {"version": ""} for name, entry in after.items()} == {
-        name: entry | {"version": ""} for name, entry in ENTRIES.items()
-    }
+    assert [entry | {"version": ""} for entry in after.values()] == [
+        entry | {"version": ""} for entry in ENTRIES.values()
+    ]
 
 
 def test_legend_at_the_edge_stays_above_the_mark_for_synthetic_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

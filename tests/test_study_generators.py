@@ -25,13 +25,13 @@ from harmolab.systems.training.motion_code import encode_motion, turned
 from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
+from study.cells import notebook_cells
 from study.experiments import generation, judging
 from study.experiments.generation import SWEEP, SYNTHETIC, VARIANTS, trained, training_split
 from study.experiments.judging import RECORDED, danced, danced_units, judge, recorded_motions, seed_means
 from study.experiments.locked import statue_on_turntable
 from study.profile import RunProfile
 from tests.builders import bobbing, cases, refused
-from tests.notebook_cells import notebook_cells
 
 LOSS, QUALITY = notebook_cells("09_harmony_loss"), notebook_cells("08_motion_quality")
 PROFILE = RunProfile(

@@ -3,7 +3,7 @@
 import base64
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from harmolab.files import atomic_write, write_json
 from harmolab.lab.figures.style import COLOURS, write_figure
 from harmolab.lab.report.pages import MANIFEST
+from study.figures.pictures import PICTURES
 from study.profile import RunProfile
 
 PAGE_WIDTH = 992  # pixels, of a column of the report
@@ -75,21 +76,28 @@ class About(TypedDict):
     trained: NotRequired[bool]
 
 
-def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
+def save_figure(figure: Figure, name: str, *, tables: Sequence[str] | None = None, **about: Unpack[About]) -> Saved:
     """The PNG just written, with its entry in the manifest beside it.
 
     Parameters
     ----------
     figure : matplotlib Figure; marked "synthetic data" if the source says so, and where a network is not trained
     name : str, file name without suffix, such as "fig01_harmony_distortion"
+    tables : names of the saved tables that give it; () where it is drawn of bodies, sound or the shapes of a network.
+        Left out, those that `study.figures.pictures` names
     about : as in `About`
 
     Raises
     ------
     ValueError
-        If the name is not a plain file name.
+        If the name is not a plain file name, or a table was not saved in the folder before.
     """
-    with _recorded(name, ".png", **about) as path:
+    folder = figures_folder(about["profile"])
+    tables = PICTURES.get(name, ())[2:] if tables is None else tables
+    if missing := [f"{table}.csv" for table in tables if not (folder / f"{table}.csv").is_file()]:
+        raise ValueError(f"{name} is drawn of {' and '.join(missing)}, not saved in {folder}: save tables first")
+    trained = {"trained": True} if about.get("trained", False) else {}
+    with _recorded(name, ".png", {"tables": [f"{table}.csv" for table in tables], **trained}, **about) as path:
         panels_marked = any(text.get_gid() == "source" for text in figure.findobj(Text))
         marks = {
             "synthetic data": "synthetic" in about["source"].lower() and not panels_marked,
@@ -103,7 +111,7 @@ def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
 
 def save_table(frame: pd.DataFrame, name: str, **about: Unpack[About]) -> Saved:
     """The CSV just written; arguments as for `save_figure`. The frame's index is left out."""
-    with _recorded(name, ".csv", **about) as path, atomic_write(path) as part:
+    with _recorded(name, ".csv", {}, **about) as path, atomic_write(path) as part:
         frame.to_csv(part, index=False)
     return Saved(path)
 
@@ -136,8 +144,8 @@ def _mark(figure: Figure, words: str) -> None:
 
 
 @contextmanager
-def _recorded(name: str, suffix: str, **about: Unpack[About]) -> Iterator[Path]:
-    """Path of a figure to write; then adds or replaces its entry in the manifest.
+def _recorded(name: str, suffix: str, more: Mapping[str, Any], **about: Unpack[About]) -> Iterator[Path]:
+    """Path of a figure to write; then adds or replaces its entry in the manifest, with `more` in it.
 
     Notebooks that run at the same time wait for each other.
     """
@@ -154,6 +162,7 @@ def _recorded(name: str, suffix: str, **about: Unpack[About]) -> Iterator[Path]:
         "source": about["source"],
         "title": about.get("title", ""),
         "version": version("harmolab"),
+        **more,
     }
     manifest = folder / MANIFEST
     with FileLock(manifest.with_name(f".{MANIFEST}.lock"), timeout=60):

@@ -1,102 +1,148 @@
-"""Figures that show nothing but a table, drawn again from that table: ``python -m study.figures.redraw``.
+"""Pictures that tables alone give, drawn again from the tables of a run: ``python -m study.figures.redraw``.
 
 A run of the notebooks takes hours in the full profile; a change of a figure's looks needs only its numbers.
 """
 
+import argparse
 import json
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib import import_module
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from harmolab.lab.report.pages import MANIFEST
+from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.music2dance.params import Music2DanceParams
-from study.figures import attributes, feet, music2dance, player_results, results, variants
+from study.cells import notebook_cells
+from study.figures import framework, player_points, player_results, results
+from study.figures.pictures import LENGTHS, PICTURES
+from study.figures.words import corpus_words
 from study.findings import RunTables
 from study.profile import RunProfile
-from study.saving import Saved, figures_folder, save_figure
+from study.saving import figures_folder, save_figure
 
-CORPUS = "beatlocked"  # of the tables that do not name it
-LENGTHS = ("a minute", "a minute on synthetic movement", "ten minutes")
-# Weights of the machine's marks; a test holds them to those of notebook 16.
-WEIGHTS: Mapping[str, float] = {"naturalness": 0.25, "richness": 0.25, "music": 0.4, "sliding": 0.1}
-RATERS = {"label": "right answers", "title": "Who picks out late dances?"}
-DRAWN = ("temperature", "smoothing", "draw_memory")
+# Other arguments. {source}: of the data; {corpus}: that in words; {untrained}: said of networks of a quick run.
+CORPUS, REMARK = {"corpus": "{source}"}, {"remark": "{untrained}"}
+REAL = {"players": "real hands, rendered sound", "unit": "millimetres"}
+DRAWN = {name: getattr(Music2DanceParams.recommended(), name) for name in ("temperature", "smoothing", "draw_memory")}
+OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    **dict.fromkeys(("fig08_picking_inharmonious_clips", "fig08c_bar_patterns", "m2d_fig11_clusters"), CORPUS),
+    **dict.fromkeys(("m2d_table01_accuracy", "m2d_table01c_confusion", "m2d_song_probabilities"), REMARK),
+    **{f"m2d_{length}": {"length": words} for length, words in LENGTHS.items()},
+    "m2d_chance": {"used": DRAWN},
+    "m2d_fig06_machine_marks": CORPUS,
+    "m2d_fig08_hands": {"dance": "cha-cha", **CORPUS},
+    "m2d_fig10_end_effectors": {"words": "{corpus}; cha-cha, a tenth of the spread drawn"},
+    "a2b_table01_violin": {"players": "planted violinist"},
+    "a2b_table02_piano": {"players": "planted pianist"},
+    "a2b_fig05_epochs_piano": {"players": "planted piano", "unit": "pixels"},
+    **dict.fromkeys(("a2b_fig05_epochs_hands", "a2b_hands"), REAL),
+}
+KEPT = ("notebook", "source", "seed", "title", "trained")  # of the entry in the manifest
+cells = cache(notebook_cells)
 
 
-def figures_of_tables(folder: Path) -> Iterator[tuple[str, Figure]]:
-    """Every figure and its name in the manifest, from the tables in `folder`.
+def framework_of(parts: pd.DataFrame) -> Figure:
+    """The framework of HarmoGAN."""
+    params = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
+    rows: list[Any] = parts.to_dict("records")
+    return framework.framework_figure(rows, params)
 
-    The figure of other weights of the harmony loss is the first of them where its table is.
+
+def networks_of(parts: pd.DataFrame) -> Figure:
+    """The networks of HarmoGAN."""
+    rows: list[Any] = parts.to_dict("records")
+    return framework.networks_figure(rows)
+
+
+def rates_of(raters: pd.DataFrame) -> Figure:
+    """Right answers of simulated raters."""
+    rows: list[Any] = raters.to_dict("records")
+    return results.rates_figure(rows, label="right answers", title="Who picks out late dances?")
+
+
+def marks_of(marks: pd.DataFrame, corpus: str) -> Figure:
+    """Marks by machine, by the weights they were given."""
+    notebook = cells("16_music2dance")
+    return notebook.marks_figure(marks, notebook.MARKS, corpus=corpus)
+
+
+def cleaning_of(report: pd.DataFrame, faults: pd.DataFrame) -> Figure:
+    """Rejected frames, with one row for all planted pieces of an instrument."""
+    return player_points.cleaning_figure(cells("18_sound_and_points").cleaning_summary(report), faults)
+
+
+def random_inputs_of(curves: pd.DataFrame, numbers: pd.DataFrame) -> Figure:
+    """The piano's first component to sound that is no music."""
+    piano = numbers[numbers["instrument"] == "piano"]
+    return cells("19_sound_to_hands").random_inputs_figure(curves, piano, "planted piano")
+
+
+def hits_of(violin: pd.DataFrame, piano: pd.DataFrame) -> Figure:
+    """Error and hits of both instruments."""
+    return player_results.hits_figure({"violin": violin, "piano": piano})
+
+
+def place_of(name: str) -> Any:
+    """A notebook's definitions, or a module of figures."""
+    return cells(name) if name[0].isdigit() else import_module(f"study.figures.{name}")
+
+
+def drawn_again(name: str, tables: RunTables, entry: Mapping[str, Any]) -> Figure:
+    """The picture of that name, of the tables of a run and its entry in their manifest.
 
     Raises
     ------
     FileNotFoundError
         If a table is missing.
     """
-    tables = RunTables(folder)
-    means = tables["table11_ablation"]
-    if "table11d_trade_off" in set(tables):
-        yield "fig11b_trade_off", variants.trade_off_figure(means, tables["table11d_trade_off"])
-    study_rows: list[Any] = tables["table08e_listening_study"].to_dict("records")
-    yield from {
-        "cheating_generators": variants.listening_figure(tables["table_generators_late"]),
-        "cheating_tricks": variants.tricks_figure(tables["table_cheating_tricks"]),
-        "fig08_picking_inharmonious_clips": results.picks_figure(tables["table08h_picked_clips"], corpus=CORPUS),
-        "fig08b_auc_of_all_scores": results.auc_figure(tables["table08b_auc"]),
-        "fig08c_bar_patterns": results.patterns_figure(tables["fig08c_bar_patterns"], corpus=CORPUS),
-        "fig08d_disturbances": results.disturbances_figure(tables["table08g_beat_jitter"]),
-        "fig08e_listening_study": results.rates_figure(study_rows, **RATERS),
-        "fig08f_levels": results.levels_figure(tables["table08i_levels"]),
-        "fig08g_false_alarms": results.nulls_figure(tables["table08f_false_alarms"]),
-        "fig09_frechet_distances": variants.distances_figure(tables["table09_motion_quality"]),
-        "fig12_systems": variants.comparison_figure(tables["table12_systems"]),
-        "fig13_machine_comparison": variants.forced_choice_figure(tables["table13_machine_comparison"]),
-        "fig11_harmony_loss": variants.ablation_figure(means, tables["table11b_gains"]),
-    }.items()
-    yield from _music2dance_figures(tables).items()
-    yield from _player_figures(tables).items()
-
-
-def _music2dance_figures(tables: RunTables) -> dict[str, Figure]:
-    """Figures of Music2Dance."""
-    params = Music2DanceParams.recommended()
-    used = {name: getattr(params, name) for name in DRAWN}
-    files = {length: f"m2d_{length.replace(' ', '_')}" for length in LENGTHS}
-    return {
-        **{file: music2dance.limits_figure(tables[f"{file}_table"], length=length) for length, file in files.items()},
-        "m2d_chance": music2dance.chance_figure(tables["m2d_table_chance"], used=used),
-        "m2d_fig06_machine_marks": music2dance.marks_figure(tables["m2d_table03_machine"], WEIGHTS, corpus=CORPUS),
-        "m2d_table01_accuracy": attributes.accuracy_figure(tables["m2d_table01"], tables["m2d_table01b_differences"]),
-        "m2d_table02_foot_models": feet.ways_figure(tables["m2d_table02"]),
+    place, function, *given = PICTURES[name]
+    frames = [tables[table] for table in given]
+    untrained = "" if entry["profile"] == "full" else "quick profile: networks hardly trained"
+    words = {"source": entry["source"], "corpus": corpus_words(entry["source"]), "untrained": untrained}
+    options = {
+        option: value.format_map(words) if isinstance(value, str) else value
+        for option, value in OPTIONS.get(name, {}).items()
     }
+    return getattr(place_of(place), function)(*frames, **options)
 
 
-def _player_figures(tables: RunTables) -> dict[str, Figure]:
-    """Figures of Audio to Body Dynamics."""
-    hands, violin, piano = (tables[f"a2b_{name}"] for name in ("hands", "table01_violin", "table02_piano"))
-    hits = {instrument: tables[f"a2b_hits_{instrument}"] for instrument in ("violin", "piano")}
-    real = {"players": "real hands, rendered sound", "unit": "millimetres"}
-    return {
-        "a2b_component_correlations": player_results.components_figure(tables["a2b_component_correlations"]),
-        "a2b_hands": player_results.player_table_figure(hands, **real),
-        "a2b_hits": player_results.hits_figure(hits),
-        "a2b_table01_violin": player_results.player_table_figure(violin, players="planted violinist"),
-        "a2b_table02_piano": player_results.player_table_figure(piano, players="planted pianist"),
-    }
+def redraw(folder: Path) -> Iterator[tuple[str, str]]:
+    """Every picture of `PICTURES` saved again under its own entry in the manifest; and why one is left out, or ""."""
+    tables, entries = RunTables(folder), json.loads((folder / MANIFEST).read_text("utf-8"))
+    profiles = {profile.name: profile for profile in (RunProfile.quick(), RunProfile.full())}
+    for name, (_, _, *given) in PICTURES.items():
+        missing = [f"{table}.csv" for table in given if table not in set(tables)]
+        entry = entries.get(f"{name}.png")
+        if missing:
+            yield name, f"its table {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not there"
+        elif entry is None:
+            yield name, "the manifest does not name it: no run has drawn it"
+        else:
+            about = {key: entry[key] for key in KEPT if key in entry}
+            figure = drawn_again(name, tables, entry)
+            save_figure(figure, name, profile=profiles[entry["profile"]], **about)
+            yield name, ""
 
 
-def redraw(profile: RunProfile) -> list[Saved]:
-    """Every figure of `figures_of_tables` in the folder of a profile, saved under its own entry in the manifest."""
-    folder = figures_folder(profile)
-    entries = json.loads((folder / MANIFEST).read_text("utf-8"))
-    saved = []
-    for name, figure in figures_of_tables(folder):
-        about = {key: entries[f"{name}.png"][key] for key in ("notebook", "source", "seed", "title")}
-        saved.append(save_figure(figure, name, profile=profile, **about))
-    return saved
+def main(argv: Sequence[str] | None = None) -> None:
+    """One line a picture, and their number."""
+    parser = argparse.ArgumentParser(description="Draw the pictures of a run again from its tables.")
+    parser.add_argument("--folder", type=Path, default=figures_folder(RunProfile.full()))
+    folder = parser.parse_args(argv).folder
+    os.environ["HARMOLAB_FIGURES"] = str(folder)
+    begun, left_out = perf_counter(), 0
+    for number, (name, reason) in enumerate(redraw(folder), 1):
+        left_out += bool(reason)
+        print(f"{number:2d} of {len(PICTURES)}: {name}" + f" is left out: {reason}" * bool(reason), flush=True)
+    print(f"{len(PICTURES) - left_out} drawn, {left_out} left out, {perf_counter() - begun:.0f} s: {folder}")
 
 
 if __name__ == "__main__":
-    redraw(RunProfile.full())
+    main()

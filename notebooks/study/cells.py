@@ -1,13 +1,12 @@
-"""The functions that a notebook defines, for tests: its imports, definitions and plain constants, and nothing else."""
+"""What a notebook defines, for tests and for drawing again: imports, functions, plain constants, nothing else."""
 
 import ast
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import nbformat
-
-NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
+NOTEBOOKS = Path(__file__).resolve().parents[1]
 
 
 def is_definition(node: ast.stmt) -> bool:
@@ -19,9 +18,9 @@ def is_definition(node: ast.stmt) -> bool:
 
 def notebook_cells(stem: str, **names: Any) -> SimpleNamespace:
     """What the code cells of a notebook define; `names` are the globals that its functions find besides."""
-    notebook = nbformat.read(NOTEBOOKS / f"{stem}.ipynb", as_version=4)
-    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
-    source = "\n".join(line for cell in cells for line in cell.splitlines() if not line.startswith("%"))
+    cells = json.loads((NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8"))["cells"]
+    source = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    source = "\n".join(line for line in source.splitlines() if not line.startswith("%"))
     body = [node for node in ast.parse(source).body if is_definition(node)]
     space = dict(names)
     exec(compile(ast.Module(body, type_ignores=[]), stem, "exec"), space)
