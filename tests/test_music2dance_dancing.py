@@ -34,7 +34,6 @@ from harmolab.systems.training.about import read_about
 from harmolab.systems.training.feet import foot_contacts
 from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.systems.training.weights import save_weights
-from harmolab.types import Audio, BeatTrack, Motion
 from study.cells import notebook_cells
 from tests.builders import called, cases, planted_dance, refused, still, write_song
 from tests.tiny_music2dance import TINY as SMALL
