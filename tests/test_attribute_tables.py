@@ -43,6 +43,7 @@ def waltzes_and_tango(model: str, right: str) -> list[dict[str, Any]]:
     return [outcome(model, name, label, label if letter == "y" else other[label]) for (name, label), letter in pairs]
 
 
+@pytest.mark.slow
 def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
     rows = waltzes_and_tango(CONVOLUTION, "yynn")
     rows[0] |= {"windows": 12, "right windows": 9}
@@ -55,6 +56,7 @@ def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
     assert 0 <= row["songs low"] < row["songs"] < row["songs high"] <= 100
 
 
+@pytest.mark.slow
 def test_seeds_of_one_song_count_as_one_song():
     songs = [f"s{number}" for number in range(6)]
     rows = [outcome("m", song, "waltz", name, seed=n) for song in songs for n, name in ((1, "waltz"), (2, "tango"))]
@@ -66,6 +68,7 @@ def test_seeds_of_one_song_count_as_one_song():
     assert np.isnan(row[PAPER])
 
 
+@pytest.mark.slow
 def test_differences_are_taken_song_by_song_whatever_their_order():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")[::-1]
     rhythm = waltzes_and_tango(RHYTHM, "yyyn")[::-1]

@@ -740,6 +740,7 @@ def test_a_bow_that_hears_nothing_stays_at_its_start():
 # On the planted violinist
 
 
+@pytest.mark.slow
 def test_the_bow_of_the_points_is_the_planted_one(violin: SimpleNamespace):
     for each, sequence in zip(violin.planted, violin.played.sequences, strict=True):
         good = sequence.accepted
@@ -753,6 +754,7 @@ def test_the_bow_of_the_points_is_the_planted_one(violin: SimpleNamespace):
     assert 0.35 < violin.bow.law[2] < 0.65
 
 
+@pytest.mark.slow
 def test_the_turn_signal_has_a_bump_after_each_turn(violin: SimpleNamespace):
     signal = bowing.turn_signal(violin.played.sequences[0], PLAYER_50, FPS)
     turns = bowing.turns_of(np.interp(np.arange(0, signal.size - 1, 0.25), np.arange(signal.size), signal), 4 * FPS)
@@ -766,6 +768,7 @@ def test_the_turn_signal_has_a_bump_after_each_turn(violin: SimpleNamespace):
     assert np.mean(away < 0.06) > 0.9
 
 
+@pytest.mark.slow
 def test_directions_follow_from_planted_turns_alone(violin: SimpleNamespace):
     for each, sequence in zip(violin.planted[5:], violin.played.sequences[5:], strict=True):
         strokes = violin.bow.strokes(each.strikes.times, bowing.loudness(sequence.sound, PARAMS), FPS)

@@ -191,6 +191,7 @@ def test_impact_is_fastest_when_the_beat_stops_it():
     np.testing.assert_allclose(progress, [0.0, 0.0, 0.25, 0.993, 1.0, 1.0], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_cheat_that_pleased_the_old_score_gets_no_number(table: pd.DataFrame):
     statues, tremors = ["statue on a turntable", "statue, turning and travelling"], ["tremor of 1 mm", "tremor of 1 nm"]
     cheats = table.loc[[*statues, "rigid bob", *tremors, "one toe, 1 mm"]]
@@ -198,6 +199,7 @@ def test_cheat_that_pleased_the_old_score_gets_no_number(table: pd.DataFrame):
     assert cheats[["H", "p", "lag (ms)"]].isna().all(axis=None)
 
 
+@pytest.mark.slow
 @cases(
     "level, names",
     (0, ["tremor of 5 mm on a drift", "sensor noise, 1 cm"]),
@@ -211,6 +213,7 @@ def test_level_says_whether_a_body_moves_keeps_time_and_is_on_the_beat(
     assert table.loc[names, "level"].tolist() == [level] * len(names)
 
 
+@pytest.mark.slow
 def test_noise_that_passes_the_floor_has_no_tempo(table: pd.DataFrame):
     assert table.loc[["sensor noise, 3 cm", "smooth noise"], "own tempo"].isna().all()
 

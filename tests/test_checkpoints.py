@@ -196,6 +196,7 @@ def test_a_damaged_state_is_told_in_one_line_and_kept(kind: str, half: Path, tra
 # Going on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", range(EPOCHS))
 @pytest.mark.usefixtures("save_every_epoch")
 def test_a_run_that_stops_after_any_epoch_ends_the_same(stop: int, undisturbed: Path, train: Train, begun: Path):

@@ -446,6 +446,7 @@ def test_a_folder_with_one_song_and_one_motion_needs_no_layout_and_keeps_its_bea
     assert "has no motion.npz" in refusal("score", tmp_path)
 
 
+@pytest.mark.slow
 def test_a_video_alone_is_scored_as_it_is_explained(video: Path):
     scored = json.loads(run("score", video, "--json").stdout)
     explained = json.loads(run("explain", video, "--json").stdout)
@@ -454,6 +455,7 @@ def test_a_video_alone_is_scored_as_it_is_explained(video: Path):
         assert scored["recommended"][name] == pytest.approx(explained[name], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_video_alone_is_rendered_with_marks_and_retimed(video: Path, tmp_path: Path):
     for command in ("render", "retime"):
         out = tmp_path / f"{command}.mp4"
@@ -540,6 +542,7 @@ def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
 # Demo
 
 
+@pytest.mark.slow
 def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
@@ -556,6 +559,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
     assert "not of harmolab" in refusal("demo", "--out", out)
 
 
+@pytest.mark.slow
 def test_a_body_that_was_followed_poorly_is_told_no_sign_by_no_command(
     video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

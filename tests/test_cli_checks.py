@@ -83,6 +83,7 @@ def test_the_options_below_are_those_of_nearly_all_commands():
     assert len(FLOATS) > 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", FLOATS, ids=" ".join)
 def test_no_option_takes_a_number_that_is_none(words: tuple[str, ...]):
     assert refusal(*words, "nan") == f"{words[-1]} must be a finite number, got nan"
@@ -169,6 +170,7 @@ def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
     assert refusal(*command, name) == f"{name}: is a folder; name a file in it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [*WRITERS, "retime x.bvh", "render x.mp4"])
 def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], command: str):
     command, _, name = command.partition(" ")
@@ -369,6 +371,7 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
 # Sizes
 
 
+@pytest.mark.slow
 def test_a_slow_motion_that_would_become_too_many_frames_is_refused_before_it_is_made(pair: tuple[Any, ...]):
     save_motion("long.npz", still(500_000, fps=1.0, joints=4))
     fault = "long.npz: 500000 frames of 4 joints at 1 fps would be 50000000 frames at 100 fps, too many"
@@ -380,6 +383,7 @@ def commands(group: Any) -> Iterator[Any]:
         yield from commands(command) if hasattr(command, "commands") else [command]
 
 
+@pytest.mark.slow
 def test_every_command_explains_itself_and_takes_no_option_twice():
     names = set()
     for words, function in functions(app):

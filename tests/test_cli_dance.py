@@ -180,6 +180,7 @@ def test_help_loads_neither_torch_nor_opencv():
     assert not loaded_by(["dance", "--help"]) & {"torch", "cv2", "librosa", "av"}
 
 
+@pytest.mark.slow
 def test_torch_and_figures_are_never_loaded_to_dance(song: Path):
     command = ["dance", str(song), "--seconds", "3", "--out", "dance.npz"]
     assert not loaded_by(command) & {"torch", "matplotlib", "pandas"}
@@ -292,6 +293,7 @@ def one_line(result: Result) -> str:
     return result.stderr.strip()
 
 
+@pytest.mark.slow
 def test_no_option_at_all_writes_a_page_a_video_and_a_bvh(song: Path):
     result = danced(song, "--verbose")
     assert re.match(r"seed \d: (Moves like recorded dancers|Not meaningful)", result.stdout)
@@ -350,6 +352,7 @@ def judged_as(monkeypatch: pytest.MonkeyPatch, *verdicts: Likeness):
     monkeypatch.setattr(sys.modules[Likeness.__module__], "likeness", lambda motion, **options: next(left))
 
 
+@pytest.mark.slow
 def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(song: Path, monkeypatch: pytest.MonkeyPatch):
     judged_as(monkeypatch, SPUN, Likeness(), SPUN)
     result = called(app, "dance", song, "--out", "dance.npz")
@@ -452,12 +455,14 @@ def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path):
     assert "There is no waltz among these recordings: danced is salsa." in Path("dance.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", ["indian", "puppet"])
 def test_other_styles_say_what_they_are(song: Path, style: str):
     result = danced(song, "--style", style, "--out", "dance.npz")
     assert {"indian": "limits from six short takes", "puppet": "no person was recorded"}[style] in result.stdout
 
 
+@pytest.mark.slow
 def test_harmonised_by_a_centimetre_no_joint_moves_further(song: Path):
     for name, options in (("plain.npz", ()), ("moved.npz", ("--harmonise", 1))):
         danced(song, "--seed", 0, "--seconds", 4, *options, "--out", name)
@@ -503,6 +508,7 @@ def test_an_input_is_never_written_over(song: Path):
     assert recording.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["-a\nb.wav", "v1.2 [red]é.wav"])
 def test_hostile_names_of_songs_are_written_beside_and_said_in_one_line(clip: Clip, tmp_path: Path, name: str):
     write_song(tmp_path / name, clip)

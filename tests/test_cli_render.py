@@ -195,6 +195,7 @@ def test_the_warper_of_2019_can_be_asked_for(pair: tuple[Path, Path], tmp_path: 
     assert low < 0.7 or high > 1.4
 
 
+@pytest.mark.slow
 def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, Path], tmp_path: Path):
     film = tmp_path / "x.mp4"
     retime(*pair, "--out", film, "--offset", -0.5)

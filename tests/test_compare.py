@@ -283,6 +283,7 @@ def test_parts_of_one_unit_turn_together():
     assert width(unit="one") > 0.8 > width()
 
 
+@pytest.mark.slow
 def test_band_is_at_least_as_wide_as_with_recordings_that_turn_as_one():
     # Two units a recording: alone they turn twelve times, and chance spreads less than over six recordings.
     motions = [dancer(i, peak=0.3, seconds=12.0) for i in range(6)]

@@ -165,6 +165,7 @@ def test_bounce_that_is_the_only_sign_is_found_by_the_discriminant_alone():
     assert 0 < beside["interval"][0] <= beside["auc_difference"] <= beside["interval"][1]
 
 
+@pytest.mark.slow
 def test_discriminant_of_bodies_at_random_phases_lies_inside_its_chance_band():
     outside = 0
     for seed in range(4):
@@ -178,6 +179,7 @@ def test_discriminant_of_bodies_at_random_phases_lies_inside_its_chance_band():
 # From whom
 
 
+@pytest.mark.slow
 def test_recordings_with_a_figure_of_the_judged_one_teach_it_nothing():
     # X goes the other way; B would give A's answer away.
     a, b = (danced(name, bobbing(i, peak=0.5), "X", "X") for i, name in enumerate("AB"))

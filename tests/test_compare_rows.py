@@ -48,12 +48,14 @@ def expected(corpus: Path) -> CorpusResult:
     return compared(corpus_recordings(corpus), corpus=str(corpus))
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_same_result(corpus: Path, expected: CorpusResult):
     problems: list[Problem] = []
     assert numbers(compared(corpus, processes=Processes(2), report=problems.append)) == numbers(expected)
     assert [problem.folder for problem in problems] == [find_recordings(corpus).folders[3]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"null": "other", "dances": ("rumba", "waltz"), "seed": 3}])
 def test_rows_on_disk_give_the_result_of_memory(options: dict[str, Any], corpus: Path, tmp_path: Path):
     memory, problems = compared(corpus_recordings(corpus), corpus=str(corpus), **options), []
@@ -64,6 +66,7 @@ def test_rows_on_disk_give_the_result_of_memory(options: dict[str, Any], corpus:
     assert "motion.npz: cannot be read" in problems[0].message
 
 
+@pytest.mark.slow
 def test_another_corpus_to_fit_on_has_rows_of_its_own(corpus: Path, tmp_path: Path):
     options: dict[str, Any] = {"dances": ("rumba", "waltz"), "fit_on": corpus}
     result = compared(corpus, processes=Processes(out=tmp_path / "rows"), **options)
@@ -88,6 +91,7 @@ def stopping_at(last: int) -> Callable[[Iterable[Any], str], Iterable[Any]]:
     return progress
 
 
+@pytest.mark.slow
 def test_a_comparison_that_was_cut_off_reads_what_is_missing_and_nothing_else(
     corpus: Path, expected: CorpusResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -115,6 +119,7 @@ def test_rows_of_something_else_are_an_error_that_names_the_file(
     assert part_path(tmp_path / "rows", 0).is_file()
 
 
+@pytest.mark.slow
 def test_a_recording_that_cannot_be_scored_is_reported_and_left_out(corpus: Path, tmp_path: Path):
     root = shutil.copytree(corpus, tmp_path / "corpus")
     shutil.rmtree(find_recordings(root).folders[3])
@@ -138,6 +143,7 @@ def test_recordings_in_memory_are_scored_where_they_are(corpus: Path, tmp_path: 
 # The command
 
 
+@pytest.mark.slow
 def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
     words = ("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--jobs", 0, "--json")
     first = run(*words, "--out", tmp_path / "rows")

@@ -202,6 +202,7 @@ def test_a_still_body_has_no_harmony_and_no_chance():
     assert [numbers[name] for name in names] == pytest.approx([0.0] * 6)
 
 
+@pytest.mark.slow
 def test_right_song_beats_another_song_and_pieces_are_in_time(tables: tuple[pd.DataFrame, pd.DataFrame]):
     table = tables[1].set_index("system")
     above, late = table["above_chance"], table["half a beat late"]
@@ -212,6 +213,7 @@ def test_right_song_beats_another_song_and_pieces_are_in_time(tables: tuple[pd.D
     assert (table["hit_rate"] - table["hit_rate chance"]).abs().max() < 0.2
 
 
+@pytest.mark.slow
 def test_table_of_systems_says_all_that_is_asked(tables: tuple[pd.DataFrame, pd.DataFrame]):
     table = tables[1]
     assert table["system"].tolist() == list(CHEAP)
@@ -227,6 +229,7 @@ def test_table_of_systems_says_all_that_is_asked(tables: tuple[pd.DataFrame, pd.
 # What is kept
 
 
+@pytest.mark.slow
 def test_a_second_run_dances_nothing_and_a_killed_one_goes_on(rows: dict[str, Row], monkeypatch: pytest.MonkeyPatch):
     system = OnTheBeat()
     rows["toy"] = Row(partial(made, system=system), "choreographer", "yes")
@@ -253,6 +256,7 @@ def test_a_second_run_dances_nothing_and_a_killed_one_goes_on(rows: dict[str, Ro
     assert first[0]["above_chance"].mean() > 0.8
 
 
+@pytest.mark.slow
 def test_what_fails_an_entry_test_is_a_row_without_a_number(rows: dict[str, Row]):
     entry = {"speed": (0.2, (0.7, 1.2), False), "L1": (0.3, (0.0, 0.5), True)}
     system = OnTheBeat()
@@ -304,6 +308,7 @@ def two_songs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(contestants, "contests", cut)
 
 
+@pytest.mark.slow
 def test_a_system_of_another_body_has_no_distance(two_songs: None):
     row = compared(entries(PROFILE, [BANK], trainings=0))[1].iloc[0]
     assert np.isnan([row["FID (kinetic)"], row["diversity"], row["multimodality"]]).all()
@@ -317,6 +322,7 @@ def test_lee_without_warper_is_told_its_own_tempo():
     assert (beats.times[0], beats.duration) == (0.0, song.clip.audio.duration)
 
 
+@pytest.mark.slow
 def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame, pd.DataFrame]):
     ((song, motions),) = CELLS.side_by_side(entries(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
     assert song == "cha-cha 1 (cha-cha)"
@@ -327,6 +333,7 @@ def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame,
 # Any data
 
 
+@pytest.mark.slow
 def test_a_folder_never_seen_gives_tables_of_the_same_layout(
     tables: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -90,6 +90,7 @@ def test_sound_plays_as_it_is():
     assert np.corrcoef(samples, tone)[0, 1] > 0.99
 
 
+@pytest.mark.slow
 def test_what_is_long_is_cut_to_a_minute_and_it_is_said():
     clip = planted_dance("jive", seconds=66.0, fps=15.0)
     for record in (clip, clip.audio, clip.beats, score_clip(clip)):

@@ -50,6 +50,7 @@ def contents(out: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(out.glob("part-*"))}
 
 
+@pytest.mark.slow
 def test_rows_hold_what_is_measured_in_the_order_of_the_keys(undisturbed: Path):
     frames = list(read_rows(undisturbed))
     assert [len(frame) for frame in frames] == [64, 64, 64, 64, 44]
@@ -63,6 +64,7 @@ def test_rows_hold_what_is_measured_in_the_order_of_the_keys(undisturbed: Path):
     assert list(fine["beats"].isna()) == [number % 3 == 0 for number in range(COUNT) if number % 50 != 7]
 
 
+@pytest.mark.slow
 def test_an_error_is_a_row_and_not_the_end(undisturbed: Path):
     table = pd.concat(read_rows(undisturbed), ignore_index=True)
     errors = table[table["error"] != ""]
@@ -85,6 +87,7 @@ def worker_settings(task: Number) -> dict[str, Any]:
     return {name: os.environ[name] for name in names} | {"profile": profile}
 
 
+@pytest.mark.slow
 def test_workers_have_one_thread_keep_their_arrays_and_no_samples_of_their_stack(tmp_path: Path):
     (frame,) = run_rows(Numbers(1), worker_settings, tmp_path, jobs=1)
     assert frame["error"][0] == ""

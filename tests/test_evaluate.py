@@ -89,6 +89,7 @@ def table(planted: Path) -> Evaluation:
 # Planted answers
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"this needs pyarrow; .*run: pip install '\.\[cluster\]'"):
@@ -96,12 +97,14 @@ def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: 
     assert not (planted / "nothing").exists()
 
 
+@pytest.mark.slow
 def test_a_dancer_on_the_beat_beats_one_off_the_beat(table: Evaluation) -> None:
     for measure in ("harmony", "beat_align_motion", "beat_align_music", "mir_eval_f"):
         assert table.ranks[measure] == {"on the beat": 1, WILD: 2}
     assert table.means["on the beat", "harmony"].mean > 0.5
 
 
+@pytest.mark.slow
 def test_a_held_pose_lands_at_zero(table: Evaluation) -> None:
     for measure in ("harmony", "significant", "paper_harmony", "beat_align_motion", "mir_eval_f", "likeness"):
         assert table.means[FROZEN, measure].mean == 0
@@ -110,6 +113,7 @@ def test_a_held_pose_lands_at_zero(table: Evaluation) -> None:
     assert table.sets[FROZEN, "fid_kinetic"].value > table.sets["on the beat", "fid_kinetic"].value
 
 
+@pytest.mark.slow
 def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> None:
     other, own = table.means[OTHER_SONG, "harmony"], table.means[RECORDED, "harmony"]
     assert other.low < 0.05 and other.high < 0.2
@@ -117,6 +121,7 @@ def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> 
     assert next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG}).songs == CLIPS
 
 
+@pytest.mark.slow
 def test_the_python_of_the_tutorial_runs_as_it_stands(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder := planted / "tutorial").mkdir()
     (folder / "try").symlink_to(planted / "recorded")
@@ -333,6 +338,7 @@ def test_a_clear_difference_is_a_rank(rng: np.random.Generator) -> None:
     assert ranks_of(songs + 0.5, songs, better=0) == {}
 
 
+@pytest.mark.slow
 def test_systems_of_one_distribution_get_no_rank_but_by_luck(rng: np.random.Generator) -> None:
     trials = [bool(ranks_of(rng.normal(size=8), rng.normal(size=8))) for _ in range(200)]
     assert np.mean(trials) < 0.09  # 0.05 is expected; 200 trials have a standard error of 0.015
@@ -591,6 +597,7 @@ def test_the_page_fits_its_window_and_asks_for_nothing(
     assert faults == []
 
 
+@pytest.mark.slow
 def test_a_fault_while_writing_leaves_the_table_as_it_was(
     planted: Path, table: Evaluation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -667,6 +674,7 @@ def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(few: Path, 
     assert (out / "clips.csv").read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_files_that_changed_are_measured_anew(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, music = tmp_path / "off", tmp_path / "music"
     shutil.copytree(few / "off", folder)
@@ -771,6 +779,7 @@ class Fake:
         return (f"Planted at {motion.fps:g}.",)
 
 
+@pytest.mark.slow
 def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused("no protocol is called 'fake'", settings, few, protocol="fake")
     monkeypatch.setattr(protocols, "PROTOCOLS", {"fake": Fake()})
@@ -788,6 +797,7 @@ def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pyt
 # The command
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_table_and_says_where(few: Path, tmp_path: Path) -> None:
     out = tmp_path / "table"
     inputs = ("--music", few / "recorded", "--reference", few / "recorded")

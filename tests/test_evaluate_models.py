@@ -59,6 +59,7 @@ def aist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_a_folder_like_aist_evaluates_with_one_command(aist: Path, tmp_path: Path) -> None:
     out = tmp_path / "table"
     inputs = ("--music", aist / "songs", "--reference", aist / "motions")

@@ -220,6 +220,7 @@ def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_sp
     assert cost(gliding) == pytest.approx(0.2**2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_it_learns_what_slides(split: Split, sequences: SequenceSet, tmp_path: Path):
     foot_parts.train_feet(split, sequences, TrainOptions(tmp_path / "run"), QUICK)
     model = load_weights(tmp_path / "run", foot_parts.FootModel)
@@ -230,6 +231,7 @@ def test_it_learns_what_slides(split: Split, sequences: SequenceSet, tmp_path: P
     assert epochs == QUICK.epochs and updates % epochs == 0 and updates >= epochs
 
 
+@pytest.mark.slow
 def test_held_out_windows_are_of_one_draw_and_count_frames_of_their_side_alone(split: Split, sequences: SequenceSet):
     sides = {side: slid_windows(split, sequences, side=side, most=8) for side in ("train", "validation", "test")}
     again = slid_windows(split, sequences, most=8)
@@ -347,6 +349,7 @@ def test_curves_are_as_long_as_they_are_shown_and_of_the_same_moments(planted: S
     np.testing.assert_allclose(own, bare, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_variety_is_that_of_the_heights_and_chance_adds_to_it(planted: SimpleNamespace):
     table = planted.toe_variety(CONTEST).set_index(["dancer", "drawing"])
     assert [*table["n"]] == [4, 4, 4, 4, 1]

@@ -114,6 +114,7 @@ def forgetful(folder: Path) -> None:
             file.flush()
 
 
+@pytest.mark.slow
 def test_kills_do_no_harm_to_what_goes_on_and_show_what_does_not(tmp_path: Path):
     assert kills.killed(kills.Job("good", counting, kills.files_below), tmp_path / "good", times=3, seed=1) == []
     faults = kills.killed(kills.Job("bad", forgetful, kills.files_below), tmp_path / "bad", times=3, seed=1)

@@ -329,6 +329,7 @@ def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:
     assert (judgement.level, judgement.verdict) == (0, "Cannot tell: too little movement inside the body.")
 
 
+@pytest.mark.slow
 def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
     rng = np.random.default_rng(5)
     judged_4 = 0

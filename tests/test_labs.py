@@ -91,6 +91,7 @@ def test_recommended_mode_says_the_verdict_and_its_numbers(judged: Stage):
     assert (numbers["p_time"], numbers["p_place"]) == (judgement.p_time, judgement.p_place)
 
 
+@pytest.mark.slow
 def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
     verdicts = one_clip.scoring_content(judged).to_browser()["evidence"]["verdicts"]
     steps = one_clip.lags()

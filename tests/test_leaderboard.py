@@ -48,6 +48,7 @@ def dances(harmony: dict[tuple[str, str, str], float]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["system", "seed", "song", "kind", "harmony"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_the_committed_numbers_follow_from_their_evidence(folder: Path):
     measured = leaderboard.load_row(folder)
@@ -66,6 +67,7 @@ def test_an_auc_of_the_board_is_the_share_of_pairs_in_which_true_music_wins():
     assert leaderboard.load_row(folder)["numbers"]["mir_eval_f"]["auc"] == pytest.approx(sum(wins) / len(wins))
 
 
+@pytest.mark.slow
 def test_the_page_follows_from_the_rows():
     assert leaderboard.PAGE.read_text("utf-8") == page(leaderboard.load_rows())
 

@@ -359,6 +359,7 @@ def test_a_gradient_is_not_longer_than_the_clip(clip: float | None, norm: float)
     assert float(weights.detach().norm()) == pytest.approx(norm, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_one_batch_is_learnt_by_heart(pieces: train.Pieces):
     torch.manual_seed(0)
     network = made_network(hidden=32)
@@ -396,6 +397,7 @@ def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
     assert load_weights(run, DancingToMusic).params == PARAMS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [3, 5], ids=["units", "composition"])
 def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
     last: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

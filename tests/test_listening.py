@@ -496,6 +496,7 @@ def truth() -> dict[str, dict[str, float]]:
     return {"truth": {source: float(source.endswith("t")) for clip in CLIPS for source in clip.versions.values()}}
 
 
+@pytest.mark.slow
 def test_correlation_with_the_planted_truth_is_the_raters_skill_and_covered_by_its_interval():
     rows = [analysis.score_rows(study([0.9] * 4, seed=seed), truth())[0] for seed in range(6)]
     # Right in 90 %, two values of each: the correlation of single answers is 0.9 - 0.1, their AUC 0.9.

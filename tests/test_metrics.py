@@ -527,6 +527,7 @@ def test_flat_short_and_invalid_motions_have_no_relations(change: Callable[[Moti
     refused(message, features.geometric_features, change(somebody()))
 
 
+@pytest.mark.slow
 def test_a_body_without_extent_has_no_relations():
     assert true_features(Motion(np.zeros((30, 24, 3)), 60.0, SMPL_24)) == set()
 
@@ -673,6 +674,7 @@ def test_the_same_seed_gives_the_same_value(rng: np.random.Generator):
 GOOD = np.arange(12.0).reshape(6, 2) % 5
 
 
+@pytest.mark.slow
 @cases(
     "message, call",
     (r"features_a must be \(samples, features\), got shape \(6,\)", lambda: distance(GOOD[:, 0], GOOD)),
@@ -692,6 +694,7 @@ def test_unfit_features_are_refused_by_name(message: str, call: Callable[[], flo
     refused(message, call)
 
 
+@pytest.mark.slow
 def test_standardised_features_are_in_units_of_the_reference():
     reference = np.array([[0.0, 7.0], [2.0, 7.0]])  # mean 1, SD 1; a column that never changes
     np.testing.assert_allclose(features.standardise([[3.0, 8.0]], reference), [[2.0, 1.0]])

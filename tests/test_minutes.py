@@ -128,6 +128,7 @@ def test_own_music_is_told_from_other_music_by_its_place_on_the_diagonal():
     assert np.isnan(CELLS.right_music(np.full((3, 3), np.nan))["auc"])
 
 
+@pytest.mark.slow
 def test_planted_dancers_are_nearer_to_their_own_music(halves: dict[tuple[str, str], Any]):
     table = CELLS.right_music_table(halves)
     own = table[(table["system"] == PLANTED) & (table["score"] == "without a pattern")]
@@ -135,6 +136,7 @@ def test_planted_dancers_are_nearer_to_their_own_music(halves: dict[tuple[str, s
     assert STATUE not in set(table["system"])
 
 
+@pytest.mark.slow
 def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str], Any]):
     marks = CELLS.machine_marks(halves).set_index("system")
     assert sum(MARKS.values()) == pytest.approx(1.0)
@@ -162,6 +164,7 @@ def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted(
     assert (moved > 0.1).all() and (moved < 20.0).all()
 
 
+@pytest.mark.slow
 def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], Any]):
     figure = limits_figure(CELLS.endurance_table(dances), length="a few seconds")
     assert figure.get_suptitle() == f"Dances that keep their hardest limit: 100% with {PLANTED}; next 0% with {FROZEN}"

@@ -656,6 +656,7 @@ def test_unknown_units_of_a_c3d_file_need_a_scale_and_a_missing_library_says_wha
     refused(r"feet\.c3d: to read c3d, install ezc3d; .*run: pip install '\.\[c3d\]'", load_motion, path)
 
 
+@pytest.mark.slow
 def test_damaged_c3d_gives_a_finite_motion_or_an_error_and_never_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(c3d_reader, "SECONDS", 1.5)
     valid = markers(tmp_path / "walk.c3d", suit(), NAMES).read_bytes()

@@ -427,6 +427,7 @@ def test_options_reach_the_run(runs: Callable[[str], Path]):
     assert (params["first_epochs"], params["second_epochs"], params["representation"]) == (1, 2, "positions")
 
 
+@pytest.mark.slow
 def test_either_representation_trains_and_dances(corpus: Path, runs: Callable[[str], Path], tmp_path: Path):
     options = ("--representation", "rotations", "--phase1", 1, "--phase2", 0)
     result = trained(corpus, "--out", tmp_path / "run", "--system", "music2dance", *options)
@@ -486,6 +487,7 @@ def faulty(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     return {"short": short, **{path.name: path for path in home.iterdir()}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["music2dance", "feet"])
 @cases(
     "fault, told",
@@ -511,6 +513,7 @@ def test_parts_are_found_by_training_alone():
     assert trainable("music2dance") is find("music2dance")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_does_not_dance(part: str, runs: Callable[[str], Path], corpus: Path, tmp_path: Path):
     sentence = f"{part} is a part of music2dance, not a dancer: train it into a run of music2dance (--out RUN/{part})"

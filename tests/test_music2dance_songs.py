@@ -80,6 +80,7 @@ def test_a_song_that_is_tested_on_under_another_name_is_seen():
     assert [song.name for song in train] == ["0.0", "1.0", "again"] and [song.name for song in test] == ["0.1", "1.1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [16000, 44100])
 def test_a_song_cut_and_encoded_anew_is_the_same_song(rate: int):
     clip = synthetic_clip("rumba", seconds=40.0, seed=3)
@@ -88,6 +89,7 @@ def test_a_song_cut_and_encoded_anew_is_the_same_song(rate: int):
     assert att.is_same_song(*(heard.music_features(audio, clip.beats) for audio in (clip.audio, other)))
 
 
+@pytest.mark.slow
 def test_songs_of_one_dance_are_other_songs():
     clips = [synthetic_clip("rumba", seconds=40.0, seed=seed) for seed in range(4)]
     music = [heard.music_features(clip.audio, clip.beats) for clip in clips]
@@ -98,6 +100,7 @@ def test_songs_of_one_dance_are_other_songs():
 # Corpora
 
 
+@pytest.mark.slow
 def test_every_song_of_a_corpus_is_there_once(corpus: Path, tmp_path: Path):
     """A second corpus has a song of the first, cut and encoded anew, and another under the name of one of the first."""
     first, second = sorted(corpus.glob("clip_*"))[:2]
@@ -320,6 +323,7 @@ def test_published_sizes(front: str):
     assert parameter_count(classifier) == {"convolution": 62_316, "frames": 206_404}[front]
 
 
+@pytest.mark.slow
 def test_it_learns_saves_and_says_the_same_again(tmp_path: Path):
     songs = rhythms()
     (split, *_) = folds(songs, 3, seed=1)

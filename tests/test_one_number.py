@@ -97,6 +97,7 @@ def assert_one(results: dict[str, dict[str, Any]]) -> None:
     assert len({(result["level"], result["verdict"]) for result in results.values()}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_path: Path) -> None:
     beats = planted_dance(seconds=SECONDS, fps=FPS, seed=2).beats
@@ -111,6 +112,7 @@ def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_
 CHA_CHA = ("--dance", "cha-cha")
 
 
+@pytest.mark.slow
 @cases(
     "dancer, options",
     pytest.param((), (), id="salsa"),

@@ -130,6 +130,7 @@ def test_npz_and_bvh_keep_the_avatar(song: Path, tmp_path: Path):
     np.testing.assert_allclose(read.positions[:, numbers], own.positions, atol=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawn", ["--avatar", "--points"])
 def test_video_plays_the_sound_and_says_on_whom_the_player_was_trained(drawn: str, song: Path, tmp_path: Path):
     perform(song, drawn, "--start", 1, "--seconds", 2, "--out", tmp_path / "p.mp4")
@@ -203,6 +204,7 @@ def test_error_and_score_are_printed_only_with_a_truth(song: Path, takes: Path, 
     assert all(html.escape(line, quote=False) in page for line in lines[2:5])
 
 
+@pytest.mark.slow
 def test_points_lie_over_the_truth(takes: Path, tmp_path: Path):
     take = takes / "violin"
     asked = ("--truth", take / "motion.npz", "--points", "--seconds", 3)

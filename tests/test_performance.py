@@ -135,6 +135,7 @@ def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path:
     assert told.verdict.startswith("No sign that you follow this beat.")
 
 
+@pytest.mark.slow
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert (filmed.placement.source, filmed.placement.seconds) == ("sound", pytest.approx(START, abs=0.01))
     first, second = (part.mean for part in filmed.words.halves)
@@ -142,6 +143,7 @@ def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert second == pytest.approx(0.08, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
     rows = own.film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats")
     assert list(rows.index) == [own.BODY, own.FLOW]
@@ -152,6 +154,7 @@ def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
     assert "does not overlap" in unread.loc[own.FLOW, "verdict"]
 
 
+@pytest.mark.slow
 def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
     silent, film = (load_performance(folder / name) for name in ("silent.mp4", "film.mp4"))
     assert silent.sound is None
@@ -160,6 +163,7 @@ def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(fold
         assert own.place_performance(recording, song.audio, song.beats).source == "movement"
 
 
+@pytest.mark.slow
 def test_video_can_be_its_own_song(folder: Path):
     told = own.explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
     assert told.placement == Placement(0.0, "same")
@@ -210,11 +214,13 @@ def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: 
     assert "nearest moment of rest" in html.unescape(dance_page(told_of(folder, "dance.npz", dance="cha-cha")))
 
 
+@pytest.mark.slow
 def test_page_asks_the_network_for_nothing(page: str, film_page: str):
     for text in (page, film_page):
         assert not re.search(r"https?:|<script|<link|@import|url\(", re.sub(r' srcdoc="[^"]*"', "", text))
 
 
+@pytest.mark.slow
 def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: OwnDance, film_page: str):
     assert film_page.count("data:image/jpeg;base64,") == 8
     assert "srcdoc" not in film_page and "there is no stick figure to play" in film_page

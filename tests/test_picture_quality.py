@@ -27,6 +27,7 @@ def dance() -> Motion:
     return filmed_part(planted_dance(seconds=12.0), seconds=6.0)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phone", [SMALL, replace(SMALL, noise=8.0, crf=35), replace(SMALL, shake=0.7, contrast=0.5)])
 def test_a_dancer_before_a_wall_that_rests_is_read(dance: Motion, tmp_path: Path, phone: Phone):
     correlation, shift = agreement(dance, filmed_motion(film(tmp_path / "take.mp4", dance, None, phone)).motion)
@@ -34,6 +35,7 @@ def test_a_dancer_before_a_wall_that_rests_is_read(dance: Motion, tmp_path: Path
     assert abs(shift) <= 0.02
 
 
+@pytest.mark.slow
 @cases(
     "phone, reason",
     (replace(SMALL, shake=6.0), "the camera moves; put it on something that stands still"),

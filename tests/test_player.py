@@ -239,6 +239,7 @@ def test_shown_in_a_frame_and_saved_whole(clip: Clip, tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["x.html"]
 
 
+@pytest.mark.slow
 def test_player_needs_no_widget_library() -> None:
     names = "{'ipywidgets', 'matplotlib', 'torch'}"
     code = f"import sys, harmolab.lab.player; print({names} & set(sys.modules) or '')"

@@ -162,6 +162,7 @@ def test_a_process_that_goes_wrong_is_one_clear_error(tmp_path: Path, fault: str
     refused(words, list, found_people(pictures(), stand_in(tmp_path, fault)))
 
 
+@pytest.mark.slow
 @cases("fault, seconds", ("hang", 0.7), ("mute", 60.0))
 def test_a_process_that_hangs_or_never_begins_is_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, seconds: float
@@ -181,6 +182,7 @@ def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
     refused(r"take\.mp4: is cut off", list, found_people(damaged(), stand_in(tmp_path)))
 
 
+@pytest.mark.slow
 def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
     def slow():
         for picture in pictures(3):
@@ -199,6 +201,7 @@ def test_the_motion_is_in_metres_with_y_up_and_named_joints(tmp_path: Path):
     assert motion.valid.all()
 
 
+@pytest.mark.slow
 def test_a_fast_video_is_read_at_every_third_picture_in_its_own_time(tmp_path: Path):
     frames = np.repeat(waves(1.0)[::2].astype(np.uint8), 6)[:, None, None, None] + np.zeros((1, 64, 128, 3), np.uint8)
     write_video(tmp_path / "fast.mp4", frames, 60.0)
@@ -245,6 +248,7 @@ def test_a_single_wrong_picture_is_taken_out():
     assert np.ptp(body_motion(landmarks, 30.0).motion.positions, axis=0).max() == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quiet_one_first", [True, False])
 def test_of_two_people_the_one_who_moves_most_is_taken(tmp_path: Path, quiet_one_first: bool):
     lively, quiet = waves(1.5), waves(0.2, size=5.0)
@@ -279,6 +283,7 @@ def test_what_was_read_is_kept_by_the_content_of_the_video(tmp_path: Path, cache
     assert len(list(cache.glob("poses_*.npz"))) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"PK\x03\x04", "nan", "shape", "type"])
 def test_a_damaged_reading_in_the_cache_is_read_anew(tmp_path: Path, cache: Path, content: bytes | str):
     path = film(tmp_path / "take.mp4", waves(1.0))

@@ -104,6 +104,7 @@ def test_features_pull_on_every_frame():
     assert (gradient.abs().sum(dim=2) > 0).all()
 
 
+@pytest.mark.slow
 def test_training_gets_better_on_units_it_was_not_trained_on(trained: Trained):
     rows = trained[1]
     assert [row["epoch"] for row in rows] == list(range(12))

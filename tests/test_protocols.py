@@ -277,6 +277,7 @@ def dance_file(path: Path, fps: float, *, offset: float = 0.0) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [60.0, 30.0])
 @pytest.mark.parametrize("name", ["mBR0", "mHO5", "waltz"])
 @pytest.mark.parametrize("protocol", ["aist++", "bailando"])
@@ -293,6 +294,7 @@ def test_beat_scores_of_files_are_those_of_the_published_codes(tmp_path: Path, p
     assert numbers == {f"{protocol} {measure}": pytest.approx(expected, abs=1e-6)}
 
 
+@pytest.mark.slow
 def test_published_beats_are_those_of_neither_our_tracker_nor_an_annotation(tmp_path: Path):
     song, dance = song_file(tmp_path / "waltz.wav"), dance_file(tmp_path / "waltz.npz", 60.0)
     pair = Pair("x", "", "waltz", dance, song, GENERATED)
@@ -305,11 +307,13 @@ def test_published_beats_are_those_of_neither_our_tracker_nor_an_annotation(tmp_
     assert 0.01 < np.median(late) < 0.05
 
 
+@pytest.mark.slow
 def test_a_tempo_in_the_name_of_a_song_changes_the_beats(tmp_path: Path):
     slow, other = (frames_of_aist(song_file(tmp_path / f"{name}.wav"), 60.0) for name in ("mBR0", "waltz"))
     assert len(other) > 1.5 * len(slow)
 
 
+@pytest.mark.slow
 def test_published_beats_move_with_the_start_of_the_motion(tmp_path: Path):
     song = song_file(tmp_path / "waltz.wav")
     clips = [pair_clip(Pair("x", "", "waltz", dance_file(tmp_path / f"{start}.npz", 60.0, offset=start / 60), song),

@@ -531,6 +531,7 @@ def drawn() -> dict[str, Figure]:
     return {name: redraw.drawn_again(name, RunTables(SHIPPED), ENTRIES[f"{name}.png"]) for name in there}
 
 
+@pytest.mark.slow
 def test_shipped_tables_give_figures_whose_letters_are_large_enough_and_whose_words_hold_no_name_of_a_corpus(
     drawn: dict[str, Figure],
 ):
@@ -541,6 +542,7 @@ def test_shipped_tables_give_figures_whose_letters_are_large_enough_and_whose_wo
         assert not re.search("beatlocked|realdance|tang2018", words), name
 
 
+@pytest.mark.slow
 def test_every_shipped_picture_names_its_tables_or_is_drawn_of_none(drawn: dict[str, Figure]):
     pictures = {name.removesuffix(".png"): entry for name, entry in ENTRIES.items() if name.endswith(".png")}
     assert {path.stem for path in SHIPPED.glob("*.png")} == set(pictures)

@@ -57,6 +57,7 @@ def paper(cache: Path) -> generation.Trained:
     return trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1)
 
 
+@pytest.mark.slow
 def test_a_training_is_what_the_variant_says(paper: generation.Trained):
     settings = read_about(paper.folder / "model")["meta"]["settings"]["train"]
     assert [settings[name] for name in ("harmony", "harmony_weight", "seed")] == ["paper", 1, 1]
@@ -65,6 +66,7 @@ def test_a_training_is_what_the_variant_says(paper: generation.Trained):
     assert paper.history["phase"].tolist() == ["pretrain", "adversarial"]
 
 
+@pytest.mark.slow
 def test_a_second_run_finds_it(paper: generation.Trained, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(generation, "train_harmogan", lambda *given, **more: pytest.fail("it was trained again"))
     again = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1)
@@ -73,6 +75,7 @@ def test_a_second_run_finds_it(paper: generation.Trained, monkeypatch: pytest.Mo
         assert torch.equal(one, two)
 
 
+@pytest.mark.slow
 def test_the_ablation_shares_pretraining_and_pose_network(paper: generation.Trained, cache: Path):
     before = set((cache / "runs").glob("pretrained-*"))
     without = trained(PROFILE, SYNTHETIC, VARIANTS["paper, without"], 1)
@@ -98,6 +101,7 @@ def test_a_training_that_was_cut_off_goes_on(paper: generation.Trained, monkeypa
         assert torch.equal(one, two)
 
 
+@pytest.mark.slow
 def test_who_comes_second_waits_for_the_one_that_trains(paper: generation.Trained):
     # The lock stands for a process that is at it; the other one may go on when it is let go.
     found: list[Path] = []
@@ -172,6 +176,7 @@ def test_a_motion_of_other_joints_is_refused_by_the_unit_it_was_danced_to(paper:
     refused("must have the joints of the pose network, got tail", embed_meters, [point], first, paper.pose_net)
 
 
+@pytest.mark.slow
 def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(paper: generation.Trained):
     table = QUALITY.long_dances(PROFILE, SYNTHETIC, 10.0)
     songs = {unit.sequence.rpartition("/")[2] for unit in paper.split.test.units}
@@ -187,6 +192,7 @@ def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(
     assert recorded.mean() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_songs_of_their_own_are_danced_to_by_people_choreographer_and_generators(paper: generation.Trained):
     table = judging.own_songs(PROFILE)
     assert judging.song_means(table)["motion"].tolist() == ["recorded", "choreographer", "recommended", "paper"]
@@ -209,6 +215,7 @@ def test_a_dance_beyond_a_limit_is_counted():
     assert limits["worst"].tolist() == [0.04, 3.5, 5.0] and limits["most"].tolist() == [0.05, 3.0, 2.0]
 
 
+@pytest.mark.slow
 def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: generation.Trained):
     table = judging.ablation(PROFILE).set_index("variant")
     assert table["fid"].isna().to_dict() == {**dict.fromkeys(VARIANTS, False), RECORDED: True}

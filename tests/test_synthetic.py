@@ -61,6 +61,7 @@ def test_onset_strength_peaks_at_planted_beats(dance: str):
         assert near > 0.3 * np.quantile(envelope, 0.99)
 
 
+@pytest.mark.slow
 @EVERY_DANCE
 def test_beat_tracker_finds_planted_beats(dance: str):
     low, high = DANCES[dance].tempo

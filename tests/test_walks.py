@@ -92,6 +92,7 @@ def test_a_score_walks_at_most_eighty_five_passes(song: Path, bvh: Path):
     assert warm_passes(lambda: succeed("score", song, bvh)) <= 85
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_dance_with_its_video_walks_at_most_a_hundred_and_seventy_five_passes(song: Path, tmp_path: Path):
     out = tmp_path / "dance.mp4"
@@ -100,6 +101,7 @@ def test_a_dance_with_its_video_walks_at_most_a_hundred_and_seventy_five_passes(
     assert out.is_file()
 
 
+@pytest.mark.slow
 def test_a_dance_made_of_recordings_walks_twenty_five_more_for_each_of_them(song: Path, tmp_path: Path):
     recordings = len(shipped_bank("salsa").takes)
     steps = warm_passes(lambda: succeed("dance", song, "--seconds", 3, "-q", "--out", tmp_path / "dance.npz"))
@@ -121,6 +123,7 @@ class Calls(list[dict[str, Any]]):
                 patch.setattr(module, function.__name__, counting)
 
 
+@pytest.mark.slow
 @cases("command, ending", ("score", ""), ("play", "html"), ("render", "mp4"), ("retime", "mp4"))
 def test_a_command_decodes_the_song_and_finds_its_beats_once(
     song: Path, bvh: Path, monkeypatch: pytest.MonkeyPatch, command: str, ending: str
@@ -163,6 +166,7 @@ def test_mir_eval_is_imported_only_where_its_rows_are_printed(
     assert ("mir_eval" in imported) == others
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["mp4", "html"])
 def test_a_dance_decodes_the_song_once_and_scores_each_dance_once_a_mode(
     song: Path, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
