@@ -20,6 +20,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.files import PathLike, cache_folder, plain
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.sketches import Sketched, sketched
 from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
 from harmolab.systems.training.checkpoints import HISTORY, TrainOptions
 from harmolab.systems.training.features import FeatureParams
@@ -116,9 +117,8 @@ def corpus_root(profile: RunProfile, corpus: str) -> Path:
 def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, without: tuple[str, ...] = ()) -> Trained:
     """The generator of a variant and seed, trained now unless it was before; recordings of `without` take no part.
 
-    Variants that hear the same music features share their pretraining, which the harmony loss has no part in.
+    The paper's variants share their pretraining, which the harmony loss has no part in.
     """
-    split = training_split(profile, corpus, variant.features, without)
     epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
     params = replace(
         variant.params,
@@ -127,16 +127,33 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
         pretrain_epochs=epochs[0],
         adversarial_epochs=epochs[1],
     )
-    base = _run(split, profile, _pretraining(params), None)
-    folder = _run(split, profile, params, base)
+    if params.sketches:
+        of_songs = sketched_split(profile, corpus, variant.features, without, seed, params.sketches, params.shifted)
+        split = of_songs.split
+        folders = [_run(split, profile, replace(params, pretrain_epochs=0), None, of_songs)]
+    else:
+        split = training_split(profile, corpus, variant.features, without)
+        base = _run(split, profile, _pretraining(params), None)
+        folders = [base, _run(split, profile, params, base)]
     return Trained(
-        folder,
-        load_generator(folder / MODEL),
-        load_pose_net(folder / POSE_NET),
+        folders[-1],
+        load_generator(folders[-1] / MODEL),
+        load_pose_net(folders[-1] / POSE_NET),
         split,
-        pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
-        training_minutes(base) + training_minutes(folder),
+        pd.concat([pd.read_csv(folder / HISTORY) for folder in folders], ignore_index=True),
+        sum(map(training_minutes, folders)),
     )
+
+
+@cache
+def sketched_split(
+    profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...], seed: int, sketches: int,
+    shifted: float,
+) -> Sketched:  # fmt: skip
+    """`training_split` with sketches, drawn by the seed of the training."""
+    params = replace(TrainParams.recommended(), seed=seed, sketches=sketches, shifted=shifted)
+    folders = [one for one in find_recordings(corpus_root(profile, corpus)).folders if one.name not in without]
+    return sketched(training_split(profile, corpus, features, without), folders, params)
 
 
 def _pretraining(params: TrainParams) -> TrainParams:
@@ -147,13 +164,16 @@ def _pretraining(params: TrainParams) -> TrainParams:
     return replace(TrainParams.paper(), adversarial_epochs=0, **settings)
 
 
-def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
+def _run(
+    split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None, of_songs: Sketched | None = None
+) -> Path:
     """Folder of a finished training of these settings."""
-    model = _model(profile)
+    model, more = _model(profile), {} if of_songs is None else of_songs._asdict()
+    more.pop("split", None)
     about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
     return kept_run(
         "pretrained" if pretrained is None else "run", about,
-        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained),
+        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained, **more),
     )  # fmt: skip
 
 

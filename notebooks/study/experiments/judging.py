@@ -377,15 +377,8 @@ SONG_COLUMNS = {f"likeness_{name}": name for name in GUARDED}
 SONG_COLUMNS |= {"rests": "body", "pattern": "pattern", "room_rests": "room", "statue_rests": "statue"}
 SONG_COLUMNS |= {"fid": "fid", "fid_kinetic": "fid_kinetic"}
 
-_OURS = VARIANTS["recommended"]
-_ROOM: dict[str, Any] = {"harmony_frame": "room", "energy_weight": 2.0, "path_weight": 0.0, "spread_weight": 0.0}
-BEFORE = "recommended, harmony in the room"
 # Name of a generator -> its variant, and the number of its trainings.
-GENERATORS = {
-    "recommended": (_OURS, 3),
-    BEFORE: (replace(_OURS, params=replace(_OURS.params, **_ROOM)), 1),
-    "paper": (VARIANTS["paper"], 1),
-}
+GENERATORS = {"recommended": (VARIANTS["recommended"], 3), "paper": (VARIANTS["paper"], 1)}
 
 
 def beats_of(song: Recording) -> BeatTrack:
@@ -417,7 +410,7 @@ def own_songs(profile: RunProfile) -> pd.DataFrame:
 
     The choreographer puts together beats of the other recordings, and the generators of `GENERATORS` were trained on
     them; the first one's pose network measures the Frechet distances. In the quick profile the generators are those of
-    the other tables, which did hear these songs, and the old loss is left out.
+    the other tables, which did hear these songs.
     """
     corpus = generator_corpora(profile)[0]
     recordings = {
@@ -429,7 +422,6 @@ def own_songs(profile: RunProfile) -> pd.DataFrame:
         (name, seed): trained(profile, corpus, variant, seed, without=() if profile.epochs else names)
         for name, (variant, count) in GENERATORS.items()
         for seed in range(1, min(count, profile.n_seeds) + 1)
-        if not (profile.epochs and name == BEFORE)
     }
     systems: dict[tuple[str, int], HarmoGAN | Choreographer] = {("choreographer", 1): Choreographer.of(others)}
     systems |= {key: HarmoGAN.load(run.folder) for key, run in runs.items()}
