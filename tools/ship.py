@@ -42,8 +42,7 @@ BANK_SEED = 1_000_000
 
 
 def train_on_bank(data: Path, out: Path, *, style: str = "salsa", seed: int = 1, **changes: Any) -> None:
-    """Train HarmoGAN to correct dances of a shipped bank to the songs of a corpus; none of its recorded movement is read
-    into a network.
+    """Train HarmoGAN to correct dances of a shipped bank to the songs of a corpus, whose own movement is not used.
 
     Parameters
     ----------
