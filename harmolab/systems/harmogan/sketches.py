@@ -75,10 +75,12 @@ def sketched(
     Raises
     ------
     ValueError
-        If there is no other recording to dance a song with.
+        If training units are of one recording: there is no other to dance its song with.
     """
     spans = training_spans(split)
     takes = {} if bank else {folder.name: _takes(folder, spans.get(folder.name, [])) for folder in folders}
+    if bank is None and sum(map(bool, takes.values())) < 2:
+        raise ValueError("each song is sketched with the other recordings: two with training units are needed at least")
     patterns = bar_patterns([take for own in takes.values() for take in own])
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}

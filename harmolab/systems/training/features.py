@@ -108,10 +108,15 @@ def audio_features(audio: Audio, beats: BeatTrack, times: FloatArray, params: Fe
     if params.beat_channels:
         envelope, rate = onset_envelope(audio)
         columns.append(_sampled(envelope[:, None] / max(float(envelope.max(initial=0.0)), 1e-12), rate, times))
-        columns.append(circle(beat_numbers(beats, times)))
+        columns.append(beat_phase(beats, times))
     if params.bar_channels:
         columns.append(bar_phase(beats, times))
     return np.concatenate(columns, axis=1).astype(np.float32)
+
+
+def beat_phase(beats: BeatTrack, times: FloatArray) -> FloatArray:
+    """Sine and cosine of 2 pi times the beat position at given moments, (T, 2); both 0 without two beats."""
+    return circle(beat_numbers(beats, times))
 
 
 def beat_numbers(beats: BeatTrack, times: FloatArray) -> FloatArray:
