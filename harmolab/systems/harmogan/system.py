@@ -118,8 +118,8 @@ class HarmoGAN(NetworkSystem):
             return
         of_songs = sketched(split, recording_folders(data)[0], settings, progress=options.progress)
         train_harmogan(
-            of_songs.split, options, model=model, params=settings, choreographer=of_songs.choreographer,
-            patterns=of_songs.patterns,
+            of_songs.split, options, model=model, params=settings, pretrained=pretrained,
+            choreographer=of_songs.choreographer, patterns=of_songs.patterns,
         )  # fmt: skip
 
 
