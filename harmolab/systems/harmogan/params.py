@@ -160,7 +160,7 @@ class TrainParams:
             feature_weight=0.0,
             harmony_weight=1.0,
             gan_weight=0.1,
-            smoothness_weight=0.5,
+            smoothness_weight=1.0,
             foot_weight=1.0,
             energy_weight=0.5,
             moved_weight=0.3,
