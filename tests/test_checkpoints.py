@@ -394,10 +394,10 @@ def taken_over(undisturbed: Path, train: Train, tmp_path_factory: pytest.TempPat
 def test_pretraining_of_an_earlier_version_is_taken_over(
     undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path
 ):
-    """It calls discriminators critics, and rollout "goes_on"."""
+    """It calls discriminators critics."""
     old = shutil.copytree(undisturbed, tmp_path / "old")
     for name in ("settings.json", "pretrained.json"):
-        text = (old / name).read_text().replace('"discriminator', '"critic').replace('"rollout"', '"goes_on"')
+        text = (old / name).read_text().replace('"discriminator', '"critic')
         (old / name).write_text(text)
     assert '"critic": 4' in text and '"system": "harmogan"' in text
     (old / name).write_text(text.replace('"system": "harmogan",', ""))
