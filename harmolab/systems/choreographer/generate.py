@@ -16,6 +16,7 @@ from harmolab.files import PathLike, Progress, cache_folder, silent
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer.form import Form
 from harmolab.systems.choreographer.lay import Ending, Run, beat_numbers, danced, runs_of
 from harmolab.systems.choreographer.moves import ChoreographerParams, Course, Moves, moves_of, pattern_shares, pulse
 from harmolab.systems.choreographer.takes import (
@@ -347,6 +348,7 @@ class Choreographer(DanceSystem):
         period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
         end = start + (frames - 1) / self.fps
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
+        music = Form.of(request.audio).heard(music, end)
         moves = self._moves_of(takes, music.period)
         lead = float(beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
@@ -372,7 +374,7 @@ class Choreographer(DanceSystem):
             longest_stretch=stretch,
             seen_before=repeated,
             shares=recording_shares(moves, path),
-            stretch=float(np.abs(np.log(np.diff(music.times) / moves.lengths[path])).mean()),
+            stretch=float(np.abs(np.log(music.lengths / moves.lengths[path])).mean()),
             warnings=(*notes, *about),
         )
 

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.stats import rankdata
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
@@ -41,6 +42,8 @@ class ChoreographerParams:
     Parameters
     ----------
     seam : float, for any seam beside its size D
+    wide, wider : float, centimetres from which a seam may show, and what each further one costs beside itself
+    energy : float, for a beat whose rank of speed is the farthest from the one that is aimed at
     tempo : float
         For |log(interval of the music / interval of the recorded beat)|, divided by the beats in a bar.
     harmony : float, for a beat that fits the bar pattern of its dance worst
@@ -61,11 +64,14 @@ class ChoreographerParams:
     """
 
     seam: float = 3.0
+    wide: float = 13.0
+    wider: float = 2.0
+    energy: float = 10.0
     tempo: float = 40.0
     harmony: float = 6.0
     variety: float = 30.0
     alike: float = 6.0
-    forgetting: float = 32.0
+    forgetting: float = 400.0
     noise: float = 3.0
     longest_run: int = 8
     unplaced_run: int = 4
@@ -174,6 +180,12 @@ class Course:
         times = np.clip(self.seconds(numbers), 0.0, self.take.seconds)
         return np.asarray(self._spline(times)).reshape(*np.shape(numbers), -1, 3)
 
+    def speeds(self) -> FloatArray:
+        """Speed of the body's shape in each beat (B - 1,), mean, metres a second."""
+        shape = shape_speed(self.take.motion)
+        way = np.interp(self.beats, shape.times, np.cumsum(shape.speed) / shape.fps)
+        return np.asarray(np.diff(way) / np.diff(self.beats))
+
 
 class Clouds(NamedTuple):
     """N clouds of K points: places on the floor as x + i z, heights (metres), both times root weight; the N middles."""
@@ -266,6 +278,7 @@ class Moves:
     places, meters : (N,) arrays, place in the bar (-1 unknown) and beats in a bar (0 unknown)
     lengths : (N,) array, seconds
     shares : (N,) array in (0, 1), rank of the beat among all moments of its recording, by the pattern of its dance
+    ranks : (N,) array in (0, 1), rank of the speed of the body's shape among all nodes
     edges : borders at which a seam reaches beyond a recording or into filler, bool
     seams, alike : Distances between borders, and between middles of beats
     weights : (J,) array, of the joints in a cloud
@@ -280,6 +293,7 @@ class Moves:
     meters: IntArray
     lengths: FloatArray
     shares: FloatArray
+    ranks: FloatArray
     edges: BoolArray
     seams: Distances
     alike: Distances
@@ -299,7 +313,8 @@ class Moves:
         ends = self.start[nodes] + 1
         distance = self.seams.rows(ends)[:, self.start]
         at_edge = self.edges[ends][:, None] | self.edges[self.start]
-        return distance, distance + (np.float32(params.seam) + at_edge * np.float32(params.edge))
+        cost = distance + (np.float32(params.seam) + at_edge * np.float32(params.edge))
+        return distance, cost + np.float32(params.wider) * np.maximum(distance - np.float32(params.wide), 0)
 
 
 def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Sequence[FloatArray] = ()) -> Moves:
@@ -322,6 +337,7 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
         meters=np.array([one.take.meter for one in courses])[course],
         lengths=np.concatenate([np.diff(one.beats) for one in courses]),
         shares=np.concatenate([one[:-1] for one in shares]),
+        ranks=(rankdata(np.concatenate([one.speeds() for one in courses])) - 0.5) / beat.size,
         edges=np.concatenate([_edges(one) for one in courses]),
         seams=Distances(_clouds(courses, borders, weights, params), params),
         alike=Distances(_clouds(courses, [one[:-1] + 0.5 for one in borders], weights, params), params),

@@ -1,0 +1,123 @@
+"""What a choreographer hears of a song besides its beats: how loud it is, where it is silent, and that it ends.
+
+==========  ==========================================================================================================
+loud        each beat aims at a rank of speed in the body: low where the song is quiet or slow, high where loud or fast
+silent      the pose is held: the beat counter stands still
+at its end  the last beats are danced at half their pace, and the dance comes to rest
+==========  ==========================================================================================================
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.ndimage import binary_opening, gaussian_filter1d
+
+from harmolab.systems.choreographer.choose import SLACK, MusicBeats
+from harmolab.types import Audio, BoolArray, FloatArray
+
+HOP = 0.05  # seconds of sound whose loudness is one number
+NOTHING, FAINT = -55.0, 30.0  # decibels of full scale, and below the median of what sounds, at which there is silence
+SILENCE = 1.0  # seconds that a silence lasts at least, and beats of it, since slow music pauses between two beats
+SILENT_BEATS = 1.5
+BLINK = 1.0  # seconds of sound that a silence may have in it
+SMOOTHING = 1.0  # seconds, standard deviation, of the loudness
+NARROW, WIDE = 5.0, 20.0  # decibels of range: below the first loudness hardly counts; more than the second is not used
+SPREAD = 0.8  # of the ranks, from the quietest to the loudest beat
+USUAL_TEMPO, LIVELIER = 110.0, 0.25  # beats a minute that aim at the middle rank, and ranks for each doubling
+EASE = 0.75  # seconds of recorded movement that the end is made of, in twice that time
+NEAR = 0.25  # beats by which a beat may lie in a silence that it begins or ends
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """The loudness of a song over time.
+
+    Parameters
+    ----------
+    loudness : (L,) array, decibels of full scale, smoothed, one every `HOP` seconds; none where there is no sound at all
+    sounds : (L,) bool array, False where nothing is heard
+    """
+
+    loudness: FloatArray
+    sounds: BoolArray
+
+    @classmethod
+    def of(cls, audio: Audio) -> Self:
+        """The form of a whole recording; one without any sound has none: its beats were told, and are danced."""
+        size = max(1, round(HOP * audio.sample_rate))
+        whole = np.pad(np.square(audio.samples, dtype=np.float64), (0, -audio.samples.size % size))
+        power = whole.reshape(-1, size).mean(axis=1)
+        level = _decibels(power)
+        sounds = level > NOTHING
+        if not sounds.any():
+            return cls(np.zeros(0), np.zeros(0, bool))
+        sounds &= level > np.median(level[sounds]) - FAINT
+        kept = [gaussian_filter1d(part, SMOOTHING / HOP) for part in (power * sounds, sounds.astype(np.float64))]
+        return cls(_decibels(kept[0] / np.maximum(kept[1], 1e-12)), sounds)
+
+    def silences(self, period: float) -> tuple[tuple[float, float], ...]:
+        """Seconds from and to which the song is silent, for music of a beat every `period` seconds."""
+        quiet = _lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period))
+        quiet = ~_lasting(~quiet, BLINK)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(int))) * HOP
+        return tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Decibels of the quiet and of the loud parts of what sounds (5th and 95th percentile)."""
+        low, high = np.percentile(self.loudness[self.sounds], (5, 95)).tolist()
+        return max(low, high - WIDE), high
+
+    def ranks(self, times: FloatArray, period: float) -> FloatArray:
+        """Ranks of speed (M,) that beats aim at which last from each of `times` (M + 1,), seconds, to the next."""
+        low, high = self.range
+        middles = (times[:-1] + times[1:]) / 2
+        loud = np.interp(middles / HOP - 0.5, np.arange(self.loudness.size), self.loudness)
+        level = np.clip((loud - low) / max(high - low, 1e-9), 0, 1) - 0.5
+        middle = 0.5 + LIVELIER * np.log2(60 / period / USUAL_TEMPO)
+        return np.clip(middle + SPREAD * min(1.0, (high - low) / NARROW) ** 2 * level, 0, 1)
+
+    def heard(self, music: MusicBeats, end: float) -> MusicBeats:
+        """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end."""
+        music = _ending(_held(music, self.silences(music.period)), end)
+        return replace(music, ranks=self.ranks(music.times, music.period)) if self.loudness.size else music
+
+
+def _decibels(power: FloatArray) -> FloatArray:
+    return 10 * np.log10(np.maximum(power, 1e-12))
+
+
+def _lasting(flags: BoolArray, seconds: float) -> BoolArray:
+    """The flags (L,), one every `HOP` seconds, without those in rows of less than so many seconds."""
+    return np.asarray(binary_opening(flags, np.ones(max(1, round(seconds / HOP)))))
+
+
+def _held(music: MusicBeats, silences: tuple[tuple[float, float], ...]) -> MusicBeats:
+    """The beats without those inside of silences, where the beat before is held."""
+    times, near = music.times, NEAR * music.period
+    held, keep = music.held.copy(), np.ones(times.size, bool)
+    for start, end in silences:
+        first = max(0, int(np.searchsorted(times, start + near, side="right")) - 1)
+        last = min(int(np.searchsorted(times, end - near)), times.size - 1)
+        if last > first + 1:
+            held[last] = times[last] - times[first] + held[first]
+            keep[first:last] = False
+    return music.part(keep, held) if keep.sum() > 1 else music
+
+
+def _ending(music: MusicBeats, end: float) -> MusicBeats:
+    """The beats with the last ones before second `end` danced at half their pace, and a rest after them.
+
+    Half the pace brings a dance that comes to rest evenly from its full one. In a silence it rests already.
+    """
+    last = int(np.searchsorted(music.times, end + SLACK, side="right")) - 1
+    count = min(int(np.ceil(EASE / music.period)), last // 4)
+    if count < 1 or music.held[last - 2 * count :].any():
+        return music
+    keep = np.arange(music.times.size) <= last
+    keep[last - 1 : last - 2 * count : -2] = False
+    eased, rest = music.part(keep, music.held), end + music.period
+    held = np.append(eased.held[:-1], rest - eased.times[-1])
+    # The bar goes on counting: recorded beats are danced in a row, however long the last ones take.
+    return replace(eased, times=np.append(eased.times[:-1], rest), held=held, places=music.places[: held.size])
