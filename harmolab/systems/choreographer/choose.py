@@ -115,8 +115,8 @@ def choose(
 ) -> IntArray:
     """The nodes (M,) to dance, one a beat, whose costs have the least sum: the best path to every node is kept.
 
-    Each path has its run, the beats since its last seam, and its memory of what it danced: per node
-    ``max(memory exp(-1 / 32), exp(-(S / 6 cm)^2))`` with the distance S of the beats.
+    Each path has its run, the beats since its last seam; the turns that it has turned; and its memory of what it
+    danced: per node ``max(memory exp(-1 / 400), exp(-(S / 6 cm)^2))`` with the distance S of the beats.
 
     Parameters
     ----------
@@ -127,6 +127,8 @@ def choose(
     variety = np.float32(params.variety / (music.meter or USUAL_METER))
     now = options[0]
     total = costs[0][now] + (0 if first is None else first[now].astype(np.float32))
+    turns = moves.turns.astype(np.float32)
+    turned = turns[now]
     run, memory, best = np.ones(now.size, np.int64), np.zeros((1, len(moves)), np.float32), np.zeros(now.size, np.int64)
     links: list[tuple[IntArray, IntArray]] = [(now, best)]
     for beat in progress(range(1, len(costs)), "choosing"):
@@ -140,9 +142,11 @@ def choose(
         step = variety * _columns(memory, now)
         step += _columns(steps.costs(before[kept], run[kept]), now)
         step += total[kept, None]
+        step += np.float32(params.winding) * np.abs(turned[kept, None] + turns[now])
         best = step.argmin(axis=0)
         parent = kept[best]
         total = step[best, np.arange(now.size)] + costs[beat][now]
+        turned = turned[parent] + turns[now]
         run = np.where(steps.go_on(before[parent], now), run[parent] + 1, 1)
         links.append((now, parent))
     return _traced(links, int(total.argmin()))

@@ -23,8 +23,10 @@ SILENT_BEATS = 1.5
 BLINK = 1.0  # seconds of sound that a silence may have in it
 SMOOTHING = 1.0  # seconds, standard deviation, of the loudness
 NARROW, WIDE = 5.0, 20.0  # decibels of range: below the first loudness hardly counts; more than the second is not used
+SECTION, MOST_TOLD = 6.0, 8  # seconds that a quiet or a loud part lasts at least; parts that are told
 SPREAD = 0.8  # of the ranks, from the quietest to the loudest beat
-USUAL_TEMPO, LIVELIER = 110.0, 0.25  # beats a minute that aim at the middle rank, and ranks for each doubling
+USUAL_TEMPO, LIVELIER = 110.0, 0.35  # beats a minute that aim at the middle rank, and ranks for each doubling
+PACE = 0.15  # of the logarithm of a tempo over the usual one, by which movement is quickened or slowed
 EASE = 0.75  # seconds of recorded movement that the end is made of, in twice that time
 NEAR = 0.25  # beats by which a beat may lie in a silence that it begins or ends
 
@@ -35,7 +37,7 @@ class Form:
 
     Parameters
     ----------
-    loudness : (L,) array, decibels of full scale, smoothed, one every `HOP` seconds; none where there is no sound at all
+    loudness : (L,) array, decibels of full scale, smoothed, one every `HOP` seconds; none where there is no sound
     sounds : (L,) bool array, False where nothing is heard
     """
 
@@ -58,9 +60,8 @@ class Form:
 
     def silences(self, period: float) -> tuple[tuple[float, float], ...]:
         """Seconds from and to which the song is silent, for music of a beat every `period` seconds."""
-        quiet = _lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period))
-        quiet = ~_lasting(~quiet, BLINK)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(int))) * HOP
+        quiet = ~_lasting(~_lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period)), BLINK)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]))) * HOP
         return tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
     @property
@@ -78,10 +79,35 @@ class Form:
         middle = 0.5 + LIVELIER * np.log2(60 / period / USUAL_TEMPO)
         return np.clip(middle + SPREAD * min(1.0, (high - low) / NARROW) ** 2 * level, 0, 1)
 
+    def in_words(self, start: float, end: float, period: float) -> str:
+        """The quiet, loud and silent parts between two moments, seconds; "" where a song has none of these."""
+        parts = [(first, last, "silence") for first, last in self.silences(period)]
+        if self.loudness.size and np.subtract(*self.range[::-1]) >= NARROW:
+            is_loud = ~_lasting(self.loudness < np.mean(self.range), SECTION)
+            is_loud = _lasting(is_loud, SECTION)
+            edges = [0.0, *((np.flatnonzero(np.diff(is_loud)) + 1) * HOP).tolist(), np.inf]
+            words = ["loud" if is_loud[round(first / HOP)] else "quiet" for first in edges[:-1]]
+            parts += zip(edges[:-1], edges[1:], words, strict=True)
+        inside = sorted((max(first, start), last, word) for first, last, word in parts if last > start and first < end)
+        told = [
+            f"{word} {_clock(first)}-{_clock(last)}" if last < end else f"{word} from {_clock(first)}"
+            for first, last, word in inside[:MOST_TOLD]
+        ]
+        return ", ".join(told + ([f"{len(inside) - MOST_TOLD} more"] if len(inside) > MOST_TOLD else []))
+
     def heard(self, music: MusicBeats, end: float) -> MusicBeats:
         """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end."""
         music = _ending(_held(music, self.silences(music.period)), end)
         return replace(music, ranks=self.ranks(music.times, music.period)) if self.loudness.size else music
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds + 0.5) // 60}:{int(seconds + 0.5) % 60:02d}"
+
+
+def pace(period: float) -> float:
+    """Seconds of recorded movement that are danced to a beat of `period` seconds: more to fast music, less to slow."""
+    return period * (60 / period / USUAL_TEMPO) ** PACE
 
 
 def _decibels(power: FloatArray) -> FloatArray:
@@ -90,7 +116,7 @@ def _decibels(power: FloatArray) -> FloatArray:
 
 def _lasting(flags: BoolArray, seconds: float) -> BoolArray:
     """The flags (L,), one every `HOP` seconds, without those in rows of less than so many seconds."""
-    return np.asarray(binary_opening(flags, np.ones(max(1, round(seconds / HOP)))))
+    return np.asarray(binary_opening(flags, np.ones(max(1, round(seconds / HOP)), bool)))
 
 
 def _held(music: MusicBeats, silences: tuple[tuple[float, float], ...]) -> MusicBeats:

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.body.skeletons import Skeleton, tree_order
+from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tree_order
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
 from harmolab.files import PathLike, Progress, atomic_write, reading, silent
@@ -126,6 +126,15 @@ def _take(
     places = _NO_PLACES if track.bar_places is None else track.bar_places[inside]
     bar = 0 if track.bar_places is None else meter or meter_of(track, dance)
     return replace(take, beats=track.times[inside] - offset, places=places, meter=bar)
+
+
+def mirrored(take: Take) -> Take:
+    """The take as a mirror shows it: left and right change places, and so do joints that have a side in their name."""
+    joints, other = named_joints(take.motion.skeleton), {"left": "right", "right": "left"}
+    keys = sides_and_parts(take.motion.skeleton)
+    twins = [joints.get((other.get(side, side), part), joint) for joint, (side, part) in enumerate(keys)]
+    positions = take.motion.positions[:, twins] * np.array([-1.0, 1.0, 1.0])
+    return replace(take, name=f"{take.name}, mirrored", motion=replace(take.motion, positions=positions))
 
 
 def meter_of(track: BeatTrack, dance: str = "") -> int:
