@@ -25,10 +25,12 @@ SMOOTHING = 1.0  # seconds, standard deviation, of the loudness
 NARROW, WIDE = 5.0, 20.0  # decibels of range: below the first loudness hardly counts; more than the second is not used
 SECTION, MOST_TOLD = 6.0, 8  # seconds that a quiet or a loud part lasts at least; parts that are told
 SPREAD = 0.8  # of the ranks, from the quietest to the loudest beat
-USUAL_TEMPO, LIVELIER = 110.0, 0.35  # beats a minute that aim at the middle rank, and ranks for each doubling
+LIVELIER = 0.35  # ranks that a tempo twice the usual one aims higher
 PACE = 0.15  # of the logarithm of a tempo over the usual one, by which movement is quickened or slowed
 EASE = 0.75  # seconds of recorded movement that the end is made of, in twice that time
 NEAR = 0.25  # beats by which a beat may lie in a silence that it begins or ends
+
+Rows = list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +50,20 @@ class Form:
     def of(cls, audio: Audio) -> Self:
         """The form of a whole recording; one without any sound has none: its beats were told, and are danced."""
         size = max(1, round(HOP * audio.sample_rate))
-        whole = np.pad(np.square(audio.samples, dtype=np.float64), (0, -audio.samples.size % size))
-        power = whole.reshape(-1, size).mean(axis=1)
+        squares = np.pad(np.square(audio.samples, dtype=np.float64), (0, -audio.samples.size % size))
+        power = squares.reshape(-1, size).mean(axis=1)
         level = _decibels(power)
         sounds = level > NOTHING
         if not sounds.any():
             return cls(np.zeros(0), np.zeros(0, bool))
         sounds &= level > np.median(level[sounds]) - FAINT
         kept = [gaussian_filter1d(part, SMOOTHING / HOP) for part in (power * sounds, sounds.astype(np.float64))]
-        return cls(_decibels(kept[0] / np.maximum(kept[1], 1e-12)), sounds)
+        loudness = _decibels(kept[0][sounds] / kept[1][sounds])
+        return cls(np.interp(np.arange(sounds.size), np.flatnonzero(sounds), loudness), sounds)
 
-    def silences(self, period: float) -> tuple[tuple[float, float], ...]:
+    def silences(self, period: float) -> Rows:
         """Seconds from and to which the song is silent, for music of a beat every `period` seconds."""
-        quiet = ~_lasting(~_lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period)), BLINK)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]))) * HOP
-        return tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+        return _rows(~_lasting(~_lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period)), BLINK))
 
     @property
     def range(self) -> tuple[float, float]:
@@ -70,44 +71,51 @@ class Form:
         low, high = np.percentile(self.loudness[self.sounds], (5, 95)).tolist()
         return max(low, high - WIDE), high
 
-    def ranks(self, times: FloatArray, period: float) -> FloatArray:
-        """Ranks of speed (M,) that beats aim at which last from each of `times` (M + 1,), seconds, to the next."""
+    def ranks(self, music: MusicBeats, usual: float) -> FloatArray:
+        """Ranks of speed (M,) to aim at; a beat of `usual` seconds and of middle loudness aims at the middle."""
         low, high = self.range
-        middles = (times[:-1] + times[1:]) / 2
+        middles = music.times[:-1] + music.lengths / 2
         loud = np.interp(middles / HOP - 0.5, np.arange(self.loudness.size), self.loudness)
         level = np.clip((loud - low) / max(high - low, 1e-9), 0, 1) - 0.5
-        middle = 0.5 + LIVELIER * np.log2(60 / period / USUAL_TEMPO)
+        middle = 0.5 + LIVELIER * np.log2(usual / music.period)
         return np.clip(middle + SPREAD * min(1.0, (high - low) / NARROW) ** 2 * level, 0, 1)
 
+    def parts(self, period: float) -> list[tuple[float, float, str]]:
+        """Seconds from and to of what is quiet, loud, or silent; of a narrow range nothing is either of the former."""
+        parts = [(*row, "silence") for row in self.silences(period)]
+        if self.sounds.any() and np.diff(self.range) >= NARROW:
+            loud = _lasting(~_lasting(self.loudness < np.mean(self.range), SECTION), SECTION)
+            parts += [(*row, word) for flags, word in ((loud, "loud"), (~loud, "quiet")) for row in _rows(flags)]
+        return sorted(parts)
+
     def in_words(self, start: float, end: float, period: float) -> str:
-        """The quiet, loud and silent parts between two moments, seconds; "" where a song has none of these."""
-        parts = [(first, last, "silence") for first, last in self.silences(period)]
-        if self.loudness.size and np.subtract(*self.range[::-1]) >= NARROW:
-            is_loud = ~_lasting(self.loudness < np.mean(self.range), SECTION)
-            is_loud = _lasting(is_loud, SECTION)
-            edges = [0.0, *((np.flatnonzero(np.diff(is_loud)) + 1) * HOP).tolist(), np.inf]
-            words = ["loud" if is_loud[round(first / HOP)] else "quiet" for first in edges[:-1]]
-            parts += zip(edges[:-1], edges[1:], words, strict=True)
-        inside = sorted((max(first, start), last, word) for first, last, word in parts if last > start and first < end)
+        """The parts between two moments, seconds; "" where there is one alone, and that is no silence."""
+        parts = [(max(first, start), last, word) for first, last, word in self.parts(period) if first < end]
+        parts = [part for part in parts if part[1] > start]
+        if len(parts) == 1 and parts[0][2] != "silence":
+            return ""
         told = [
             f"{word} {_clock(first)}-{_clock(last)}" if last < end else f"{word} from {_clock(first)}"
-            for first, last, word in inside[:MOST_TOLD]
+            for first, last, word in parts[:MOST_TOLD]
         ]
-        return ", ".join(told + ([f"{len(inside) - MOST_TOLD} more"] if len(inside) > MOST_TOLD else []))
+        return ", ".join(told + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
 
-    def heard(self, music: MusicBeats, end: float) -> MusicBeats:
-        """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end."""
+    def heard(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
+        """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end.
+
+        `usual` is the length of a beat, seconds, to which recorded movement is neither slow nor fast.
+        """
         music = _ending(_held(music, self.silences(music.period)), end)
-        return replace(music, ranks=self.ranks(music.times, music.period)) if self.loudness.size else music
+        return replace(music, ranks=self.ranks(music, usual)) if self.loudness.size else music
 
 
 def _clock(seconds: float) -> str:
     return f"{int(seconds + 0.5) // 60}:{int(seconds + 0.5) % 60:02d}"
 
 
-def pace(period: float) -> float:
-    """Seconds of recorded movement that are danced to a beat of `period` seconds: more to fast music, less to slow."""
-    return period * (60 / period / USUAL_TEMPO) ** PACE
+def pace(period: float, usual: float) -> float:
+    """Seconds of movement for a beat of `period` seconds: more than that where it is shorter than a usual one."""
+    return period * (usual / period) ** PACE
 
 
 def _decibels(power: FloatArray) -> FloatArray:
@@ -119,7 +127,13 @@ def _lasting(flags: BoolArray, seconds: float) -> BoolArray:
     return np.asarray(binary_opening(flags, np.ones(max(1, round(seconds / HOP)), bool)))
 
 
-def _held(music: MusicBeats, silences: tuple[tuple[float, float], ...]) -> MusicBeats:
+def _rows(flags: BoolArray) -> Rows:
+    """Seconds from and to which flags, one every `HOP` seconds, are set in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))) * HOP
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
     """The beats without those inside of silences, where the beat before is held."""
     times, near = music.times, NEAR * music.period
     held, keep = music.held.copy(), np.ones(times.size, bool)

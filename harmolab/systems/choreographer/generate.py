@@ -194,7 +194,7 @@ def _bar_warning(moves: Moves, music: MusicBeats, is_own_pulse: bool) -> tuple[s
 FEW_SECONDS, ENOUGH_SHARE = 180.0, 1.5  # of recordings, and of the length of a dance
 LEAST_FPS, MOST_FPS = 25.0, 120.0
 STILL = 1e-9  # beats from one frame to the next
-DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any
+DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any; usual for the latter
 
 
 class Choreographer(DanceSystem):
@@ -360,7 +360,7 @@ class Choreographer(DanceSystem):
         end = start + (frames - 1) / self.fps
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
         form = Form.of(request.audio)
-        music = form.heard(music, end)
+        music = form.heard(music, end, period)
         moves = self._moves_of(takes, music.period, frames / self.fps)
         lead = float(beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
@@ -424,7 +424,7 @@ class Choreographer(DanceSystem):
         for take in takes:
             if take not in self._signals:
                 self._signals[take] = shape_signal(shape_speed(take.motion))
-            beats = pulse(self._signals[take], pace(period))
+            beats = pulse(self._signals[take], pace(period, DEFAULT_PERIOD))
             if beats.size > 1:
                 courses.append(Course(take, beats))
         if sum(take.seconds for take in takes) < max(FEW_SECONDS, ENOUGH_SHARE * seconds) and side_pairs(self.skeleton):
@@ -436,7 +436,7 @@ class Choreographer(DanceSystem):
 
 # Corpora that were read before: the second dance from the same files does not read and measure them again.
 
-SIGNATURE = 1  # raise it when the same files give another choreographer than before
+SIGNATURE = 2  # raise it when the same files give another choreographer than before
 MOST_FILES = 50_000  # below a folder that holds more nothing is kept
 
 
