@@ -3,7 +3,7 @@
 ==========  ==========================================================================================================
 loud        each beat aims at a rank of speed in the body: low where the song is quiet or slow, high where loud or fast
 silent      the pose is held: the beat counter stands still
-at its end  the last beats are danced at half their pace, and the dance comes to rest
+at its end  the last beats are danced ever more slowly, and the dance comes to rest
 ==========  ==========================================================================================================
 """
 
@@ -27,7 +27,7 @@ SECTION, MOST_TOLD = 4.0, 8  # seconds that a quiet or a loud part lasts at leas
 SPREAD = 0.8  # of the ranks, from the quietest to the loudest beat
 LIVELIER = 0.35  # ranks that a tempo twice the usual one aims higher
 PACE = 0.15  # of the logarithm of a tempo over the usual one, by which movement is quickened or slowed
-EASE = 0.75  # seconds of recorded movement that the end is made of, in twice that time
+EASE = 0.9  # seconds that the last beat of a dance takes at least
 NEAR = 0.25  # beats by which a beat may lie in a silence that it begins or ends
 
 Rows = list[tuple[float, float]]
@@ -147,16 +147,17 @@ def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
 
 
 def _ending(music: MusicBeats, end: float) -> MusicBeats:
-    """The beats with the last ones before second `end` danced at half their pace, and a rest after them.
+    """The beats until second `end`, the last of them danced in the time of 2, 3, ... beats of the music, and a rest.
 
-    Half the pace brings a dance that comes to rest evenly from its full one. In a silence it rests already.
+    In a silence a dance rests already. The ending of a short one is shorter: at most half of its beats.
     """
     last = int(np.searchsorted(music.times, end + SLACK, side="right")) - 1
-    count = min(int(np.ceil(EASE / music.period)), last // 4)
-    if count < 1 or music.held[last - 2 * count :].any():
+    gaps = np.arange(2, max(2, int(np.ceil(EASE / music.period))) + 1)
+    gaps = gaps[np.cumsum(gaps) <= last // 2]
+    if not gaps.size or music.held[last - gaps.sum() :].any():
         return music
-    keep = np.arange(music.times.size) <= last
-    keep[last - 1 : last - 2 * count : -2] = False
+    keep = np.arange(music.times.size) <= last - gaps.sum()
+    keep[last - gaps.sum() + np.cumsum(gaps)] = True
     eased, rest = music.part(keep, music.held), end + music.period
     held = np.append(eased.held[:-1], rest - eased.times[-1])
     # The bar goes on counting: recorded beats are danced in a row, however long the last ones take.
