@@ -333,7 +333,7 @@ def test_the_dance_begins_in_the_middle_faces_the_camera_and_keeps_its_bones(dan
 def test_what_a_dance_is_made_of_adds_up(dancer: Choreographer):
     made = dancer.choreograph(SILENCE, beats(), start=2.0, seconds=20.0)
     danced = sum(piece.last_beat - piece.first_beat for piece in made.pieces)
-    assert danced == pytest.approx(20.0 * 88 / 60, abs=2)
+    assert danced == pytest.approx(20.0 * 88 / 60 - 2, abs=1.5)  # at the end two beats are danced in the time of four
     assert sum(made.shares.values()) == pytest.approx(1.0)
     assert {piece.recording for piece in made.pieces} == set(made.shares)
     assert made.start == 2.0 and made.pieces[0].start <= 0 < made.pieces[1].start
@@ -406,7 +406,10 @@ def test_the_pulse_of_a_motion_is_where_it_rests():
 def test_recordings_with_and_without_beats_do_not_mix(dancer: Choreographer):
     short, long = waltz_motion(1, 8.0), waltz_motion(1, 70.0)
     one_beat = Clip("one beat", SILENCE, short, beats=track([0.5]))
-    for others, names in (([short, one_beat], {"waltz 1", "waltz 2", "waltz 3"}), ([long], {"motion 4"})):
+    for others, names in (
+        ([short, one_beat], {"waltz 1", "waltz 2", "waltz 3"}),
+        ([long], {"motion 4", "motion 4, mirrored"}),
+    ):
         takes = Choreographer.of([*dancer.takes, *others]).choreograph(SILENCE, beats(), seconds=9.0)
         assert set(takes.shares) <= names
         assert "left out: beats are known of some only" in takes.warnings[0]

@@ -12,14 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-from scipy.ndimage import binary_opening
-
-from harmolab.body.kinematics import joint_speed, smooth
 from harmolab.files import PathLike
 from harmolab.readers.motion import load_motion
 from harmolab.systems.choreographer.generate import Choreographer
-from harmolab.systems.choreographer.takes import Take, take_of
+from harmolab.systems.choreographer.takes import Take, dancing_span, take_of
 from harmolab.types import Motion
 
 Hole = tuple[float, float]  # seconds, from and to
@@ -36,9 +32,6 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
     {"cmu61_09": ((41.2, 43.0),), "cmu61_14": ((7.5, 9.1),), "cmu61_13": ((33.9, 38.0),), "cmu94_04": ((12.7, 13.7),)}
 )
-STANDING = 0.5  # of a take's median speed: what is slower at its ends is standing
-SMOOTHING = 0.3  # seconds, standard deviation, of that speed
-KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
 SHORTEST = 2.0  # seconds of a part that is kept
 
 
@@ -85,14 +78,6 @@ def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[
     ]
     names = [name] if len(spans) == 1 else [f"{name}, part {number}" for number in range(1, len(spans) + 1)]
     return [replace(take_of(motion.span(*span)), name=part) for part, span in zip(names, spans, strict=True)]
-
-
-def dancing_span(motion: Motion) -> tuple[float, float]:
-    """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
-    speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
-    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
-    moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
-    return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
 
 
 if __name__ == "__main__":

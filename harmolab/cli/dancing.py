@@ -111,7 +111,7 @@ UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
-    *("shares", "stretch", "warnings", "pieces"),
+    *("shares", "stretch", "warnings", "pieces", "heard"),
 )
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
@@ -167,7 +167,9 @@ class DanceReport:
         remarks = () if judgement is None else judgement.remarks
         sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
-        sentences += () if self.choreography is None else self.choreography.warnings
+        if self.choreography is not None:
+            heard = self.choreography.heard
+            sentences += [*self.choreography.warnings, *([f"heard: {heard}"] if heard else [])]
         return tuple(map(sentence, sentences))
 
     @cached_property
@@ -317,7 +319,8 @@ def dance(
             music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
             score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
-            judged = likeness(motion, dance=dance, limits=dancer.limits)
+            held = None if choreography is None else choreography.held
+            judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
             return DanceReport(
                 number, motion, offset, music, score, judged, choreography, dancer.remarks,
                 knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,

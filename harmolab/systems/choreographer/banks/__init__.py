@@ -27,7 +27,7 @@ REMARKS: Mapping[str, str] = MappingProxyType(
         "puppet": "a puppet: synthetic dancers, no person was recorded",
     }
 )
-STYLES = tuple(REMARKS)
+STYLES = tuple(style for style in REMARKS if style == "puppet" or (FOLDER / style).is_dir())
 PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, hertz
 
 
