@@ -12,7 +12,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.systems import FeatureParams, TrainParams
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.takes import take_of
-from harmolab.systems.harmogan.sketches import Sketched, bar_patterns, sketched
+from harmolab.systems.harmogan.sketches import Sketched, dance_patterns, sketched
 from harmolab.systems.training.motion_code import coded
 from harmolab.systems.training.requests import DanceRequest
 from harmolab.systems.training.splits import Split, split_units, training_spans
@@ -104,6 +104,6 @@ def test_one_recording_is_too_few(corpus: Path, split: Split):
 
 def test_dances_without_bars_have_no_pattern(corpus: Path):
     takes = [take_of(load_recording(folder)) for folder in find_recordings(corpus).folders[:2]]
-    assert set(bar_patterns(takes)) == {take.dance for take in takes}
+    assert set(dance_patterns(takes)) == {take.dance for take in takes}
     bare = [replace(take, places=np.zeros(0, np.int64), meter=0) for take in takes]
-    assert bar_patterns(bare) == {}
+    assert dance_patterns(bare) == {}

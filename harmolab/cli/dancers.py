@@ -171,7 +171,8 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     taken = accepted(trained.generate, context, {"progress": progress})
     is_asked = is_told(context, "dance") and not dance  # --dance ""
     listener = trained if is_asked and isinstance(trained, Listener) else None
-    return Dancer(trained, taken, limits=getattr(trained, "limits", None), listener=listener)
+    knows_bars, remarks = getattr(trained, "knows_bars", True), getattr(trained, "remarks", ())
+    return Dancer(trained, taken, None, getattr(trained, "limits", None), knows_bars, remarks, listener)
 
 
 def _check_choice(options: DancerOptions) -> None:

@@ -23,10 +23,18 @@ from scipy.stats import rankdata
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
 from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading
+from harmolab.params import BarPattern
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray
-from harmolab.verdict.bar_pattern import beat_positions, beat_ranks, fit_pattern, harmonic_fits, pattern_sums
+from harmolab.verdict.bar_pattern import (
+    PatternSums,
+    beat_positions,
+    beat_ranks,
+    fit_pattern,
+    harmonic_fits,
+    pattern_sums,
+)
 
 # The numbers of the choreographer: what a seam, another tempo, a beat out of place and a repetition cost.
 
@@ -377,22 +385,29 @@ def _edges(course: Course) -> BoolArray:
     return np.asarray(outside | (filler[frames[1] + 1] > filler[frames[0]]))
 
 
-def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
-    """Rank of each beat of each take among all its moments, by the bar pattern that takes of its dance share.
+def bar_patterns(
+    takes: Sequence[Take], signals: Sequence[ShapeSignal]
+) -> tuple[dict[tuple[str, int], BarPattern], list[tuple[str, int]]]:
+    """The bar pattern that takes of one dance and cycle share, by both; and the dance and cycle of each take.
 
-    The pattern is learnt on these takes, of the speed of the body's shape; (B,) arrays in (0, 1).
+    It is learnt on these takes, of the speed of the body's shape; those without beats or movement have no part in it.
     """
+    keys = [(take.dance, cycle_of_meter(take.meter or None)) for take in takes]
+    sums: dict[tuple[str, int], list[PatternSums]] = {}
+    for take, signal, key in zip(takes, signals, keys, strict=True):
+        if take.beats.size > 1 and signal.values.any():
+            positions = beat_positions(signal.times, take.track)
+            sums.setdefault(key, []).append(pattern_sums(positions, signal.values, key[1]))
+    return {key: fit_pattern(own) for key, own in sums.items()}, keys
+
+
+def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
+    """Rank of each beat of each take among all its moments, by the bar pattern of its dance; (B,) arrays in (0, 1)."""
     signals = [shape_signal(shape_speed(take.motion)) for take in takes]
-    groups: dict[tuple[str, int], list[int]] = {}
-    for number, take in enumerate(takes):
-        groups.setdefault((take.dance, cycle_of_meter(take.meter or None)), []).append(number)
-    shares = [np.full(take.beats.size, UNKNOWN_SHARE) for take in takes]
-    for (_, cycle), numbers in groups.items():
-        moving = [n for n in numbers if signals[n].values.any() and takes[n].beats.size > 1]
-        if not moving:
-            continue
-        positions = {n: beat_positions(signals[n].times, takes[n].track) for n in moving}
-        pattern = fit_pattern(pattern_sums(positions[n], signals[n].values, cycle) for n in moving)
-        for n in moving:
-            shares[n] = beat_ranks(signals[n].times, signals[n].values, takes[n].track, pattern)
-    return shares
+    patterns, keys = bar_patterns(takes, signals)
+    return [
+        beat_ranks(signal.times, signal.values, take.track, patterns[key])
+        if take.beats.size > 1 and signal.values.any()
+        else np.full(take.beats.size, UNKNOWN_SHARE)
+        for take, signal, key in zip(takes, signals, keys, strict=True)
+    ]

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.meter import cycle_of_meter
 from harmolab.data.recordings import Recording, load_recording, recording_beats
 from harmolab.files import Progress, silent
 from harmolab.params import BarPattern
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.choreographer.moves import bar_patterns
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.feet import grounded
@@ -28,7 +28,6 @@ from harmolab.systems.training.motion_code import bone_lengths, coded, fixed_bon
 from harmolab.systems.training.splits import SIDES, Split, stretches, training_spans
 from harmolab.systems.training.units import DanceUnit
 from harmolab.types import BeatTrack, Motion
-from harmolab.verdict.bar_pattern import PatternSums, beat_positions, fit_pattern, pattern_sums
 
 SKETCHES = "sketches"  # folder of a run: the movement whose dances are corrected; or a style in its description
 HALF_A_BEAT = 0.5
@@ -81,7 +80,7 @@ def sketched(
     takes = {} if bank else {folder.name: _takes(folder, spans.get(folder.name, [])) for folder in folders}
     if bank is None and sum(map(bool, takes.values())) < 2:
         raise ValueError("each song is sketched with the other recordings: two with training units are needed at least")
-    patterns = bar_patterns([take for own in takes.values() for take in own])
+    patterns = dance_patterns([take for own in takes.values() for take in own])
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
     for folder in progress(folders, "sketching"):
@@ -108,15 +107,11 @@ def _takes(folder: Path, spans: list[tuple[float, float]]) -> list[Take]:
     return [take_of(stretch) for stretch in stretches(load_recording(folder), spans)] if spans else []
 
 
-def bar_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
+def dance_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
     """The bar pattern of each dance whose takes know their places in the bar, learnt on them."""
-    sums: dict[str, list[PatternSums]] = {}
-    for take in takes:
-        signal = shape_signal(shape_speed(take.motion))
-        if take.dance and take.places.size and take.beats.size > 1 and signal.values.any():
-            positions = beat_positions(signal.times, take.track)
-            sums.setdefault(take.dance, []).append(pattern_sums(positions, signal.values, cycle_of_meter(take.meter)))
-    return {dance: replace(fit_pattern(own), dance=dance) for dance, own in sums.items()}
+    placed = [take for take in takes if take.dance and take.places.size]
+    patterns, _ = bar_patterns(placed, [shape_signal(shape_speed(take.motion)) for take in placed])
+    return {dance: replace(pattern, dance=dance) for (dance, _), pattern in patterns.items()}
 
 
 def _danced(bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int) -> Song:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from harmolab.files import PathLike
 from harmolab.metrics.likeness import LikenessLimits
-from harmolab.systems.choreographer.banks import STYLES, shipped_bank
+from harmolab.systems.choreographer.banks import REMARKS, STYLES, shipped_bank
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
@@ -61,6 +61,17 @@ class HarmoGAN(NetworkSystem):
     def limits(self) -> LikenessLimits | None:
         """Measures of likeness of the movement that it corrects; None in paper mode."""
         return None if self.sketches is None else self.sketches.limits
+
+    @property
+    def knows_bars(self) -> bool:
+        """True unless it corrects movement that has no places in the bar."""
+        return self.sketches is None or any(take.places.size for take in self.sketches.takes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about the movement of a shipped bank that it corrects."""
+        style = self.meta.get(SKETCHES)
+        return (f"a network corrects {REMARKS[style]}",) if style in STYLES else ()
 
     def respond(self, request: DanceRequest) -> Motion:
         """The dance that is asked for: by another seed from another sketch, or movement to start from."""
