@@ -140,7 +140,7 @@ def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
     for start, end in silences:
         first = max(0, int(np.searchsorted(times, start + near, side="right")) - 1)
         last = min(int(np.searchsorted(times, end - near)), times.size - 1)
-        if last > first + 1:
+        if last > first:
             held[last] = times[last] - times[first] + held[first]
             keep[first:last] = False
     return music.part(keep, held) if keep.sum() > 1 else music
