@@ -630,8 +630,10 @@ def test_a_dance_that_was_not_recorded_is_said_and_one_that_nobody_knows_is_refu
     "tempo, meter, dance",
     (88.0, 3, "waltz"),
     (88.0, 4, "rumba"),
-    (115.0, 4, "tango"),  # log 115 / 100 is .14, log 128 / 115 is .11
+    (114.0, 4, "tango"),  # log 114 / 100 is .13, log 128 / 114 is .12
     (112.0, 4, "rumba"),
+    (120.0, 4, "tango"),
+    (120.0, 3, "waltz"),
     (64.0, 4, "tango"),  # heard at half its tempo
     (200.0, 4, "rumba"),
     (128.0, 5, "tango"),
@@ -643,6 +645,8 @@ def test_of_several_dances_that_of_the_meter_and_then_of_the_tempo_is_nearest(te
     assert nearest_dance(takes, tempo, meter) == dance
     bare = [replace(take, beats=np.zeros(0), meter=0) for take in takes]  # by the usual tempo: 62-112, 116-140
     assert nearest_dance(bare, 113.0, 4) == "rumba" and nearest_dance(bare, 115.0, 4) == "tango"
+    slow = [replace(takes[1], beats=np.arange(4) * 60 / 118), takes[2]]  # no usual tempo of a rumba
+    assert nearest_dance(slow, 118.0, 4) == "tango" and nearest_dance(slow, 112.0, 4) == "rumba"
     assert nearest_dance([replace(bare[0], dance="polka")], tempo, meter) == ""
 
 

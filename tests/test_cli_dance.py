@@ -409,14 +409,11 @@ def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path, own_ca
 
 def test_of_several_dances_the_nearest_is_danced_and_said_unless_one_is_named(song: Path, corpus: Path):
     words = ("dance", song, "--from", corpus, "--out", "dance.npz", "--verbose")
-    heard = called(app, *words)
-    assert re.search(
-        r"Four beats in a bar are heard, \d+ a minute: danced is cha-cha, the nearest; --dance overrules\.",
-        heard.stdout,
-    )
-    assert "clip_0001_cha-cha" in heard.stdout and "jive" not in heard.stdout
-    told = called(app, *words, "--dance", "jive")
-    assert "_jive" in told.stdout and "_cha-cha" not in told.stdout and "the nearest" not in told.stdout
+    heard = called(app, *words).stdout  # the tango there has 129 beats a minute, the cha-chas 133 and 135
+    assert "Four beats in a bar are heard, 115 a minute: danced is tango, the nearest; --dance overrules." in heard
+    assert "_tango 100%" in heard
+    told = called(app, *words, "--dance", "jive").stdout
+    assert "_jive 100%" in told and "the nearest" not in told
 
 
 @pytest.fixture
@@ -483,7 +480,7 @@ def test_one_bvh_dances_and_too_little_is_said(song: Path, tmp_path: Path):
     result = danced(song, "--from", tmp_path / "take.bvh", "--out", "dance.npz", "--verbose")
     assert "Too little motion for this song" in result.stdout
     assert "too few to be a measure" in result.stdout
-    assert re.search(r"made of\W+take(, mirrored)? \d\d%, take(, mirrored)? \d\d%", result.stdout)
+    assert re.search(r"made of\W+take(, mirrored)? \d+%", result.stdout)
 
 
 def test_a_body_of_another_unit_is_noticed_and_scaled(song: Path, tmp_path: Path):
