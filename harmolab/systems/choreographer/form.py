@@ -82,11 +82,16 @@ class Form:
 
     def parts(self, period: float) -> list[tuple[float, float, str]]:
         """Seconds from and to of what is quiet, loud, or silent; of a narrow range nothing is either of the former."""
-        parts = [(*row, "silence") for row in self.silences(period)]
+        silences, parts = self.silences(period), []
         if self.sounds.any() and np.diff(self.range) >= NARROW:
             loud = _lasting(~_lasting(self.loudness < np.mean(self.range), SECTION), SECTION)
-            parts += [(*row, word) for flags, word in ((loud, "loud"), (~loud, "quiet")) for row in _rows(flags)]
-        return sorted(parts)
+            parts = [(*row, word) for flags, word in ((loud, "loud"), (~loud, "quiet")) for row in _rows(flags)]
+        for start, end in silences:  # in which no other part ends or begins
+            parts = [
+                (end if start <= first < end else first, start if start < last <= end else last, word)
+                for first, last, word in parts
+            ]
+        return sorted([part for part in parts if part[0] < part[1]] + [(*row, "silence") for row in silences])
 
     def in_words(self, start: float, end: float, period: float) -> str:
         """The parts between two moments, seconds; "" where there is one alone, and that is no silence."""
@@ -140,7 +145,7 @@ def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
     for start, end in silences:
         first = max(0, int(np.searchsorted(times, start + near, side="right")) - 1)
         last = min(int(np.searchsorted(times, end - near)), times.size - 1)
-        if last > first + 1:
+        if last > first:
             held[last] = times[last] - times[first] + held[first]
             keep[first:last] = False
     return music.part(keep, held) if keep.sum() > 1 else music

@@ -57,6 +57,7 @@ STANDING = 0.5  # of a take's median speed: what is slower at its ends is standi
 SMOOTHING = 0.3  # seconds, standard deviation, of that speed
 KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
 JUMP, FASTEST = 0.5, 10.0  # metres, and metres a second, that no joint moves from a first frame to the next
+LITTLE = 0.02  # octaves by which a song may be outside of the usual tempo of its dance
 SUFFIXES = (".npz", ".bvh", ".npy", ".pkl", ".json")
 _NO_TIMES, _NO_PLACES = np.zeros(0), np.zeros(0, dtype=np.int64)
 
@@ -166,21 +167,27 @@ def _kept(name: str, motion: Motion) -> Motion:
 
 
 def nearest_dance(takes: Sequence[Take], tempo: float, meter: int) -> str:
-    """The dance of takes that is nearest to music: of its `meter`, if there is one, and then nearest in tempo.
+    """The dance of takes that is nearest to music: of its `meter`, usual at its tempo, and then recorded nearest to it.
 
-    A tempo and its double count as one, since trackers take one for the other. It is that of the beats of a take, or
-    the usual one of the dance (`DANCES`); "" where no dance has either.
+    A tempo, its half and its double count as one, since trackers take one for the other. Of takes without beats the
+    usual tempo of the dance (`DANCES`) counts; "" where no dance has a tempo.
     """
-    near: dict[str, tuple[bool, float]] = {}
+    near: dict[str, tuple[bool, bool, float]] = {}
     for take in takes:
         usual = DANCES.get(take.dance)
-        bar = take.meter or (usual.meter if usual else 0)
-        tempi = (60 / float(np.median(np.diff(take.beats))),) * 2 if take.beats.size else usual.tempo if usual else ()
-        if take.dance and tempi:
-            nearest = [np.clip(tempo * octave, *tempi) / (tempo * octave) for octave in (0.5, 1, 2)]
-            cost = (bar != meter, float(np.abs(np.log(nearest)).min()))
+        own = (60 / float(np.median(np.diff(take.beats))),) * 2 if take.beats.size else usual.tempo if usual else ()
+        if take.dance and own:
+            bar = take.meter or (usual.meter if usual else 0)
+            is_strange = usual is not None and _octaves_off(tempo, usual.tempo) > LITTLE
+            cost = (bar != meter, is_strange, _octaves_off(tempo, own))
             near[take.dance] = min(cost, near.get(take.dance, cost))
     return min(near, key=lambda dance: near[dance], default="")
+
+
+def _octaves_off(tempo: float, bounds: Sequence[float]) -> float:
+    """How far a tempo, its half or its double lies from a range, in octaves."""
+    tempi = tempo * np.array([0.5, 1.0, 2.0])
+    return float(np.abs(np.log2(np.clip(tempi, bounds[0], bounds[1]) / tempi)).min())
 
 
 def same_skeleton(takes: Sequence[Take]) -> Skeleton:
