@@ -18,11 +18,9 @@ from harmolab.systems.harmogan.networks import Generator, GeneratorOutput
 from harmolab.systems.harmogan.system import HarmoGAN, corrected, song_corrections
 from harmolab.systems.training.feet import on_floor, planted_feet
 from harmolab.systems.training.motion_code import FADE, bone_lengths, coded, continued
-from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.requests import DanceRequest
 from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.units import filled_beats, meter_frames
-from harmolab.systems.training.weights import save_weights
 from tests.builders import cases, planted_dance, refused
 from tools.ship import ship_harmogan as ship
 
@@ -396,7 +394,7 @@ def test_a_sketch_without_corrections_stays_as_it_is_and_with_them_keeps_near():
     system.generator.corrections = lambda audio, initial: torch.zeros_like(initial)
     same = system.generate(**request)
     assert lifted.fps == sketch.fps and lifted.n_frames == sketch.n_frames
-    np.testing.assert_allclose(same.positions, sketch.positions, atol=1e-3)
+    np.testing.assert_allclose(same.positions, sketch.positions, atol=3e-3)  # it is put on the floor a second time
     assert 0.01 < np.abs(lifted.positions - same.positions).max() < 0.1
 
 
@@ -414,12 +412,9 @@ def test_shipped_weights_name_the_bank_that_they_correct(style: str, tmp_path: P
     sizes = replace(TINY, bounded=True)
     generator = Generator(sizes, BEATS.n_audio, bank.skeleton, lengths, fps=FPS, features=BEATS)
     HarmoGAN(generator, meta={"note": "kept"}, sketches=bank).save(tmp_path / "run")
-    save_weights(tmp_path / "run" / "pose_net", PoseNet(bank.skeleton, fps=FPS), {"seed": 1})
     for out in ("one", "two"):
         ship(tmp_path / "run", tmp_path / out)
-    assert {path.name for path in (tmp_path / "one").iterdir()} == {
-        *("model.json", "model.safetensors", "pose_net.json", "pose_net.safetensors")
-    }
+    assert {path.name for path in (tmp_path / "one").iterdir()} == {"model.json", "model.safetensors"}
     assert (tmp_path / "one/model.safetensors").read_bytes() == (tmp_path / "two/model.safetensors").read_bytes()
     again = HarmoGAN.load(tmp_path / "one")
     assert again.meta == {"note": "kept", "sketches": style} and again.sketches.takes[0].name == bank.takes[0].name

@@ -24,13 +24,12 @@ from harmolab.systems.contract import maker_of
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES, sketched
 from harmolab.systems.harmogan.system import HarmoGAN
-from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
+from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.music2dance.system import ATTRIBUTES, FOOT_MODEL, Music2Dance
-from harmolab.systems.training.about import DEFAULT_STEM, read_about
+from harmolab.systems.training.about import DEFAULT_STEM
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import bone_lengths
-from harmolab.systems.training.pose_network import load_pose_net
 from harmolab.systems.training.runs import PoseBank, save_poses
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet, cut_recording
@@ -76,7 +75,7 @@ def _danced_by(bank: Choreographer, recording: Recording) -> Recording:
 
 
 def ship_harmogan(run: Path, out: Path) -> None:
-    """Write a run of `train_on_bank` to `out`, ready to be published: 16 bits, and the name of its bank.
+    """Write the generator of a run of `train_on_bank` to `out`, ready to be published: 16 bits, the name of its bank.
 
     Raises
     ------
@@ -89,8 +88,6 @@ def ship_harmogan(run: Path, out: Path) -> None:
         raise ValueError(f"{run}: its sketches are of recordings that are not ours to publish; see train_on_bank")
     out.mkdir(parents=True, exist_ok=True)
     save_weights(out / DEFAULT_STEM, system.generator, {**system.meta, SKETCHES: styles[0]}, half=True)
-    net = load_pose_net(run / POSE_NET)
-    save_weights(out / POSE_NET, net, read_about(run / POSE_NET)["meta"], half=True)
 
 
 def _same_takes(one: Choreographer | None, other: Choreographer) -> bool:

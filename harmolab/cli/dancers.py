@@ -171,8 +171,16 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     taken = accepted(trained.generate, context, {"progress": progress})
     is_asked = is_told(context, "dance") and not dance  # --dance ""
     listener = trained if is_asked and isinstance(trained, Listener) else None
-    knows_bars, remarks = getattr(trained, "knows_bars", True), getattr(trained, "remarks", ())
+    knows_bars = getattr(trained, "knows_bars", True)
+    remarks = (*getattr(trained, "remarks", ()), *_not_asked(dance, knows_bars=knows_bars))
     return Dancer(trained, taken, None, getattr(trained, "limits", None), knows_bars, remarks, listener)
+
+
+def _not_asked(dance: str | None, *, knows_bars: bool) -> tuple[str, ...]:
+    """A remark where the bar of a dance could be asked for and the movement knows none."""
+    from harmolab.params import DANCE_PATTERNS
+
+    return (NO_BAR.format(dance=dance),) if dance in DANCE_PATTERNS and not knows_bars else ()
 
 
 def _check_choice(options: DancerOptions) -> None:
@@ -244,12 +252,9 @@ def _dancer(
     context: typer.Context, choreographer: Choreographer, limits: LikenessLimits | None, *remarks: str
 ) -> Dancer:
     """A choreographer as a dancer; where it knows no bar, it says by what it is not judged."""
-    from harmolab.params import DANCE_PATTERNS
-
     options = accepted(choreographer.generate, context, {"progress": progress})
     knows_bars = any(take.places.size for take in choreographer.takes)
-    if not knows_bars and options.get("dance") in DANCE_PATTERNS:
-        remarks = (*remarks, NO_BAR.format(dance=options["dance"]))
+    remarks = (*remarks, *_not_asked(options.get("dance"), knows_bars=knows_bars))
     return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
 
 
