@@ -550,5 +550,14 @@ def test_of_feet_on_the_floor_of_which_nothing_is_told_the_slower_carries():
     assert put[-1, 0, 2] > 0.85 * truth[-1, 0, 2]
 
 
+def test_a_straight_leg_whose_knee_trembles_bends_forwards_all_the_time():
+    """The network's foot that steps is 20 cm below the one that carries, at the end of a straight leg."""
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # who looks to -x
+    legs = moved_feet(standing(), [RIGHT], np.tile(0.2 * UP, (90, 1, 1)))
+    legs[:, 3, 2] = 0.03 * np.sin(np.arange(90))
+    bent = standing_dancer(legs @ turn, SLOW, WALKER, RIGHT_STANDS) @ turn.T
+    assert (bent[:, 3, 2] > 0.15).all() and np.abs(np.diff(bent[:, 3], axis=0)).max() < 0.05
+
+
 def test_one_frame_is_put_on_the_floor():
     assert standing_dancer(standing(1) + UP, SLOW, WALKER, np.ones((1, 2)))[..., 1].min() == 0.0

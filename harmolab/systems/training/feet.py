@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter, minimum_filter1d
 
 from harmolab.body.kinematics import smooth
 from harmolab.body.rotations import TINY, two_bones
-from harmolab.body.skeletons import Skeleton, foot_joints, joint_part, subtree
+from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading, joint_part, subtree
 from harmolab.types import BoolArray, FloatArray
 
 FLOOR_WINDOW = 1.2  # seconds; a jump is shorter
@@ -36,6 +36,7 @@ ROLLING = 0.1  # metres per second: joints of a foot that are slower stand alike
 ROOT_SMOOTHING = 0.1  # seconds, of the body's way and height over the foot that carries
 STEP_HEIGHT = 0.05  # metres that a foot is lifted at least
 STEP_SPEED = 0.5  # metres per second at which, or above, it is lifted so high
+AHEAD = 0.2  # metres by which a knee is drawn to where the hips face: a nearly straight leg trembles to either side
 
 
 def on_floor(positions: FloatArray, fps: float) -> FloatArray:
@@ -104,7 +105,9 @@ def standing_dancer(positions: FloatArray, fps: float, skeleton: Skeleton, conta
     floor = smooth((share[..., 0] * lowest).sum(axis=1), ROOT_SMOOTHING, fps)
     standing = positions - np.insert(way, 1, floor, axis=1)[:, None]
     shifts = smooth(_steps(standing, fps, feet, load), LEG_SMOOTHING, fps)
-    standing = _with_legs(standing, [find_leg(skeleton, foot) for foot in feet], shifts)
+    angle = heading(positions, fps, skeleton, parts=HIPS)
+    ahead = AHEAD * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    standing = _with_legs(standing, [find_leg(skeleton, foot) for foot in feet], shifts, ahead)
     return standing - min(standing[..., 1].min(), 0.0) * np.array([0.0, 1.0, 0.0])
 
 
@@ -139,10 +142,12 @@ def _foot_velocity(positions: FloatArray, fps: float, feet: Sequence[list[int]])
     return np.stack(sums[0], axis=1) / np.stack(sums[1], axis=1)
 
 
-def _with_legs(positions: FloatArray, legs: Sequence["Leg | None"], shifts: FloatArray) -> FloatArray:
+def _with_legs(
+    positions: FloatArray, legs: Sequence["Leg | None"], shifts: FloatArray, ahead: FloatArray | float = 0.0
+) -> FloatArray:
     """`moved_feet` of those feet that have a whole leg; shifts (T, F, 3)."""
     whole = [number for number, leg in enumerate(legs) if leg is not None]
-    return moved_feet(positions, [leg for leg in legs if leg is not None], shifts[:, whole])
+    return moved_feet(positions, [leg for leg in legs if leg is not None], shifts[:, whole], ahead)
 
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -204,10 +209,13 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
     return Leg(hip, knee, ankle, below)
 
 
-def moved_feet(positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray) -> FloatArray:
+def moved_feet(
+    positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray, ahead: FloatArray | float = 0.0
+) -> FloatArray:
     """Positions (T, J, 3) with the foot of each of L legs moved by `shifts` (T, L, 3), as far as the leg reaches.
 
-    The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to.
+    The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to; `ahead`
+    (T, 3), metres, draws it to another.
     """
     if not legs:
         return positions
@@ -216,7 +224,10 @@ def moved_feet(positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray) -
     foot = np.concatenate([positions[:, leg.foot].mean(axis=1) for leg in legs])
     thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
     longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
-    target, pole = ankle + np.concatenate(shifts.swapaxes(0, 1)), (knee - hip) + FORWARD * (foot - ankle)
+    target = ankle + np.concatenate(shifts.swapaxes(0, 1))
+    pole = (
+        (knee - hip) + FORWARD * (foot - ankle) + np.tile(np.broadcast_to(ahead, positions[:, 0].shape), (len(legs), 1))
+    )
     knees, reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
     changed = positions.copy()
     for leg, bent, moved in zip(legs, np.split(knees, len(legs)), np.split(reached - ankle, len(legs)), strict=True):
