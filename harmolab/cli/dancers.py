@@ -101,7 +101,8 @@ class DancerOptions:
     Parameters
     ----------
     corpus : Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file.
-    style : Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).
+    style : Movement that comes with harmolab: salsa (default), indian, ballroom (dreamt by a network), or puppet
+        (synthetic).
     dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of
         music2dance, --dance "" asks their classifier.
     system : choreographer (default), harmogan, or another; package.module:Class.
@@ -110,7 +111,7 @@ class DancerOptions:
 
     corpus: Annotated[Path | None, typer.Option("--from")] = None
     scale: Scale = None
-    style: Annotated[str | None, typer.Option(autocompletion=completed("salsa", "indian", "puppet"))] = None
+    style: Annotated[str | None, typer.Option(autocompletion=completed("salsa", "indian", "ballroom", "puppet"))] = None
     dance: Annotated[str, typer.Option(autocompletion=dance_names)] = ""
     system: Annotated[
         str | None,
