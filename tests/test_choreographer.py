@@ -17,7 +17,7 @@ import pytest
 from scipy.optimize import minimize
 
 from harmolab.beats.audio import music_beats
-from harmolab.body.skeletons import Skeleton, heading
+from harmolab.body.skeletons import Skeleton, foot_joints, heading
 from harmolab.data.recordings import Recording, load_recording
 from harmolab.data.synthetic import ClipSettings, PlantedClip, planted_clip, synthetic_motion
 from harmolab.data.synthetic.clips import write_corpus
@@ -29,7 +29,7 @@ from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.choreographer import moves as mv
-from harmolab.systems.choreographer.banks import FOLDER, puppets, shipped_bank
+from harmolab.systems.choreographer.banks import FOLDER, REMARKS, puppets, shipped_bank
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
 from harmolab.systems.choreographer.form import HOP, Form, pace
 from harmolab.systems.choreographer.generate import TOO_LITTLE, Choreographer, Choreography, repetition, warnings_of
@@ -42,7 +42,7 @@ from harmolab.verdict.judge import score_motion
 from study.cells import notebook_cells
 from study.experiments.study import readable_recordings
 from tests.builders import BODY, bone_lengths, cases, refused, track, waving
-from tools.bank import TAKES, danced_parts, shipped_takes, write_bank
+from tools.bank import DREAMT, NO_RECORDING, TAKES, danced_parts, dreamt_takes, shipped_takes, write_bank
 
 SILENCE = Audio(np.zeros(8000 * 60), 8000.0)
 
@@ -973,21 +973,31 @@ def test_holes_split_a_take_and_short_parts_are_left_out():
     assert [part.name for part in danced_parts("take", motion, [(1.5, 6.0)])] == ["take"]
 
 
-@pytest.mark.parametrize(("style", "minutes", "kilobytes"), [("salsa", 5.3, 520), ("indian", 1.9, 210)])
-def test_shipped_recordings_are_small_and_have_limits(style: str, minutes: float, kilobytes: int):
+DREAMS = [f"dreamt {dance} {number}" for dance in ("cha-cha", "rumba", "tango", "waltz") for number in (1, 2, 3)]
+
+
+@cases(
+    "style, names, fps, minutes, kilobytes",
+    *(("salsa", TAKES["salsa"], 30.0, 5.3, 520), ("indian", TAKES["indian"], 30.0, 1.9, 210)),
+    ("ballroom", DREAMS, 25.0, 6.0, 460),
+)
+def test_shipped_takes_are_small_and_have_limits(
+    style: str, names: Sequence[str], fps: float, minutes: float, kilobytes: int
+):
     bank = shipped_bank(style)
     assert sum(take.seconds for take in bank.takes) / 60 == pytest.approx(minutes, abs=0.1)
-    assert {take.name.partition(",")[0] for take in bank.takes} == set(TAKES[style])
+    assert {take.name.partition(",")[0] for take in bank.takes} == set(names)
     assert sum(file.stat().st_size for file in (FOLDER / style).iterdir()) < 1024 * kilobytes
-    assert bank.fps == 30.0
+    assert bank.fps == fps and bank.dances == (style,)
     assert bank.limits is not None
     assert False not in [likeness(take.motion, limits=bank.limits).passed for take in bank.takes]
 
 
 def test_no_recording_but_those_of_the_notice_is_shipped():
     shipped = {path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*") if path.suffix not in (".py", ".pyc")}
-    files = {f"{style}/model.{suffix}" for style in TAKES for suffix in ("json", "npz")}
-    assert {name for name in shipped if "__pycache__" not in name} == {"NOTICE", *TAKES, *files}
+    files = {f"{style}/model.{suffix}" for style in (*TAKES, DREAMT) for suffix in ("json", "npz")}
+    assert {name for name in shipped if "__pycache__" not in name} == {"NOTICE", *TAKES, DREAMT, *files}
+    assert shipped_bank(DREAMT).notes == (NO_RECORDING,) and "no recorded frame" in REMARKS[DREAMT]
     for style in TAKES:
         about = json.loads((FOLDER / style / "model.json").read_text("utf-8"))
         assert all(take["name"].startswith("cmu") for take in about["build"]["takes"])
@@ -997,12 +1007,34 @@ def test_notice_says_what_cmu_asks_for_and_goes_with_the_package():
     words = " ".join((FOLDER / "NOTICE").read_text("utf-8").split())
     assert "The data used in this project was obtained from mocap.cs.cmu.edu." in words
     assert "The database was created with funding from NSF EIA-0196217." in words
-    for part in ("not be sold by itself", "Copyright (c) 2018 Yi_Zhou", "Not checked", "What was changed"):
+    parts = ("not be sold by itself", "Copyright (c) 2018 Yi_Zhou", "Not checked", "What was changed")
+    for part in (*parts, "The folder ballroom holds no recorded movement"):
         assert part in words
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert (FOLDER / "NOTICE").relative_to(ROOT).as_posix() in project["license-files"]
     assert "LicenseRef-CMU-Mocap" in project["license"]
     assert "banks/NOTICE" in (ROOT / "LICENSE").read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_the_dreamt_bank_is_what_the_shipped_network_dances_on_feet_that_stand():
+    shipped = {take.name: take.motion for take in shipped_bank(DREAMT).takes}
+    for name, motion in dreamt_takes(FOLDER.parents[1] / "music2dance" / "weights").items():
+        if shipped[name].n_frames == motion.n_frames:  # nothing was cut off
+            moved = np.diff(motion.positions[:50], axis=0), np.diff(shipped[name].positions[:50], axis=0)
+            np.testing.assert_allclose(*moved, atol=0.005)
+        assert foot_skating(shipped[name]) < 0.25
+        soles = [joint for foot in foot_joints(motion.skeleton) for joint in foot]
+        assert (shipped[name].positions[:, soles, 1].min(axis=1) > 0.06).mean() < 0.05
+
+
+@pytest.mark.slow
+def test_a_dreamt_bank_dances_on_the_beat_as_its_takes_do():
+    song = planted_clip(ClipSettings("waltz", seconds=21.0, tempo=90.0, seed=7))
+    beats, bank = song.annotation.track(21.0), shipped_bank(DREAMT)
+    numbers = measured(bank.choreograph(song.clip.audio, beats, seconds=20.0, seed=0), beats, bank)
+    assert numbers["likeness"] == 1 and numbers["seam"] < 14.0
+    assert numbers["foot_skating"] < 0.15 and numbers["rests"] > max(0.15, numbers["rests_late"])
 
 
 def test_puppets_know_their_bars_and_dance_any_dance():

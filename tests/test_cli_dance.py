@@ -512,10 +512,15 @@ def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("style", ["indian", "puppet"])
-def test_other_styles_say_what_they_are(song: Path, style: str):
+@cases(
+    "style, words",
+    ("indian", "limits from six short takes"),
+    ("ballroom", "Ballroom, dreamt by a network: no recorded frame."),
+    ("puppet", "no person was recorded"),
+)
+def test_other_styles_say_what_they_are(song: Path, style: str, words: str):
     result = danced(song, "--style", style, "--out", "dance.npz")
-    assert {"indian": "limits from six short takes", "puppet": "no person was recorded"}[style] in result.stdout
+    assert words in result.stdout
 
 
 @pytest.mark.slow
@@ -537,7 +542,7 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
 
 @cases(
     "options, fault",
-    (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, puppet"),
+    (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, ballroom, puppet"),
     (("--dance", "polka"), "unknown dance 'polka'; known: cha-cha, jive"),
     (("--from", "nowhere"), "nowhere: no such f"),
     (("--from", ".", "--style", "salsa"), "--from and --style exclude each other"),
