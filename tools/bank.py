@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.files import PathLike
 from harmolab.params import DANCES

@@ -129,8 +129,8 @@ class DancerOptions:
     Parameters
     ----------
     corpus : Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file.
-    style : Movement that comes with harmolab: salsa, ballroom (dreamt by a network), indian, or puppet (synthetic). Left out: ballroom to
-        music in 3/4 or where --dance is named, else salsa.
+    style : Movement that comes with harmolab: salsa, ballroom (dreamt by a network), indian, or puppet (synthetic).
+        Left out: ballroom to music in 3/4 or where --dance is named, else salsa.
     dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. Left out, of several dances
         in --from the one whose meter and tempo are nearest. With --weights of music2dance, --dance "" asks their
         classifier.
