@@ -36,7 +36,7 @@ SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
 UNIT_STEP = 3  # beats between the starts of training units
 MOST_CLIPS = 35  # synthetic clips: about as many units as the recordings have
-SWEEP = (0.0, 0.1, 0.3, 0.5, 1.0)  # harmony weights of the trade-off curve
+SWEEP = (0.0, 0.3, 1.0, 2.0)  # harmony weights of the trade-off curve
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,10 @@ class Variant:
     def without_harmony(self) -> Self:
         """The ablation: everything else the same."""
         return replace(self, params=replace(self.params, harmony_weight=0.0))
+
+    def without_critics(self) -> Self:
+        """The same without discriminators."""
+        return replace(self, params=replace(self.params, gan_weight=0.0))
 
 
 _PAPER = Variant(FeatureParams.paper(), TrainParams.paper())
@@ -119,18 +123,14 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
 
     The paper's variants share their pretraining, which the harmony loss has no part in.
     """
-    epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
-    params = replace(
-        variant.params,
-        seed=seed,
-        pose_epochs=profile.pose_epochs or variant.params.pose_epochs,
-        pretrain_epochs=epochs[0],
-        adversarial_epochs=epochs[1],
-    )
+    params = replace(variant.params, seed=seed, pose_epochs=profile.pose_epochs or variant.params.pose_epochs)
+    if profile.epochs:  # an epoch of sketches has several of every unit, and nothing is pretrained there
+        first, then = profile.epochs if not params.sketches else (0, max(1, profile.epochs[1] // params.sketches))
+        params = replace(params, pretrain_epochs=first, adversarial_epochs=then)
     if params.sketches:
         of_songs = sketched_split(profile, corpus, variant.features, without, seed, params.sketches, params.shifted)
         split = of_songs.split
-        folders = [_run(split, profile, replace(params, pretrain_epochs=0), None, of_songs)]
+        folders = [_run(split, profile, params, None, of_songs)]
     else:
         split = training_split(profile, corpus, variant.features, without)
         base = _run(split, profile, _pretraining(params), None)
