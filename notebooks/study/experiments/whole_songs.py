@@ -196,10 +196,11 @@ def song_differences(table: pd.DataFrame) -> pd.DataFrame:
     """
     lines = table[table["measure"].isin(COMPARED) & (table["song"] != "")]
     draws = lines["seed"].astype(str).str.rpartition("/")[2]
-    means = lines.assign(draw=draws).pivot_table("value", ["system", "song", "draw"], "measure", sort=False)
+    wide = lines.assign(draw=draws).pivot_table("value", ["measure", "song", "draw"], "system", dropna=False)
     rows = []
     for name, measure in product([SKETCH, WITHOUT, NO_CRITICS, SEARCH], COMPARED):
-        change = (means.loc[CORRECTED, measure] - means.loc[name, measure]).dropna()
+        own = wide.xs(measure, level="measure")
+        change = (own[CORRECTED] - own[name]).dropna()
         mean, low, high = mean_interval(change.to_numpy(np.float64)) if len(change) else (np.nan,) * 3
         about = {"over": name, "measure": SONG_COLUMNS[measure], "dances": len(change)}
         rows.append({**about, "change": mean, "low": low, "high": high})
