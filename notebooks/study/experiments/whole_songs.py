@@ -43,7 +43,7 @@ SONG_COLUMNS |= {"pattern": "pattern", "pattern_late": "pattern, late", "pattern
 SONG_COLUMNS |= {"room_rests": "room", "statue_rests": "statue", "fid": "fid", "fid_kinetic": "fid_kinetic"}
 SONG_COLUMNS |= {"moved": "moved"}
 
-SKETCH, SEARCH, CORRECTED, NO_CRITICS = "sketch", "search", "recommended", "recommended, no critics"
+SKETCH, SEARCH, CORRECTED, UNJUDGED = "sketch", "search", "recommended", "recommended, no discriminators"
 WITHOUT = f"{CORRECTED}, without"
 BESIDE = (0.0, 0.25, 0.5)  # beats by which sketches are laid beside their music, to ask whether it is heard
 COMPARED = ("rests", "pattern")  # measures that rows are compared by
@@ -52,7 +52,7 @@ REACH = 0.04  # metres: a search may move joints as far as the generator may
 GENERATORS = {
     CORRECTED: (VARIANTS[CORRECTED], 3),
     WITHOUT: (VARIANTS[WITHOUT], 1),
-    NO_CRITICS: (VARIANTS[CORRECTED].without_critics(), 3),
+    UNJUDGED: (VARIANTS[CORRECTED].without_discriminators(), 3),
     "paper": (VARIANTS["paper"], 1),
 }
 
@@ -144,11 +144,11 @@ def own_dances(own: OwnSongs) -> pd.DataFrame:
     moved: list[tuple[str, str, str, str, float]] = []
     for song, draw in product(own.songs, range(1, own.profile.draws + 1)):
         sketch = generated_dance(own.sketcher, song, SONG_SECONDS, draw)
-        made = {(SKETCH, 1): sketch}
-        made |= {key: generated_dance(system, song, SONG_SECONDS, draw) for key, system in own.systems.items()}
+        motions = {(SKETCH, 1): sketch}
+        motions |= {key: generated_dance(system, song, SONG_SECONDS, draw) for key, system in own.systems.items()}
         if not own.profile.epochs or (song is own.songs[0] and draw == 1):
-            made[SEARCH, 1] = searched(sketch, song, own.sketcher)
-        for (name, training), motion in made.items():
+            motions[SEARCH, 1] = searched(sketch, song, own.sketcher)
+        for (name, training), motion in motions.items():
             seed = f"{training}/{draw}"
             dances.append(as_dance(name, seed, song, resample_motion(motion, RATE)))
             if name != "paper":
@@ -198,7 +198,7 @@ def song_differences(table: pd.DataFrame) -> pd.DataFrame:
     draws = lines["seed"].astype(str).str.rpartition("/")[2]
     wide = lines.assign(draw=draws).pivot_table("value", ["measure", "song", "draw"], "system", dropna=False)
     rows = []
-    for name, measure in product([SKETCH, WITHOUT, NO_CRITICS, SEARCH], COMPARED):
+    for name, measure in product([SKETCH, WITHOUT, UNJUDGED, SEARCH], COMPARED):
         own = wide.xs(measure, level="measure")
         change = (own[CORRECTED] - own[name]).dropna()
         mean, low, high = mean_interval(change.to_numpy(np.float64)) if len(change) else (np.nan,) * 3
