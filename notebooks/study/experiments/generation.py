@@ -50,7 +50,7 @@ class Variant:
         """The ablation: everything else the same."""
         return replace(self, params=replace(self.params, harmony_weight=0.0))
 
-    def without_critics(self) -> Self:
+    def without_discriminators(self) -> Self:
         """The same without discriminators."""
         return replace(self, params=replace(self.params, gan_weight=0.0))
 
