@@ -344,7 +344,7 @@ def test_silence_is_far_below_the_music_or_below_hearing_for_a_second(
 
 def heard(form: Form, *, end: float = 99.0, count: int = 40, period: float = 0.5, usual: float = 0.5) -> MusicBeats:
     """A beat every half second, as it is danced to a song until a second."""
-    return form.heard(MusicBeats(period * np.arange(count + 1), np.arange(count + 1) % 3, 3), end, usual)
+    return form.aims(MusicBeats(period * np.arange(count + 1), np.arange(count + 1) % 3, 3), end, usual)
 
 
 def silent(start: float, end: float, *, seconds: float = 30.0) -> Form:
@@ -502,7 +502,7 @@ def test_mirrored_takes_join_where_recordings_are_few(recorded: float, danced: f
 def test_the_pose_is_held_in_silence_and_the_guard_does_not_mind():
     dancer = Choreographer.of([planted("waltz", seed) for seed in (1, 2, 3)])
     made = dancer.choreograph(sound((8, -20), (8, -90), (14, -20)), beats(120.0, first=0.0), seconds=30.0)
-    assert made.heard == "silence 0:08-0:16"
+    assert made.form == "silence 0:08-0:16"
     speed = vector_lengths(np.diff(made.motion.positions, axis=0)).mean(axis=1)
     assert speed[8 * 30 + 3 : 16 * 30 - 3].max() < 0.1 * speed[: 7 * 30].mean()
     assert made.held[8 * 30 + 2 : 16 * 30 - 2].all() and not made.held[: 7 * 30].any()

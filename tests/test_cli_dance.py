@@ -453,7 +453,7 @@ def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Pat
     heard = "quiet 0:00-0:11, loud from 0:11, silence 0:24-0:27"
     said = called(app, "dance", tmp_path / "song.wav", "--seed", 0, "--out", "dance.html", "--json")
     (told,) = json.loads(said.stdout)
-    assert told["heard"] == heard and told["likeness"]["passed"] is True
+    assert told["form"] == heard and told["likeness"]["passed"] is True
     assert f"Heard: {heard}." in Path("dance.html").read_text("utf-8")
     said = danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 14, "--out", "dance.npz")
     assert "Heard: quiet 0:00-0:11, loud from 0:11.\n" in said.stdout
@@ -506,9 +506,9 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path):
 
 def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path):
     result = danced(song, "--dance", "waltz", "--out", "dance.html")
-    assert "There is no waltz among these recordings: danced is salsa." in result.stdout
+    assert "There is no waltz among these recordings: danced is ballroom." in result.stdout
     assert "The bar of a waltz is not asked for" in result.stdout
-    assert "There is no waltz among these recordings: danced is salsa." in Path("dance.html").read_text("utf-8")
+    assert "There is no waltz among these recordings: danced is ballroom." in Path("dance.html").read_text("utf-8")
 
 
 @pytest.mark.slow
@@ -543,7 +543,7 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
 @cases(
     "options, fault",
     (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, ballroom, puppet"),
-    (("--dance", "polka"), "unknown dance 'polka'; known: cha-cha, jive"),
+    (("--dance", "polka"), "unknown dance 'polka'; known: ballroom, cha-cha, jive"),
     (("--from", "nowhere"), "nowhere: no such f"),
     (("--from", ".", "--style", "salsa"), "--from and --style exclude each other"),
     (("--from", ".", "--weights", "run"), "leave out --weights"),

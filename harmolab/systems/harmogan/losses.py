@@ -382,13 +382,15 @@ def discriminator_terms(
     with that of another unit; without them it is deaf.
     """
     batch, sketched = shard.own, params.sketches > 0
-    recorded, made = batch.motion, output.motion.detach()
+    recorded, danced = batch.motion, output.motion.detach()
     if sketched:
-        recorded, made = (noisy(networks.generator, each, shard.seed + k) for k, each in enumerate((recorded, made)))
-    real, fake = (networks.spatial_temporal(each, batch.mask) for each in (recorded, made))
+        recorded, danced = (
+            noisy(networks.generator, each, shard.seed + k) for k, each in enumerate((recorded, danced))
+        )
+    real, fake = (networks.spatial_temporal(each, batch.mask) for each in (recorded, danced))
     terms = {"critic_st": discriminator_loss(real, fake)}
     if params.cross_domain_weight:
-        real, fake = (networks.cross_domain(batch.audio, each, batch.mask) for each in (recorded, made))
+        real, fake = (networks.cross_domain(batch.audio, each, batch.mask) for each in (recorded, danced))
         terms["critic_cd"] = discriminator_loss(real, fake)
         if sketched:
             others, both = shard.others.audio[: len(recorded)], batch.mask * shard.others.mask[: len(recorded)]

@@ -158,7 +158,7 @@ def song_corrections(generator: Generator, code: NDArray[np.float32], request: D
     Units of eight beats begin every six; the first beat of each is thrown away, and the corrections, not the joints,
     are faded over the next: there are no seams.
     """
-    features, fps, start = generator.heard, generator.fps, request.start
+    features, fps, start = generator.audio_params, generator.fps, request.start
     track = request.track()
     music = audio_features(request.audio, track, start + np.arange(len(code)) / fps, features)
     times, _ = filled_beats(track, start, start + len(code) / fps, before=1)

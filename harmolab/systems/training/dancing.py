@@ -223,7 +223,7 @@ class DancerNetwork(Normalised):
             raise ValueError(f"features must have {self.n_audio} audio channels at {self.fps} Hz, got {self.features}")
 
     @property
-    def heard(self) -> FeatureParams:
+    def audio_params(self) -> FeatureParams:
         """The music features that it hears; ValueError for a network that does not say."""
         if self.features is None:
             raise ValueError("this network does not say which audio features it hears; build it with features=...")

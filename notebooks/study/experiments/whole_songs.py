@@ -20,7 +20,7 @@ from harmolab.metrics.features import frechet_distance, kinetic_features, standa
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.significance import mean_interval
 from harmolab.systems.choreographer.generate import Choreographer
-from harmolab.systems.harmogan.sketches import bar_patterns
+from harmolab.systems.harmogan.sketches import dance_patterns
 from harmolab.systems.harmogan.system import HarmoGAN, corrected
 from harmolab.systems.training.pose_network import PoseNet, embed_windows
 from harmolab.systems.training.requests import DanceRequest
@@ -159,7 +159,7 @@ def own_dances(own: OwnSongs) -> pd.DataFrame:
 
 def searched(sketch: Motion, song: Recording, bank: Choreographer) -> Motion:
     """A sketch brought into harmony by search: by the pattern of its dance in the bank's takes, else by rests."""
-    pattern = bar_patterns(bank.takes).get(song.clip.dance)
+    pattern = dance_patterns(bank.takes).get(song.clip.dance)
     params = HarmonyParams.valleys() if pattern is None else HarmonyParams.recommended(pattern)
     return harmonise(sketch, as_dance(SKETCH, 1, song, sketch).music, reach=REACH, params=params)
 
