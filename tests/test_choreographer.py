@@ -28,6 +28,7 @@ from harmolab.metrics.quality import STEP, bone_error, foot_skating, sampled, ve
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.systems.choreographer import generate
 from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.banks import FOLDER, REMARKS, puppets, shipped_bank
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
@@ -334,6 +335,7 @@ def sound(*parts: tuple[float, float]) -> Audio:
     ([(4, -20), (2, -90), (0.95, -20), (2, -90), (4, -20)], 0.5, [(4, 8.95)]),
     ([(4, -20), (2, -90), (1, -20), (2, -90), (4, -20)], 0.5, [(4, 6), (7, 9)]),
     ([(2, -90), (4, -20), (2, -90)], 0.5, [(0, 2), (6, 8)]),
+    ([(8, -90), (4, -20), (1, -51), (2, -20)], 0.5, [(0, 8), (12, 13)]),  # the median of what sounds
     ([(4, -90)], 0.5, []),
 )
 def test_silence_is_far_below_the_music_or_below_hearing_for_a_second(
@@ -374,6 +376,18 @@ def test_in_silence_the_beats_stand_still_and_the_next_one_goes_on_in_time(
     np.testing.assert_allclose(music.lengths, 0.5)
     assert np.diff(numbers).min() >= 0
     assert music.places.tolist() == (np.array([*range(first), *range(last, 41)]) % 3).tolist()
+
+
+def test_a_single_beat_between_two_silences_is_not_danced():
+    one, other = silent(1.9, 3.7), silent(4.72, 7.9)
+    music = heard(replace(one, sounds=one.sounds & other.sounds), end=-1.0, period=1.0)
+    np.testing.assert_allclose(beat_numbers(music, np.array([1.0, 2.0, 4.0, 6.0, 8.0, 9.0])), [1, 2, 2, 2, 2, 3])
+
+
+def test_a_beat_is_as_loud_as_its_middle():
+    times = (np.arange(400) + 0.5) * HOP  # half a decibel a second; 5 and 95 % of it lie at 1.0225 and 18.9775 s
+    music = heard(Form(times / 2 - 30, np.ones(400, bool)), end=-1.0)
+    assert music.ranks[20] == pytest.approx(0.5 + 0.8 * ((10.25 - 1.0225) / 17.955 - 0.5), abs=1e-4)
 
 
 def test_silences_throughout_or_at_other_times_hold_nothing():
@@ -453,6 +467,18 @@ def test_quick_beats_are_ranked_above_slow_ones_and_the_rank_aimed_at_is_cheap()
     music = MusicBeats(np.arange(3.0), np.zeros(0, int), 0, ranks=np.array([0.2, 0.8]))
     expected = PLAIN.energy * (np.array([[0.2], [0.8]]) - moves.ranks) ** 2
     np.testing.assert_allclose(node_costs(moves, music, PLAIN, 0), expected, atol=1e-5)
+    held = replace(music, times=np.array([0.0, 1.0, 4.0]), held=np.array([0.0, 0.0, 2.0]))
+    np.testing.assert_allclose(node_costs(moves, held, PLAIN, 0), expected, atol=1e-5)  # danced in one second, too
+
+
+def test_speed_and_turns_of_a_beat_are_told_whatever_its_length():
+    waved, angle = waving(np.arange(0.0, 6.0, 1 / 30)), np.linspace(0, 3 * np.pi, 180)[:, None]  # a quarter turn a second
+    x, z = waved.positions[..., 0], waved.positions[..., 2]
+    ways = [x * np.cos(angle) + z * np.sin(angle), waved.positions[..., 1], z * np.cos(angle) - x * np.sin(angle)]
+    turning = Motion(np.stack(ways, axis=-1), 30.0, SIDED)
+    course = mv.Course(Take("a", turning), np.array([1.0, 2.0, 4.0, 5.0]))
+    np.testing.assert_allclose(course.speeds(), course.speeds()[0], rtol=0.02)
+    np.testing.assert_allclose(np.abs(course.turns()), [0.25, 0.5, 0.25], rtol=0.02)
 
 
 def test_a_seam_that_may_show_costs_four_times_for_what_is_wide_of_it(rng: np.random.Generator):
@@ -461,6 +487,16 @@ def test_a_seam_that_may_show_costs_four_times_for_what_is_wide_of_it(rng: np.ra
     distance, cost = moves.seam_rows(np.arange(len(moves)), PLAIN)
     assert distance.min() < 12 < distance.max()
     np.testing.assert_allclose(cost, 3 + np.where(distance < 12, distance, 4 * distance - 36), rtol=1e-5)
+
+
+def test_music_is_slow_or_fast_beside_the_recorded_beats(dancer: Choreographer, monkeypatch: pytest.MonkeyPatch):
+    usual, periods = [], []
+    monkeypatch.setattr(Form, "heard", lambda form, music, end, each: usual.append(each) or music)
+    monkeypatch.setattr(generate, "pulse", lambda signal, period: periods.append(period) or np.arange(9.0))
+    for one in (dancer, Choreographer.of([waltz_motion(1)])):
+        one.choreograph(SILENCE, beats(100.0), seconds=9.0)
+    own = np.median(np.concatenate([np.diff(take.beats) for take in dancer.takes]))
+    assert usual == [own, 0.5] and periods == [pytest.approx(pace(0.6, 0.5))]
 
 
 # Mirrored takes
@@ -649,6 +685,9 @@ def test_of_several_dances_that_of_the_meter_and_then_of_the_tempo_is_nearest(te
     assert nearest_dance(bare, 113.0, 4) == "rumba" and nearest_dance(bare, 115.0, 4) == "tango"
     slow = [replace(takes[1], beats=np.arange(4) * 60 / 118), takes[2]]  # no usual tempo of a rumba
     assert nearest_dance(slow, 118.0, 4) == "tango" and nearest_dance(slow, 112.0, 4) == "rumba"
+    again = [takes[2], replace(takes[2], beats=np.arange(4) * 60 / 120), replace(takes[2], dance="cha-cha")]
+    again[2] = replace(again[2], beats=np.arange(4) * 60 / 125)  # the nearest take of a dance counts
+    assert nearest_dance(again, 128.0, 4) == "tango" and nearest_dance(again, 124.0, 4) == "cha-cha"
     assert nearest_dance([replace(bare[0], dance="polka")], tempo, meter) == ""
 
 

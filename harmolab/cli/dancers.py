@@ -75,8 +75,10 @@ class Dancer:
     dance_probabilities: Mapping[str, float] | None = None
     in_threes: Callable[[], Dancer] | None = None
 
-    def for_music(self, audio: Audio, dance: str) -> tuple[Dancer, str]:
+    def for_music(self, audio: Audio, dance: str, tracks: Callable[[str], BeatTrack]) -> tuple[Dancer, str]:
         """The dancer, and the dance to be danced and judged as: `dance`, or the one that the music calls for.
+
+        `tracks` gives the beats of the music as those of a dance, "" for none in particular.
 
         Raises
         ------
@@ -84,7 +86,7 @@ class Dancer:
             If the listener cannot tell.
         """
         if self.choreographer is not None and not dance:
-            return self._by_ear(self.choreographer, audio)
+            return self._by_ear(self.choreographer, audio, tracks)
         if self.listener is None:
             return self, dance
         probabilities = self.listener.dance_probabilities(audio)
@@ -94,20 +96,21 @@ class Dancer:
         options = self.options | {"dance": name or None}
         return replace(self, options=options, remarks=remarks, dance_probabilities=probabilities), name
 
-    def _by_ear(self, choreographer: Choreographer, audio: Audio) -> tuple[Dancer, str]:
+    def _by_ear(
+        self, choreographer: Choreographer, audio: Audio, tracks: Callable[[str], BeatTrack]
+    ) -> tuple[Dancer, str]:
         """The dancer for music in threes, where there is another one; and of several dances the nearest one."""
-        from harmolab.beats.audio import audio_beats
         from harmolab.beats.meter import threes
         from harmolab.systems.choreographer.takes import nearest_dance
 
         several = len(choreographer.dances) > 1
         if self.in_threes is None and not several:
             return self, ""
-        track = audio_beats(audio)
+        track = tracks("")
         in_threes = threes(audio, track)
         if self.in_threes is not None and in_threes > SURE_THREES:
             other = self.in_threes()
-            return replace(other, remarks=(THREES, *other.remarks)).for_music(audio, "")
+            return replace(other, remarks=(THREES, *other.remarks)).for_music(audio, "", tracks)
         if not several or not (name := nearest_dance(choreographer.takes, track.tempo, 3 if in_threes > 0 else 4)):
             return self, ""
         said = NEAREST.format(bar="three" if in_threes > 0 else "four", tempo=track.tempo, dance=name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -310,8 +310,9 @@ def dance(
 
         sound, audio = _sound(song)
         with finding_beats():
-            dancer, dance = dancer.for_music(audio, dance)
-            track = song_beats(audio, dance=dance if dance in DANCES else "", one=one)
+            tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", one=one))
+            dancer, dance = dancer.for_music(audio, dance, tracks)
+            track = tracks(dance)
         params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:

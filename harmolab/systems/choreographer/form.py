@@ -57,8 +57,8 @@ class Form:
         if not sounds.any():
             return cls(np.zeros(0), np.zeros(0, bool))
         sounds &= level > np.median(level[sounds]) - FAINT
-        kept = [gaussian_filter1d(part, SMOOTHING / HOP) for part in (power * sounds, sounds.astype(np.float64))]
-        loudness = _decibels(kept[0][sounds] / kept[1][sounds])
+        power, share = (gaussian_filter1d(part, SMOOTHING / HOP) for part in (power, sounds.astype(np.float64)))
+        loudness = _decibels(power[sounds] / share[sounds])
         return cls(np.interp(np.arange(sounds.size), np.flatnonzero(sounds), loudness), sounds)
 
     def silences(self, period: float) -> Rows:
