@@ -186,7 +186,7 @@ def hearing(own: OwnSongs) -> pd.DataFrame:
     table = measure_dances(dances, ["rests", "rests_late"], others=PATTERN)
     means = table.pivot_table("value", ["seed", "system"], "measure", sort=False, dropna=False)
     means = means[["rests", "rests_late", *PATTERN]].rename(columns=SONG_COLUMNS).rename_axis(columns=None)
-    return means.rename_axis(["beats beside", "motion"]).reset_index()
+    return means.rename_axis(["beats beside", "motion"]).reset_index().astype({"beats beside": float})
 
 
 def song_differences(table: pd.DataFrame) -> pd.DataFrame:
