@@ -472,7 +472,10 @@ def test_quick_beats_are_ranked_above_slow_ones_and_the_rank_aimed_at_is_cheap()
 
 
 def test_speed_and_turns_of_a_beat_are_told_whatever_its_length():
-    waved, angle = waving(np.arange(0.0, 6.0, 1 / 30)), np.linspace(0, 3 * np.pi, 180)[:, None]  # a quarter turn a second
+    waved, angle = (
+        waving(np.arange(0.0, 6.0, 1 / 30)),
+        np.linspace(0, 3 * np.pi, 180)[:, None],
+    )  # a quarter turn a second
     x, z = waved.positions[..., 0], waved.positions[..., 2]
     ways = [x * np.cos(angle) + z * np.sin(angle), waved.positions[..., 1], z * np.cos(angle) - x * np.sin(angle)]
     turning = Motion(np.stack(ways, axis=-1), 30.0, SIDED)
