@@ -453,7 +453,7 @@ def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Pat
     heard = "quiet 0:00-0:11, loud from 0:11, silence 0:24-0:27"
     said = called(app, "dance", tmp_path / "song.wav", "--seed", 0, "--out", "dance.html", "--json")
     (told,) = json.loads(said.stdout)
-    assert told["heard"] == heard and told["likeness"]["passed"] is True
+    assert told["form"] == heard and told["likeness"]["passed"] is True
     assert f"Heard: {heard}." in Path("dance.html").read_text("utf-8")
     said = danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 14, "--out", "dance.npz")
     assert "Heard: quiet 0:00-0:11, loud from 0:11.\n" in said.stdout

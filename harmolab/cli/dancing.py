@@ -111,7 +111,7 @@ UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
-    *("shares", "stretch", "warnings", "pieces", "heard"),
+    *("shares", "stretch", "warnings", "pieces", "form"),
 )
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
@@ -168,8 +168,8 @@ class DanceReport:
         sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
         if self.choreography is not None:
-            heard = self.choreography.heard
-            sentences += [*self.choreography.warnings, *([f"heard: {heard}"] if heard else [])]
+            form = self.choreography.form
+            sentences += [*self.choreography.warnings, *([f"heard: {form}"] if form else [])]
         return tuple(map(sentence, sentences))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a choreographer hears of a song besides its beats: how loud it is, where it is silent, and that it ends.
+"""The form of a song, which a choreographer hears besides its beats: loud and quiet parts, silences, the end.
 
 ==========  ==========================================================================================================
 loud        each beat aims at a rank of speed in the body: low where the song is quiet or slow, high where loud or fast
@@ -99,13 +99,13 @@ class Form:
         parts = [part for part in parts if part[1] > start]
         if len(parts) == 1 and parts[0][2] != "silence":
             return ""
-        told = [
+        words = [
             f"{word} {_clock(first)}-{_clock(last)}" if last < end else f"{word} from {_clock(first)}"
             for first, last, word in parts[:MOST_TOLD]
         ]
-        return ", ".join(told + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
+        return ", ".join(words + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
 
-    def heard(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
+    def danced_beats(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
         """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end.
 
         `usual` is the length of a beat, seconds, to which recorded movement is neither slow nor fast.

@@ -84,7 +84,7 @@ class Choreography:
     shares : share of the beats that each recording gave, by its name, largest first
     stretch : float, mean |log| of the tempo changes: .03 is 3 %
     warnings : sentences that its maker should read
-    heard : the quiet, loud and silent parts of the music, in words; "" where it has none
+    form : the quiet, loud and silent parts of the music, in words; "" where it has none
     held : (T,) bool array, frames in which the pose is held, since the music is silent or the dance at its end
     """
 
@@ -99,7 +99,7 @@ class Choreography:
     shares: Mapping[str, float]
     stretch: float
     warnings: tuple[str, ...]
-    heard: str
+    form: str
     held: BoolArray
 
 
@@ -360,7 +360,7 @@ class Choreographer(DanceSystem):
         end = start + (frames - 1) / self.fps
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
         form = Form.of(request.audio)
-        music = form.heard(music, end, period)
+        music = form.danced_beats(music, end, period)
         moves = self._moves_of(takes, music.period, frames / self.fps)
         lead = float(beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
@@ -388,7 +388,7 @@ class Choreographer(DanceSystem):
             shares=recording_shares(moves, path),
             stretch=float(np.abs(np.log(music.lengths / moves.lengths[path])).mean()),
             warnings=(*notes, *about),
-            heard=form.in_words(start, end, music.period),
+            form=form.in_words(start, end, music.period),
             held=np.diff(numbers, prepend=-1.0) < STILL,
         )
 
