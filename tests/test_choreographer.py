@@ -346,7 +346,7 @@ def test_silence_is_far_below_the_music_or_below_hearing_for_a_second(
 
 def heard(form: Form, *, end: float = 99.0, count: int = 40, period: float = 0.5, usual: float = 0.5) -> MusicBeats:
     """A beat every half second, as it is danced to a song until a second."""
-    return form.aims(MusicBeats(period * np.arange(count + 1), np.arange(count + 1) % 3, 3), end, usual)
+    return form.danced_beats(MusicBeats(period * np.arange(count + 1), np.arange(count + 1) % 3, 3), end, usual)
 
 
 def silent(start: float, end: float, *, seconds: float = 30.0) -> Form:
@@ -472,10 +472,8 @@ def test_quick_beats_are_ranked_above_slow_ones_and_the_rank_aimed_at_is_cheap()
 
 
 def test_speed_and_turns_of_a_beat_are_told_whatever_its_length():
-    waved, angle = (
-        waving(np.arange(0.0, 6.0, 1 / 30)),
-        np.linspace(0, 3 * np.pi, 180)[:, None],
-    )  # a quarter turn a second
+    waved = waving(np.arange(0.0, 6.0, 1 / 30))
+    angle = np.linspace(0, 3 * np.pi, 180)[:, None]  # a quarter turn a second
     x, z = waved.positions[..., 0], waved.positions[..., 2]
     ways = [x * np.cos(angle) + z * np.sin(angle), waved.positions[..., 1], z * np.cos(angle) - x * np.sin(angle)]
     turning = Motion(np.stack(ways, axis=-1), 30.0, SIDED)
@@ -494,7 +492,7 @@ def test_a_seam_that_may_show_costs_four_times_for_what_is_wide_of_it(rng: np.ra
 
 def test_music_is_slow_or_fast_beside_the_recorded_beats(dancer: Choreographer, monkeypatch: pytest.MonkeyPatch):
     usual, periods = [], []
-    monkeypatch.setattr(Form, "heard", lambda form, music, end, each: usual.append(each) or music)
+    monkeypatch.setattr(Form, "danced_beats", lambda form, music, end, each: usual.append(each) or music)
     monkeypatch.setattr(generate, "pulse", lambda signal, period: periods.append(period) or np.arange(9.0))
     for one in (dancer, Choreographer.of([waltz_motion(1)])):
         one.choreograph(SILENCE, beats(100.0), seconds=9.0)

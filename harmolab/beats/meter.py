@@ -95,7 +95,7 @@ def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
 
 
 def threes(audio: Audio, track: BeatTrack) -> float:
-    """Excess by which onsets repeat every third beat rather than every fourth, -1.3 to 1.5; above 0: 3/4.
+    """Excess of what repeats every third beat in music over what repeats every fourth, -1.3 to 1.5; above 0: 3/4.
 
     The correlation of the onset strength around four moments of each beat with that of 3 and 6 beats later, less that
     with 4 and 8 beats later. 0 for music of less than 24 beats.

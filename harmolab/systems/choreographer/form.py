@@ -1,4 +1,4 @@
-"""The form of a song, which a choreographer hears besides its beats: its loudness, its silences, its end.
+"""The form of a song, which a choreographer hears besides its beats: loud and quiet parts, silences, the end.
 
 ==========  ==========================================================================================================
 loud        each beat aims at a rank of speed in the body: low where the song is quiet or slow, high where loud or fast
@@ -105,7 +105,7 @@ class Form:
         ]
         return ", ".join(words + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
 
-    def aims(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
+    def danced_beats(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
         """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end.
 
         `usual` is the length of a beat, seconds, to which recorded movement is neither slow nor fast.

@@ -360,7 +360,7 @@ class Choreographer(DanceSystem):
         end = start + (frames - 1) / self.fps
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
         form = Form.of(request.audio)
-        music = form.aims(music, end, period)
+        music = form.danced_beats(music, end, period)
         moves = self._moves_of(takes, music.period, frames / self.fps)
         lead = float(beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])

@@ -185,7 +185,7 @@ def nearest_dance(takes: Sequence[Take], tempo: float, meter: int) -> str:
 
 
 def _octaves_off(tempo: float, bounds: Sequence[float]) -> float:
-    """Distance of a tempo, its half or its double from a range, in octaves."""
+    """Distance of a tempo, its half or its double from a range, in octaves: the least of the three."""
     tempi = tempo * np.array([0.5, 1.0, 2.0])
     return float(np.abs(np.log2(np.clip(tempi, bounds[0], bounds[1]) / tempi)).min())
 
