@@ -269,8 +269,8 @@ def dance(
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
 
-    **Without any option** it dances salsa (practice, without the partner) and writes a page that plays it, a video
-    and a BVH file, named after the song, into the folder you are in.
+    **Without any option** it dances salsa (practice, without the partner), to music in 3/4 ballroom, and writes a page
+    that plays it, a video and a BVH file, named after the song, into the folder you are in.
 
     It says whether the dance moves like recorded dancers, how well its pieces fit together, and how it goes with the
     music, in the words and with the number of `harmolab score`.
