@@ -16,7 +16,7 @@ from benchmarks.timing import best_of
 from harmolab.body.skeletons import Skeleton
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.soft_score import soft_harmony
-from harmolab.systems.harmogan.losses import charbonnier_mse, path_loss, spread_loss
+from harmolab.systems.harmogan.losses import charbonnier_mse
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.features import FeatureParams
@@ -45,20 +45,6 @@ def harmony_pass(params: HarmonyParams, tau: float) -> Callable[[], object]:
     return work
 
 
-def variety_pass() -> Callable[[], object]:
-    """Forward and backward of path and spread of random walks."""
-    torch.manual_seed(0)
-    recorded = (0.03 * torch.randn(N_CLIPS, N_FRAMES, N_JOINTS, 3)).cumsum(dim=1)
-    joints, counted = recorded.flip(0).requires_grad_(), torch.ones(N_CLIPS, N_FRAMES)
-
-    def work() -> Tensor:
-        loss = spread_loss(joints, recorded, counted, fps=FPS, ankles=(0, 1))
-        loss = loss + path_loss(joints[:, :, 0], recorded[:, :, 0], counted)
-        return torch.autograd.grad(loss, joints)[0]
-
-    return work
-
-
 def generator_step() -> Callable[[], object]:
     """Forward and backward of the small generator, and Adam's step."""
     torch.manual_seed(0)
@@ -80,12 +66,11 @@ def generator_step() -> Callable[[], object]:
 
 
 def measure() -> dict[str, float]:
-    """Milliseconds of all modes at the first and last softness, of variety and the generator's step, and all shares."""
+    """Milliseconds of all modes at the first and last softness and of the generator's step, and all shares."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         step = best_of(generator_step(), 10)
-        variety = best_of(variety_pass(), 50)
         times = {(mode, tau): best_of(harmony_pass(MODES[mode], tau), 50) for mode in MODES for tau in (0.5, 0.05)}
     finally:
         torch.set_num_threads(threads)
@@ -94,8 +79,7 @@ def measure() -> dict[str, float]:
         f"soft harmony, {mode}, against the step (ratio)": max(times[mode, 0.5], times[mode, 0.05]) / step
         for mode in MODES
     }
-    figures |= {"path and spread (ms)": variety, "training step of the small generator (ms)": step}
-    return {**figures, **shares, "path and spread, against the step (ratio)": variety / step}
+    return {**figures, "training step of the small generator (ms)": step, **shares}
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ from harmolab.lab.listening.answers import (
 )
 from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.training.checkpoints import TrainOptions
-from tests.tiny_training import LONGER, MODEL, tiny_split
+from tests.tiny_training import LONGER, MODEL, PATTERNS, tiny_split
 
 MOST_KILLS = 4  # of one run, before it is left to finish
 LEFTOVERS = (".tmp", ".lock")  # endings of files that may stay
@@ -102,7 +102,7 @@ def jobs(data: Path) -> list[Job]:
     def train(folder: Path) -> None:
         torch.set_num_threads(1)
         options = TrainOptions(folder / "run", resume=True, accelerator="cpu")
-        train_harmogan(tiny_split(), options, model=MODEL, params=LONGER)
+        train_harmogan(tiny_split(sketched=True), options, model=MODEL, params=LONGER, patterns=PATTERNS)
 
     def study(folder: Path) -> None:
         if not (folder / "study" / TRIALS_FILE).exists():

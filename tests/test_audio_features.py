@@ -1,6 +1,7 @@
 """What the generator hears: MFCC at given moments, onsets and beat position; the cache of the analysis."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import librosa
@@ -9,7 +10,7 @@ import pytest
 
 from harmolab.beats.audio import HOP
 from harmolab.systems.training import features as heard
-from harmolab.systems.training.features import FeatureParams, audio_features, beat_phase, mfcc
+from harmolab.systems.training.features import FeatureParams, audio_features, bar_phase, beat_phase, mfcc
 from harmolab.types import Audio, BeatTrack
 from tests.builders import track
 
@@ -84,6 +85,15 @@ def test_beat_position_is_linear_between_beats_and_goes_on_by_the_median_interva
     angles = 2 * np.pi * np.array([0.0, 0.25, 0.0, 0.25, 0.5, 0.0, -0.25, -1.0, 1.5])
     expected = np.column_stack([np.sin(angles), np.cos(angles)])
     np.testing.assert_allclose(beat_phase(track([1.0, 2.0, 4.0, 5.0]), moments), expected, atol=1e-9)
+
+
+def test_the_bar_is_counted_from_the_places_of_its_beats_and_unknown_without_them():
+    # Places 2, 0, 1 of three: moments on the beats, half way between the last two, and a beat before the first.
+    placed = replace(track([1.0, 2.0, 3.0]), bar_places=np.array([2, 0, 1]))
+    angles = 2 * np.pi * np.array([2 / 3, 0.0, 1 / 3, 0.5, 1 / 3])
+    expected = np.column_stack([np.sin(angles), np.cos(angles)])
+    np.testing.assert_allclose(bar_phase(placed, np.array([1.0, 2.0, 3.0, 3.5, 0.0])), expected, atol=1e-9)
+    np.testing.assert_array_equal(bar_phase(track([1.0, 2.0]), np.zeros(2)), np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("track", [NO_BEATS, track([1.0])])

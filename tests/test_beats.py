@@ -666,6 +666,23 @@ def test_a_line_about_beats_says_where_their_tempo_goes():
     assert "followed beat by beat between 60 and 120 bpm;" in lines[1]
 
 
+@pytest.mark.parametrize(("meter", "count", "value"), [(3, 48, 1.5), (4, 48, -4 / 3), (3, 24, 1.5), (3, 23, 0.0)])
+def test_music_in_threes_repeats_every_third_beat(
+    meter: int, count: int, value: float, monkeypatch: pytest.MonkeyPatch
+):
+    # Onsets on "one" alone, less their mean: two thirds, or minus one, of their variance at any other place.
+    moments = 100 * 0.5 * np.arange(0, count, meter) + listening.LATENESS
+    envelope = (np.abs(np.subtract.outer(np.arange(100 * count), moments)).min(axis=1) < 5).astype(float)
+    monkeypatch.setattr(meters, "onset_envelope", lambda audio: (envelope, 100.0))
+    music = metronome(np.ones(count))
+    assert meters.threes(Audio(np.zeros(10), 10.0), music) == pytest.approx(value, abs=0.2)
+
+
+def test_a_waltz_goes_in_threes_and_a_tango_does_not():
+    waltz, tango = (synthetic_music(dance, seconds=30.0, seed=1) for dance in ("waltz", "tango"))
+    assert meters.threes(waltz.audio, waltz.beats) > 0.1 and meters.threes(tango.audio, tango.beats) < -0.1
+
+
 def recording(audio: Audio, annotation: BeatAnnotation | None, dance: str = "cha-cha") -> Recording:
     return Recording(Clip("a", audio, dance=dance), annotation, Path("corpus/a"))
 

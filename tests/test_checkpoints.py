@@ -41,7 +41,7 @@ EPOCHS = PAPER.pretrain_epochs + PAPER.adversarial_epochs
 
 @pytest.fixture(scope="module")
 def split() -> Split:
-    return tiny.tiny_split()
+    return tiny.tiny_split(sketched=True)
 
 
 Train = Callable[..., Generator]
@@ -335,7 +335,7 @@ def test_a_file_is_no_folder(tmp_path: Path):
         "settings.json: train.harmony_weight is 1.0, but 0.5 is asked for",
     ),
     ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
-    ({"split": tiny.tiny_split(n_train=12)}, "split.json: units.test is "),
+    ({"split": tiny.tiny_split(n_train=12, sketched=True)}, "split.json: units.test is "),
 )
 def test_a_run_with_other_settings_or_units_is_not_resumed(
     changes: dict[str, Any], told: str, half: Path, train: Train
@@ -374,7 +374,7 @@ def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
 
 @cases(
     "changes, told",
-    ({"split": tiny.tiny_split(n_train=12)}, "split.json: "),  # its validation unit was trained on there
+    ({"split": tiny.tiny_split(n_train=12, sketched=True)}, "split.json: "),  # its validation unit was trained on there
     ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
 )
 def test_pretraining_on_other_data_or_of_another_size_is_not_taken_over(
@@ -394,10 +394,10 @@ def taken_over(undisturbed: Path, train: Train, tmp_path_factory: pytest.TempPat
 def test_pretraining_of_an_earlier_version_is_taken_over(
     undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path
 ):
-    """It calls discriminators critics, and rollout "goes_on"."""
+    """It calls discriminators critics."""
     old = shutil.copytree(undisturbed, tmp_path / "old")
     for name in ("settings.json", "pretrained.json"):
-        text = (old / name).read_text().replace('"discriminator', '"critic').replace('"rollout"', '"goes_on"')
+        text = (old / name).read_text().replace('"discriminator', '"critic')
         (old / name).write_text(text)
     assert '"critic": 4' in text and '"system": "harmogan"' in text
     (old / name).write_text(text.replace('"system": "harmogan",', ""))

@@ -13,10 +13,12 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+import soundfile
 import torch
 from typer.testing import Result
 
 import harmolab
+from harmolab.beats import meter
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import standing_height
 from harmolab.cli import app
@@ -26,6 +28,7 @@ from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
 from harmolab.metrics.likeness import Likeness
 from harmolab.readers.audio import load_audio
 from harmolab.readers.motion import load_motion, load_offset, save_motion
+from harmolab.systems.choreographer import banks
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.dancing import synthesize_dance
@@ -404,6 +407,59 @@ def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path, own_ca
     assert again.stdout == first.stdout
 
 
+def test_of_several_dances_the_nearest_is_danced_and_said_unless_one_is_named(song: Path, corpus: Path):
+    words = ("dance", song, "--from", corpus, "--out", "dance.npz", "--verbose")
+    heard = called(app, *words).stdout  # the tango there has 129 beats a minute, the cha-chas 133 and 135
+    assert "Four beats in a bar are heard, 115 a minute: danced is tango, the nearest; --dance overrules." in heard
+    assert "_tango 100%" in heard
+    told = called(app, *words, "--dance", "jive").stdout
+    assert "_jive 100%" in told and "the nearest" not in told
+
+
+@pytest.fixture
+def ballroom(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """A bank for ballroom, which is the Indian one here, and a function that sets how much the song goes in threes."""
+    load = banks.shipped_bank
+    monkeypatch.setattr(banks, "STYLES", (*banks.STYLES, "ballroom"))
+    monkeypatch.setattr(banks, "REMARKS", {**banks.REMARKS, "ballroom": "a ballroom dance"})
+    monkeypatch.setattr(banks, "shipped_bank", lambda style, dance="": load(style.replace("ballroom", "indian"), dance))
+    return lambda amount: monkeypatch.setattr(meter, "threes", lambda audio, track: amount)
+
+
+BALLROOM, THREES = "A ballroom dance.", "The music goes in threes: danced is ballroom; --style salsa for the other."
+
+
+@cases(
+    "options, amount, lines",
+    ((), 0.04, (THREES, BALLROOM)),
+    ((), 0.02, (SALSA,)),
+    (("--dance", "tango"), -1.0, (BALLROOM,)),
+    (("--style", "salsa"), 1.0, (SALSA,)),
+)
+def test_music_in_threes_and_a_dance_by_name_are_ballroom_unless_a_style_is_named(
+    song: Path, ballroom: Callable[[float], None], options: tuple[str, ...], amount: float, lines: tuple[str, ...]
+):
+    ballroom(amount)
+    said = danced(song, *options, "--seed", 0, "--seconds", 4, "--out", "dance.npz").stdout
+    for line in (THREES, BALLROOM, SALSA):
+        assert (line in said) == (line in lines)
+
+
+def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Path):
+    loud = clip.audio.samples
+    silent = np.concatenate([0.1 * loud, loud, np.zeros(round(3 * clip.audio.sample_rate)), loud[: loud.size // 2]])
+    soundfile.write(tmp_path / "song.wav", silent, round(clip.audio.sample_rate))
+    # Loudness is smoothed in power, so what is 20 dB louder begins .8 s before its time.
+    heard = "quiet 0:00-0:11, loud from 0:11, silence 0:24-0:27"
+    said = called(app, "dance", tmp_path / "song.wav", "--seed", 0, "--out", "dance.html", "--json")
+    (told,) = json.loads(said.stdout)
+    assert told["form"] == heard and told["likeness"]["passed"] is True
+    assert f"Heard: {heard}." in Path("dance.html").read_text("utf-8")
+    said = danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 14, "--out", "dance.npz")
+    assert "Heard: quiet 0:00-0:11, loud from 0:11.\n" in said.stdout
+    assert "Heard" not in danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 6, "--out", "dance.npz").stdout
+
+
 def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cache: Path):
     folder = tmp_path / "moves"
     folder.mkdir()
@@ -424,7 +480,7 @@ def test_one_bvh_dances_and_too_little_is_said(song: Path, tmp_path: Path):
     result = danced(song, "--from", tmp_path / "take.bvh", "--out", "dance.npz", "--verbose")
     assert "Too little motion for this song" in result.stdout
     assert "too few to be a measure" in result.stdout
-    assert re.search(r"made of\W+take 100%", result.stdout)
+    assert re.search(r"made of\W+take(, mirrored)? \d+%", result.stdout)
 
 
 def test_a_body_of_another_unit_is_noticed_and_scaled(song: Path, tmp_path: Path):
@@ -450,16 +506,21 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path):
 
 def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path):
     result = danced(song, "--dance", "waltz", "--out", "dance.html")
-    assert "There is no waltz among these recordings: danced is salsa." in result.stdout
+    assert "There is no waltz among these recordings: danced is ballroom." in result.stdout
     assert "The bar of a waltz is not asked for" in result.stdout
-    assert "There is no waltz among these recordings: danced is salsa." in Path("dance.html").read_text("utf-8")
+    assert "There is no waltz among these recordings: danced is ballroom." in Path("dance.html").read_text("utf-8")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("style", ["indian", "puppet"])
-def test_other_styles_say_what_they_are(song: Path, style: str):
+@cases(
+    "style, words",
+    ("indian", "limits from six short takes"),
+    ("ballroom", "Ballroom, dreamt by a network: no recorded frame."),
+    ("puppet", "no person was recorded"),
+)
+def test_other_styles_say_what_they_are(song: Path, style: str, words: str):
     result = danced(song, "--style", style, "--out", "dance.npz")
-    assert {"indian": "limits from six short takes", "puppet": "no person was recorded"}[style] in result.stdout
+    assert words in result.stdout
 
 
 @pytest.mark.slow
@@ -481,8 +542,8 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
 
 @cases(
     "options, fault",
-    (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, puppet"),
-    (("--dance", "polka"), "unknown dance 'polka'; known: cha-cha, jive"),
+    (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, ballroom, puppet"),
+    (("--dance", "polka"), "unknown dance 'polka'; known: ballroom, cha-cha, jive"),
     (("--from", "nowhere"), "nowhere: no such f"),
     (("--from", ".", "--style", "salsa"), "--from and --style exclude each other"),
     (("--from", ".", "--weights", "run"), "leave out --weights"),

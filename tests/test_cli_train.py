@@ -79,7 +79,8 @@ def test_folders_become_a_generator(trained: tuple[Path, Result]):
     assert load_generator(out / "model").skeleton.joints[0] == "head L"
     assert f"harmolab dance SONG --weights {out}" in result.stdout
     settings = json.loads((out / "settings.json").read_text())
-    assert settings["train"]["harmony"] == "above_chance" and settings["features"]["beat_channels"]
+    assert settings["train"]["sketches"] == 4 and settings["model"]["bounded"] and settings["features"]["bar_channels"]
+    assert (out / "sketches" / "model.npz").is_file()
 
 
 def test_without_a_terminal_there_is_a_line_for_each_validated_epoch(trained: tuple[Path, Result]):

@@ -14,6 +14,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.params import DANCES, HarmonyParams
+from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
@@ -23,7 +24,7 @@ from study.cells import notebook_cells
 from study.experiments import contestants, contests, generation
 from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS, Contestant, Entry, Row, entries
 from study.experiments.contests import Contest, Excerpt, Material, music_anchors, rest_anchors
-from study.experiments.generation import SYNTHETIC, training_split
+from study.experiments.generation import SYNTHETIC, sketched_split, training_split
 from study.profile import RunProfile
 from tests.builders import planted_dance, refused
 
@@ -59,7 +60,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def forget() -> None:
     """Nothing is remembered of another corpus of the same name."""
-    for remembered in (training_split, contests.teachers, contests.patterns):
+    for remembered in (training_split, sketched_split, contests.teachers, contests.patterns):
         remembered.cache_clear()
 
 
@@ -176,6 +177,15 @@ def test_teachers_are_what_training_units_cover_and_nothing_of_a_test_meter():
     np.testing.assert_array_equal(first.clip.motion.positions[0], whole.positions[round(first.clip.offset * whole.fps)])
 
 
+@pytest.mark.slow
+def test_the_choreographer_dances_the_sketches_that_harmogan_corrects():
+    contest = contests.contests(PROFILE, 0)[0]
+    run = generation.trained(PROFILE, SYNTHETIC, generation.VARIANTS["recommended"], 1)
+    (row,), song = ROWS[CHOREOGRAPHER].contestants(contest), contest.excerpts[0]
+    sketcher = contestants.of_system(HarmoGAN.load(run.folder).sketches, "")
+    np.testing.assert_array_equal(sketcher.dance(song, 2).positions, row.dance(song, 2).positions)
+
+
 def test_without_recordings_there_is_one_contest_and_its_dancers_are_those_planted_in_its_songs():
     (contest,) = contests.contests(PROFILE, 0)
     assert contest.about == {"music": "synthetic songs", "corpus": "synthetic"}
@@ -193,6 +203,16 @@ def test_a_dance_on_the_beat_has_harmony_that_goes_when_the_music_is_half_a_beat
     assert numbers["above_chance"] > 0.8 > 0.0 > numbers["half a beat late"]
     assert numbers["hit_rate chance"] == pytest.approx(numbers["hit_rate"], abs=0.3)
     assert np.isnan(numbers["pattern"])
+    assert numbers["body"] > 0.8 > 0.0 > numbers["body, late"]
+
+
+def test_harmony_with_other_songs_is_a_mean_over_songs_that_are_not_its_own():
+    song, faster = excerpt("rumba", 1), excerpt("jive", 2)
+    own = CELLS.clip_measures(song.dancer, song)["body"]
+    alone = CELLS.other_songs(song.dancer, song, [song, faster])["body, other songs"]
+    assert abs(alone) < 0.4 < own
+    twice = CELLS.other_songs(song.dancer, song, [faster, replace(song, song="the same, by another name")])
+    assert twice["body, other songs"] == pytest.approx((alone + own) / 2)
 
 
 def test_a_still_body_has_no_harmony_and_no_chance():

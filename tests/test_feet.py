@@ -22,7 +22,7 @@ from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import SequenceSet, Windows, load_sequences
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.feet import Leg, find_leg, moved_feet, planted_feet
+from harmolab.systems.training.feet import Leg, find_leg, grounded, moved_feet, planted_feet, standing_dancer
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.weights import load_weights
@@ -459,3 +459,105 @@ def test_a_foot_in_the_air_goes_its_own_way():
     kicking[:, [4, 5]] += 0.3 * lift[:, None, None] * np.array([0, 1.0, 1.0])
     kicking = moved_feet(standing(), [LEFT], (kicking[:, 4] - standing()[:, 4])[:, None])
     np.testing.assert_allclose(planted_feet(kicking, SLOW, WALKER), kicking, atol=0.03)
+
+
+UP, ALONG, ASIDE = np.eye(3)[[1, 2, 0]]
+BOTH_STAND, RIGHT_STANDS = np.ones((90, 2)), np.tile([0.0, 1.0], (90, 1))
+
+
+def floating() -> np.ndarray:
+    """A dancer at rest who bobs 10 cm to 20 cm over the floor and glides at 50 cm/s, as a network makes it."""
+    seconds = np.arange(90)[:, None, None] / SLOW
+    return standing() + (0.15 + 0.05 * np.sin(2 * np.pi * seconds / 3)) * UP + 0.5 * seconds * ASIDE
+
+
+def lifted(height: float, aside: float = 0.0) -> np.ndarray:
+    """A dancer at rest on the right foot; the left one is so high for all frames, and goes to and fro so far."""
+    shift = height * UP + aside * np.sin(2 * np.pi * np.arange(90)[:, None] / SLOW / 2) * ALONG
+    return moved_feet(standing(), [LEFT], shift[:, None])
+
+
+def test_a_dancer_who_floats_and_glides_is_put_on_its_feet():
+    put = standing_dancer(floating(), SLOW, WALKER, BOTH_STAND)
+    lowest = put[:, [5, 9], 1]
+    assert lowest.min() >= 0.0 and lowest.max() < 0.01
+    assert foot_skating(Motion(put, SLOW, WALKER)) < 0.02
+    before = grounded(floating(), SLOW, WALKER, plant_feet=True)
+    assert before[:, [5, 9], 1].min(axis=1).max() > 0.05  # a floor of a second does not see the bob
+    np.testing.assert_allclose(bone_lengths(put, WALKER), bone_lengths(standing(), WALKER), atol=1e-9)
+
+
+def test_a_foot_in_the_air_stays_in_the_air():
+    for contacts in (RIGHT_STANDS, 0 * RIGHT_STANDS):  # told, or seen from its height alone
+        put = standing_dancer(lifted(0.3) + 0.1 * UP, SLOW, WALKER, contacts)
+        np.testing.assert_allclose(put[:, [5, 9], 1], np.tile([0.3, 0.0], (90, 1)), atol=0.012)
+
+
+def test_a_foot_that_drags_is_lifted_for_its_step_and_one_that_rests_is_not():
+    put = standing_dancer(lifted(0.0, aside=0.25), SLOW, WALKER, RIGHT_STANDS)[20:70]
+    speed = np.linalg.norm(np.gradient(put[:, 5], axis=0), axis=1) * SLOW
+    assert put[speed > 0.7, 5, 1].min() > 0.04 and put[:, 5, 1].max() < 0.055
+    assert put[:, 9, 1].max() < 0.002
+    assert np.ptp(put[:, 9, [0, 2]], axis=0).max() < 0.02  # it stands while the other steps
+
+
+@cases("told, carrying, other", ([1.0, 0.0], 5, 9), ([0.0, 1.0], 9, 5))
+def test_the_foot_that_is_told_carries_the_body(told: list[float], carrying: int, other: int):
+    apart = standing()
+    apart[:, [4, 5]] += 0.3 * np.arange(90)[:, None, None] / SLOW * ALONG / 6  # one goes ahead by 30 cm in six seconds
+    put = standing_dancer(apart, SLOW, WALKER, np.tile(told, (90, 1)))
+    assert np.ptp(put[:, carrying, 2]) < 0.02 and np.ptp(put[:, other, 2]) > 0.1
+
+
+def test_a_foot_that_turns_on_its_toe_holds_the_body_by_the_toe():
+    turning = standing()
+    angle = np.sin(3 * np.arange(90) / SLOW)
+    turning[:, [4, 8]] = (
+        turning[:, [5, 9]] + 0.15 * np.stack([np.sin(angle), 1 / 3 + 0 * angle, -np.cos(angle)], 1)[:, None]
+    )
+    put = standing_dancer(turning, SLOW, WALKER, BOTH_STAND)
+    assert np.ptp(put[:, [5, 9]], axis=0).max() < 0.03 < np.ptp(put[:, [4, 8]], axis=0).max()
+
+
+def walk(lift: float) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of 30 cm, .6 s each, the feet in turn, one second at rest first; and which feet stand (T, 2)."""
+    progress = np.clip((np.arange(180) - 25) / 15, 0, 8)
+    whole, part = np.divmod(progress, 1)
+    risen = np.where(whole % 2 == np.array([[0], [1]]), part**2 * (3 - 2 * part), 0.0)  # (2, T), of the foot that steps
+    ahead = 0.3 * (np.stack([(whole + 1) // 2, whole // 2]) + risen)
+    body = ahead.mean(axis=0)
+    shifts = [
+        (foot - body)[:, None] * ALONG + lift * np.sin(np.pi * up)[:, None] * UP
+        for foot, up in zip(ahead, risen, strict=True)
+    ]
+    stand = standing(180) - np.isin(np.arange(10), (4, 5, 8, 9), invert=True)[:, None] * 0.05 * UP
+    return moved_feet(stand, [LEFT, RIGHT], np.stack(shifts, axis=1)) + body[:, None, None] * ALONG, (risen == 0.0).T
+
+
+def test_a_walk_on_the_spot_gets_its_way_back():
+    truth, stands = walk(lift=0.08)
+    spot = truth - truth[:, :1] * ALONG + 0.1 * np.sin(np.arange(180) / 8)[:, None, None] * UP
+    put = standing_dancer(spot, FPS, WALKER, stands.astype(float))
+    np.testing.assert_allclose(put[:, 0, 2], truth[:, 0, 2], atol=0.12)
+    slides = np.linalg.norm(np.diff(put[:, [5, 9]], axis=0)[..., [0, 2]], axis=2) * FPS
+    assert slides[stands[1:] & stands[:-1]].mean() < 0.015
+    np.testing.assert_allclose(put[..., 1], truth[..., 1], atol=0.02)
+
+
+def test_of_feet_on_the_floor_of_which_nothing_is_told_the_slower_carries():
+    truth, stands = walk(lift=0.0)
+    put = standing_dancer(truth, FPS, WALKER, 0.0 * stands)
+    assert put[-1, 0, 2] > 0.85 * truth[-1, 0, 2]
+
+
+def test_a_straight_leg_whose_knee_trembles_bends_forwards_all_the_time():
+    """The network's foot that steps is 20 cm below the one that carries, at the end of a straight leg."""
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # who looks to -x
+    legs = moved_feet(standing(), [RIGHT], np.tile(0.2 * UP, (90, 1, 1)))
+    legs[:, 3, 2] = 0.03 * np.sin(np.arange(90))
+    bent = standing_dancer(legs @ turn, SLOW, WALKER, RIGHT_STANDS) @ turn.T
+    assert (bent[:, 3, 2] > 0.15).all() and np.abs(np.diff(bent[:, 3], axis=0)).max() < 0.05
+
+
+def test_one_frame_is_put_on_the_floor():
+    assert standing_dancer(standing(1) + UP, SLOW, WALKER, np.ones((1, 2)))[..., 1].min() == 0.0

@@ -1,7 +1,6 @@
 """Dances of any length: on the music's beats, without a jump, each meter from the end of the last."""
 
 import itertools
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,17 +13,15 @@ import harmolab
 from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, foot_skating
 from harmolab.body.kinematics import resample_motion
 from harmolab.systems import FeatureParams, ModelParams, synthesize_dance
-from harmolab.systems.harmogan.networks import Generator, GeneratorOutput, load_generator
-from harmolab.systems.training.about import read_about
+from harmolab.systems.choreographer.banks import shipped_bank
+from harmolab.systems.harmogan.networks import Generator, GeneratorOutput
+from harmolab.systems.harmogan.system import HarmoGAN, corrected, song_corrections
 from harmolab.systems.training.feet import on_floor, planted_feet
 from harmolab.systems.training.motion_code import FADE, bone_lengths, coded, continued
-from harmolab.systems.training.pose_network import PoseNet, load_pose_net
-from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
+from harmolab.systems.training.requests import DanceRequest
+from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.units import filled_beats, meter_frames
-from harmolab.systems.training.weights import save_weights
-from study.experiments.locked import statue_on_turntable
 from tests.builders import cases, planted_dance, refused
-from tools.ship import best_run, standing
 from tools.ship import ship_harmogan as ship
 
 FPS = 15.0
@@ -350,66 +347,85 @@ def test_planting_moves_the_body_as_one_and_leaves_footless_skeletons_alone():
     np.testing.assert_array_equal(planted_feet(sliding, FPS, nameless), sliding)
 
 
-# Weights that are given away: small, complete, and without recorded movement
+# A sketch that is corrected
 
 
-@pytest.fixture(scope="module")
-def run(untrained: Generator, movements: PoseBank, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished training of an untrained dancer: generator, pose network, three recorded movements."""
-    folder = tmp_path_factory.mktemp("run")
-    save_weights(folder / "model", untrained, {"note": "kept"})
-    save_weights(folder / "pose_net", PoseNet(untrained.skeleton, fps=FPS), {"seed": 1})
-    save_poses(folder / "model", movements)
-    return folder
+BEATS = FeatureParams(n_mfcc=2, beat_channels=True, bar_channels=True)
+PUPPETS = shipped_bank("puppet")
 
 
-@pytest.fixture(scope="module")
-def shipped(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("weights")
-    ship(run, folder, per_dance=1)
-    return folder
+class Lifting(Generator):
+    """A bounded generator of the puppets' body whose only correction is a rise of the trunk with the beat position."""
+
+    def __init__(self) -> None:
+        sizes = replace(TINY, bounded=True)
+        lengths = torch.tensor(bone_lengths(PUPPETS.takes[0].motion.positions, PUPPETS.skeleton))
+        super().__init__(sizes, BEATS.n_audio, PUPPETS.skeleton, lengths, fps=FPS, features=BEATS)
+        self.given: list[int] = []
+
+    def corrections(self, audio: Tensor, initial: Tensor) -> Tensor:
+        self.given.append(audio.shape[1])
+        raw = torch.zeros(*initial.shape)
+        raw[..., 3 * self.skeleton.parents.index(-1) + 1] = 0.1 * audio[..., 4]  # cosine of the beat position
+        return raw
 
 
-def test_shipped_weights_load_and_say_where_they_come_from(shipped: Path, run: Path):
-    assert load_generator(shipped).features == FEATURES
-    assert read_about(shipped / "model")["meta"] == {"note": "kept"}
-    assert load_pose_net(shipped / "pose_net").fps == FPS
-    size = sum(file.stat().st_size for file in shipped.iterdir())
-    assert size < 0.75 * sum(file.stat().st_size for file in run.iterdir())
+def test_corrections_of_a_song_have_no_seams_and_are_those_of_its_own_beats():
+    request = DanceRequest(noise(), beat_track(0.55), 1.3, 20.0)
+    rise = song_corrections(Lifting(), np.zeros((300, 3 * len(PUPPETS.skeleton.joints) + 3), np.float32), request)
+    moments = 1.3 + np.arange(300) / FPS
+    column = 3 * PUPPETS.skeleton.parents.index(-1) + 1
+    np.testing.assert_allclose(rise[:, column], 0.1 * np.cos(2 * np.pi * (moments - 0.2) / 0.55), atol=1e-6)
+    assert not rise[:, column + 1].any()
 
 
-def test_no_recorded_movement_is_shipped(shipped: Path, run: Path):
-    recorded, given = load_poses(run / "model"), load_poses(shipped / "model")
-    assert set(given.dances) >= {"rumba", "waltz"}
-    assert given.poses.shape[1:] == recorded.poses.shape[1:]
-    assert np.abs(given.poses[:, None] - recorded.poses[None]).max(axis=(2, 3)).min() > 0.01
+def test_units_of_a_song_are_eight_beats_six_apart():
+    generator = Lifting()
+    song_corrections(
+        generator, np.zeros((300, generator.n_motion), np.float32), DanceRequest(noise(), beat_track(), 0.2)
+    )
+    assert generator.given[:3] == [52, 60, 60]  # of 7.5 frames a beat; the first begins half a second before the dance
 
 
-def test_shipping_twice_gives_the_same_files(shipped: Path, run: Path, tmp_path: Path):
-    ship(run, tmp_path / "again", per_dance=1)
-    again = load_poses(tmp_path / "again" / "model")
-    np.testing.assert_array_equal(again.poses, load_poses(shipped / "model").poses)
-    for file in shipped.glob("*[lt].safetensors"):  # the bank's header lists its entries in any order
-        assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes(), file.name
+def test_a_sketch_without_corrections_stays_as_it_is_and_with_them_keeps_near():
+    system = HarmoGAN(Lifting(), sketches=PUPPETS)
+    request = {"audio": noise(), "beats": beat_track(), "seconds": 12.0, "seed": 3, "plant_feet": False}
+    sketch, lifted = PUPPETS.generate(**request), system.generate(**request)
+    system.generator.corrections = lambda audio, initial: torch.zeros_like(initial)
+    same = system.generate(**request)
+    assert lifted.fps == sketch.fps and lifted.n_frames == sketch.n_frames
+    np.testing.assert_allclose(same.positions, sketch.positions, atol=3e-3)  # it is put on the floor a second time
+    assert 0.01 < np.abs(lifted.positions - same.positions).max() < 0.1
 
 
-def test_who_looks_like_dancing_stands_above_who_keeps_time():
-    clip = harmolab.synthetic_clip("waltz", seconds=20.0, seed=2)
-    assert clip.motion is not None and clip.beats is not None
-    turning = statue_on_turntable(clip.motion, clip.beats)
-    late = replace(clip.beats, times=clip.beats.times + 0.25, duration=clip.beats.duration + 0.25)
-    dances = ((clip.motion, clip.beats), (clip.motion, late), (turning, clip.beats))
-    dancer, sleepy, figurine = (standing([(*dance, "waltz")] * 2) for dance in dances)
-    assert dancer > sleepy > figurine
-    assert dancer[:2] == sleepy[:2] and dancer[2] > 0.8 > sleepy[2]
-    assert figurine[0] == 0 and figurine[1] < dancer[1]
+def test_a_sketch_of_other_joints_is_refused():
+    generator = Planted(nodding)
+    refused(
+        "initial has other joints", corrected, generator, PUPPETS.takes[0].motion, DanceRequest(noise(), beat_track())
+    )
 
 
-def test_of_equal_runs_the_first_is_best(run: Path, tmp_path: Path):
-    clip = harmolab.synthetic_clip("waltz", seconds=12.0, seed=2)
-    again = Path(shutil.copytree(run, tmp_path / "again"))
-    assert best_run([again, run], [clip], seconds=10.0) == again
-    assert best_run([run, again], [clip], seconds=10.0) == run
+@pytest.mark.parametrize("style", ["salsa"])
+def test_shipped_weights_name_the_bank_that_they_correct(style: str, tmp_path: Path):
+    bank = shipped_bank(style)
+    lengths = torch.tensor(bone_lengths(bank.takes[0].motion.positions, bank.skeleton))
+    sizes = replace(TINY, bounded=True)
+    generator = Generator(sizes, BEATS.n_audio, bank.skeleton, lengths, fps=FPS, features=BEATS)
+    HarmoGAN(generator, meta={"note": "kept"}, sketches=bank).save(tmp_path / "run")
+    for out in ("one", "two"):
+        ship(tmp_path / "run", tmp_path / out)
+    assert {path.name for path in (tmp_path / "one").iterdir()} == {"model.json", "model.safetensors"}
+    assert (tmp_path / "one/model.safetensors").read_bytes() == (tmp_path / "two/model.safetensors").read_bytes()
+    again = HarmoGAN.load(tmp_path / "one")
+    assert again.meta == {"note": "kept", "sketches": style} and again.sketches.takes[0].name == bank.takes[0].name
+    assert again.limits == bank.limits and again.generator.params.bounded
+
+
+def test_recordings_of_others_are_not_shipped(tmp_path: Path):
+    generator = Generator(replace(TINY, bounded=True), 5, PUPPETS.skeleton, Lifting().bone_lengths, fps=FPS)
+    HarmoGAN(generator, sketches=PUPPETS).save(tmp_path / "run")
+    refused("sketches are of recordings that are not ours", ship, tmp_path / "run", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_incomplete_run_is_not_shipped(tmp_path: Path):

@@ -12,8 +12,10 @@ from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
     SpatialTemporalDiscriminator,
+    moved_within_bounds,
     segments,
 )
+from harmolab.systems.training import layers
 from harmolab.systems.training.layers import Normaliser, Statistics, local_joints
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.units import Batch
@@ -225,6 +227,48 @@ def test_spatial_temporal_discriminator_sees_the_order_of_segments():
     assert (temporal(motion, mask) - temporal(swapped, mask)).abs() > 1e-4
 
 
+# Corrections of a movement
+
+
+BODY = Skeleton(("hips", "chest", "left_shoulder", "left_elbow", "left_wrist", "left_hip", "left_knee", "left_ankle"),
+                (-1, 0, 1, 2, 3, 0, 5, 6))  # fmt: skip
+STANDING = torch.tensor([[0, 1, 0], [0, 1.4, 0], [0.2, 1.4, 0], [0.2, 1.1, 0], [0.2, 0.8, 0],
+                         [0.1, 1, 0], [0.1, 0.5, 0], [0.1, 0, 0.0]])[None, None]  # fmt: skip
+
+
+def corrected_body(**columns: tuple[float, ...]) -> Tensor:
+    """The standing body with so large corrections of some joints, or of "turn", that they reach their bounds."""
+    raw = torch.zeros(1, 1, 27)
+    for name, values in columns.items():
+        first = 24 if name == "turn" else 3 * BODY.joints.index(name)
+        raw[..., first : first + 3] = 1e4 * torch.tensor(values)
+    return moved_within_bounds(STANDING, raw, BODY)[0, 0] - STANDING[0, 0]
+
+
+def test_no_correction_changes_nothing():
+    assert float(corrected_body().abs().max()) < 1e-6
+
+
+def test_a_limb_joint_moves_by_four_centimetres_and_takes_what_hangs_on_it():
+    # The elbow goes sideways by 4 cm of its bone of 30 cm, which keeps its length; the wrist keeps its place beside it.
+    way = corrected_body(left_elbow=(1.0, 0.0, 0.0))
+    length = np.hypot(0.3, 0.04)
+    assert way[3].tolist() == pytest.approx([0.3 * 0.04 / length, 0.3 - 0.3 * 0.3 / length, 0], abs=1e-5)
+    assert float(way[[0, 1, 2, 5, 6, 7]].abs().max()) < 1e-6
+
+
+def test_the_trunk_rises_by_four_centimetres_as_one_and_turns_by_eight_degrees_with_the_arms():
+    way = corrected_body(hips=(0.0, 1.0, 0.0))
+    for joint in (0, 1, 2, 3, 4, 5):
+        assert way[joint].tolist() == pytest.approx([0, 0.04, 0], abs=1e-5)
+    assert not corrected_body(chest=(1.0, 0.0, 0.0)).abs().gt(1e-6).any()  # no joint of the trunk moves by itself
+    lean = corrected_body(turn=(1.0, 0.0, 0.0))  # about the axis to the left: the chest goes forward
+    angle = np.radians(8)
+    assert lean[1].tolist() == pytest.approx([0, 0.4 * (np.cos(angle) - 1), 0.4 * np.sin(angle)], abs=1e-5)
+    bones = layers.bones((STANDING[0] + lean)[None], BODY.parents).norm(dim=-1)
+    torch.testing.assert_close(bones, layers.bones(STANDING, BODY.parents).norm(dim=-1), atol=1e-5, rtol=0)
+
+
 # Anatomy: sizes and shapes are measured by running a network; the generator is wired as the paper says
 
 N, T, F, C = 4, 30, 4, 12
@@ -263,7 +307,7 @@ def test_layers_of_a_part_are_named_with_their_number():
 
 def looked_at(network: Generator) -> list[Part]:
     audio, motion, one = (np.ones((N, T, width), np.float32) for width in (F, C, 1))
-    return anatomy(network, Batch(audio, motion, motion, *[one[..., 0]] * 5))
+    return anatomy(network, Batch(audio, motion, motion, *[one[..., 0]] * 6))
 
 
 @pytest.fixture

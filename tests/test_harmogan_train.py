@@ -12,16 +12,17 @@ import torch
 from lightning_fabric import Fabric
 
 from harmolab import HarmonyParams
+from harmolab.soft_score import SoftHarmony
 from harmolab.systems import ModelParams, TrainParams
+from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan import train as harmogan
-from harmolab.systems.harmogan.losses import Danced, danced, discriminator_terms, generator_terms, pose_terms
+from harmolab.systems.harmogan.losses import discriminator_terms, generator_terms, pose_terms
 from harmolab.systems.harmogan.networks import GeneratorOutput, Networks, load_generator
 from harmolab.systems.harmogan.train import adversarial_rate, phases, pretrain_rate, train_harmogan, validate
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.layers import local_joints
-from harmolab.systems.training.loop import Batching, Tensors, epoch_order, fit, make_fabric, total_loss
+from harmolab.systems.training.loop import Batching, Shard, Tensors, epoch_order, fit, make_fabric, total_loss
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net
 from harmolab.systems.training.splits import Split
 from tests import tiny_training as tiny
@@ -30,12 +31,12 @@ from tests.builders import cases, refused
 PAPER: TrainParams = tiny.PAPER
 RECOMMENDED: TrainParams = tiny.RECOMMENDED
 MODEL: ModelParams = tiny.MODEL
-TERMS = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
+TERMS = {"moved", "gan", "harmony", "smoothness", "energy", "foot"}
 
 
 @pytest.fixture(scope="module")
 def split() -> Split:
-    return tiny.tiny_split()
+    return tiny.tiny_split(sketched=True)
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +46,28 @@ def fabric() -> Fabric:
 
 @pytest.fixture
 def networks(split: Split) -> Networks:
+    return fresh(split, MODEL)
+
+
+@pytest.fixture
+def bounded(split: Split) -> Networks:
+    return fresh(split, replace(MODEL, bounded=True))
+
+
+def fresh(split: Split, model: ModelParams) -> Networks:
     torch.manual_seed(0)
     pose_net = PoseNet(split.train.skeleton, fps=split.train.features.fps).eval().requires_grad_(False)
-    return Networks.fresh(split.train, Tensors.of(split.train), MODEL, pose_net, seed=1)
+    return Networks.fresh(split.train, Tensors.of(split.train), model, pose_net, seed=1)
 
 
 @pytest.fixture(scope="module")
-def batch(split: Split) -> Tensors:
-    return units_at(split, [0, 1, 2, 3])
+def shard(split: Split) -> Shard:
+    return Shard(units_at(split, [0, 1, 2, 3]), units_at(split, [1, 2, 3, 0]), 1.0, 7)
+
+
+@pytest.fixture(scope="module")
+def batch(shard: Shard) -> Tensors:
+    return shard.own
 
 
 def units_at(split: Split, numbers: list[int]) -> Tensors:
@@ -164,122 +179,86 @@ def test_harmony_is_that_of_each_units_meter(networks: Networks, batch: Tensors,
 # Terms
 
 
-def test_terms_are_those_of_equation_32_and_ours_are_five_more(networks: Networks, batch: Tensors):
-    made, paper = danced(networks.generator, batch), {"kl", "mse", "feature", "gan", "harmony"}
-    ablation = replace(PAPER, harmony_weight=0.0)
-    for params, terms in ((PAPER, paper), (ablation, paper - {"harmony"}), (RECOMMENDED, TERMS)):
-        assert set(generator_terms(networks, made, batch, params, 0.5)) == terms
-    assert set(pose_terms(networks.generator, made.own, batch, PAPER)) == {"kl", "mse"}
-    assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
+def made(networks: Networks, batch: Tensors) -> GeneratorOutput:
+    return networks.generator(batch.audio, batch.initial)
 
 
-def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
+def ours(networks: Networks, output: GeneratorOutput, shard: Shard, **changes: Any) -> dict[str, torch.Tensor]:
+    return generator_terms(networks, output, shard, replace(RECOMMENDED, **changes), 0.5, tiny.PATTERNS)
+
+
+def test_terms_are_those_of_equation_32_or_of_a_sketch(networks: Networks, bounded: Networks, shard: Shard):
+    output, paper = made(networks, shard.own), {"kl", "mse", "feature", "gan", "harmony"}
+    for params, terms in ((PAPER, paper), (replace(PAPER, harmony_weight=0.0), paper - {"harmony"})):
+        assert set(generator_terms(networks, output, shard, params, 0.5)) == terms
+    assert set(ours(bounded, made(bounded, shard.own), shard)) == TERMS
+    assert set(pose_terms(networks.generator, output, shard.own, PAPER)) == {"kl", "mse"}
+    assert set(discriminator_terms(networks, output, shard, PAPER)) == {"critic_cd", "critic_st"}
+
+
+def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, shard: Shard):
     skeleton = networks.generator.skeleton
     networks.generator.skeleton = replace(skeleton, joints=tuple(f"joint{joint}" for joint in range(5)))
-    assert "foot" not in generator_terms(networks, danced(networks.generator, batch), batch, RECOMMENDED, 0.5)
+    assert "foot" not in ours(networks, made(networks, shard.own), shard)
 
 
-def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
-    others = units_at(split, [1, 2, 3, 0])
-    later = others.continued_from(batch.motion, batch.mask)
-    own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
-    after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
-    both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
-    for name in ("gan", "harmony"):
-        torch.testing.assert_close(both[name], (own[name] + after[name]) / 2)
-    for name in ("kl", "mse", "feature"):
-        torch.testing.assert_close(both[name], own[name])
+def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, shard: Shard):
+    deaf = replace(PAPER, cross_domain_weight=0.0)
+    assert set(discriminator_terms(networks, made(networks, shard.own), shard, deaf)) == {"critic_st"}
+    (group,) = networks.discriminators(deaf)
+    assert {id(part) for part in group["params"]} == {id(part) for part in networks.spatial_temporal.parameters()}
+    (both,) = networks.discriminators(RECOMMENDED)
+    assert len(both["params"]) > len(group["params"]) and both["share"] == 0.2
 
 
-def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
-    next_units, small, few = (units_at(split, numbers) for numbers in ([1, 2, 3, 0], [0, 1], [2, 3]))
-    first = danced(networks.generator, batch, next_units)
-    later, _ = danced(networks.generator, small, few, first).later
-    expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
-    torch.testing.assert_close(later.initial, expected.initial)
-    assert not later.initial.requires_grad
+def test_wrong_pairs_are_shown_to_the_critic_of_corrected_sketches_alone(networks: Networks, shard: Shard):
+    output, asked = made(networks, shard.own), []
+    networks.cross_domain.forward = lambda audio, motion, mask: asked.append(audio) or torch.zeros(len(audio))
+    discriminator_terms(networks, output, shard, PAPER)
+    assert len(asked) == 2
+    found = discriminator_terms(networks, output, shard, RECOMMENDED)["critic_cd"]
+    assert found == pytest.approx(3 * np.log(2))  # real, made, wrong, of each of which it knows nothing
+    assert torch.equal(asked[4], losses.half_a_beat_late(shard.own)) and torch.equal(asked[5], shard.others.audio)
 
 
-def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
-    both = danced(networks.generator, batch, units_at(split, [1, 2, 3, 0]))
-    alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
-    later, after = both.later
-    judge = networks.spatial_temporal
-    more = losses.discriminator_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
-    torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
-    assert not torch.equal(more, alone["critic_st"])
+def test_music_half_a_beat_late_goes_round(batch: Tensors):
+    late, lengths = losses.half_a_beat_late(batch), batch.mask.sum(dim=1).long().tolist()
+    for row, length in enumerate(lengths):  # eight beats of 3 frames (2 late: halves are rounded to even) or 4
+        expected = batch.audio[row, :length].roll({24: 2, 32: 2}[length], dims=0)
+        torch.testing.assert_close(late[row, :length], expected)
 
 
-def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, batch: Tensors):
-    made = danced(networks.generator, batch)
-    assert set(discriminator_terms(networks, made, batch, RECOMMENDED)) == {"critic_st"}
-    heard = {id(parameter) for parameter in networks.discriminators(RECOMMENDED)}
-    assert heard == {id(parameter) for parameter in networks.spatial_temporal.parameters()}
-    assert len(networks.discriminators(PAPER)) > len(heard)
-
-
-def test_going_on_begins_with_the_last_frames_and_then_their_mean():
-    motion = torch.arange(12.0).reshape(1, 12, 1)
-    mask = (torch.arange(12) < 10).float()[None]  # frames 10 and 11 are padding
-    index = torch.tensor([[1.0] * 3 + [0.0] * 5])
-    none = torch.zeros(1, 8, 1)
-    units = Tensors(none, none, none, index, torch.ones(1, 8), torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
-    assert units.continued_from(motion, mask).initial[0, :, 0].tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
-
-
-@pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
-def test_going_on_from_less_than_the_beats_before_is_finite(params: TrainParams, networks: Networks, split: Split):
-    batch = units_at(split, [0, 1])
-    short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
-    harmony = generator_terms(networks, danced(networks.generator, short, short), short, params, 0.5)["harmony"]
-    gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
-    assert harmony.isfinite() and all(bool(gradient.isfinite().all()) for gradient in gradients)
-
-
-def test_every_term_has_a_gradient_in_the_generator(networks: Networks, batch: Tensors):
-    names = generator_terms(networks, danced(networks.generator, batch), batch, RECOMMENDED, 0.5)
+def test_every_term_has_a_gradient_in_the_generator(bounded: Networks, shard: Shard):
     # A tremor gives the terms for jerk and feet something to say.
     torch.manual_seed(0)
-    noise = 0.05 * torch.randn_like(batch.motion)
-    for name in names:
-        networks.generator.zero_grad()
-        made = danced(networks.generator, batch)
-        made = Danced(GeneratorOutput(made.own.motion + noise, made.own.flat))
-        generator_terms(networks, made, batch, RECOMMENDED, 0.5)[name].backward()
-        used = [part.grad.abs().max() for part in networks.generator.parameters() if part.grad is not None]
+    noise = 0.05 * torch.randn_like(shard.own.motion)
+    for name in TERMS:
+        bounded.generator.zero_grad()
+        output = made(bounded, shard.own)
+        ours(bounded, GeneratorOutput(output.motion + noise, output.flat), shard)[name].backward()
+        used = [part.grad.abs().max() for part in bounded.generator.parameters() if part.grad is not None]
         assert used and torch.stack(used).max() > 0, name
 
 
-def changed(batch: Tensors, part: slice, frames: torch.Tensor) -> Danced:
-    """The recorded motion, but for noise on some channels at the frames (N, T) that are 1."""
-    torch.manual_seed(0)
-    noise = torch.zeros_like(batch.motion)
-    noise[..., part] = 0.2 * torch.randn_like(noise[..., part])
-    motion = batch.motion + noise * frames[..., None]
-    return Danced(GeneratorOutput(motion, local_joints(motion)[..., :2]))
+def test_the_sketch_itself_costs_nothing_but_its_harmony(bounded: Networks, shard: Shard):
+    terms = ours(bounded, GeneratorOutput(shard.own.initial, shard.own.initial), shard, gan_weight=0.0)
+    assert {name for name, value in terms.items() if float(value)} == {"harmony"}
 
 
-JOINTS, PATH = slice(None, -3), slice(-3, None)
+def test_harmony_of_a_sketch_is_by_pattern_where_there_is_one_and_by_valleys_elsewhere(
+    bounded: Networks, shard: Shard, monkeypatch: pytest.MonkeyPatch
+):
+    measures: list[tuple[str, int]] = []
 
+    def soft(joints: torch.Tensor, *_: Any, params: HarmonyParams, bar_places: Any, **more: Any) -> Any:
+        measures.append((params.measure, len(joints)))
+        score = torch.full((len(joints),), 0.25)
+        return SoftHarmony(score, score, 0 * score, score, score, 1 + 0 * score, 1 + 0 * score)
 
-@pytest.mark.parametrize(("frame", "same"), [("body", True), ("room", False)])
-def test_harmony_of_the_body_is_the_same_on_any_path(networks: Networks, batch: Tensors, frame: str, same: bool):
-    params = replace(RECOMMENDED, harmony_frame=frame)
-    still, moved = (
-        generator_terms(networks, changed(batch, PATH, frames), batch, params, 0.5)
-        for frames in (torch.zeros_like(batch.mask), batch.mask)
-    )
-    for name in ("harmony", "energy"):
-        assert (float(moved[name]) == pytest.approx(float(still[name]), abs=1e-6)) == same, name
-    assert moved["path"] > still["path"] == 0
-    assert moved["spread"] == still["spread"]
-
-
-def test_path_and_spread_look_at_the_meter_alone(networks: Networks, batch: Tensors):
-    before = generator_terms(networks, changed(batch, slice(None), batch.index), batch, RECOMMENDED, 0.5)
-    within = generator_terms(networks, changed(batch, slice(None), 1 - batch.index), batch, RECOMMENDED, 0.5)
-    assert before["path"] == 0 and within["path"] > 0
-    assert before["spread"] < 1e-5 < within["spread"]
+    monkeypatch.setattr(losses, "soft_harmony", soft)
+    found = losses.sketch_harmony(bounded.generator, shard.own.initial, shard.own, RECOMMENDED, 0.5, tiny.PATTERNS)
+    assert sorted(measures) == [("hits", 2), ("shape", 2)]
+    assert found == pytest.approx(-(0.25 + 2 * 0.25) / 2)
 
 
 def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
@@ -345,11 +324,11 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
 
 
 @cases("params", PAPER, RECOMMENDED, ids=["paper", "recommended"])
-def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
-    alone = replace(params, **{f"{name}_weight": 0.0 for name in TERMS - {"kl", "mse", "harmony"}})
+def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, shard: Shard):
+    alone = replace(params, feature_weight=0.0, gan_weight=0.0)
 
     def loss() -> torch.Tensor:
-        return generator_terms(networks, danced(networks.generator, batch), batch, alone, 0.3)["harmony"]
+        return generator_terms(networks, made(networks, shard.own), shard, alone, 0.3, tiny.PATTERNS)["harmony"]
 
     errors = tiny.descent(networks.generator.parameters(), loss, steps=25, rate=3e-3)
     assert np.mean(errors[-5:]) < np.mean(errors[:5]) - 0.1
@@ -380,7 +359,8 @@ def test_recorded_motion_is_validated_without_error(split: Split, networks: Netw
 def finished(split: Split, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
     folder, rows = tmp_path_factory.mktemp("runs") / "deep" / "run", []
     options = TrainOptions(folder, accelerator="cpu", report=lambda row, end: rows.append(row))
-    train_harmogan(split, options, model=MODEL, params=RECOMMENDED)
+    bank = shipped_bank("puppet")
+    train_harmogan(split, options, model=MODEL, params=RECOMMENDED, choreographer=bank, patterns=tiny.PATTERNS)
     return folder, rows
 
 
@@ -388,7 +368,7 @@ def test_a_run_leaves_what_its_folder_promises(finished: tuple[Path, list[Any]])
     folder, _ = finished
     names = {path.name for path in folder.iterdir() if not path.name.startswith(("events.out.tfevents.", "."))}
     weights_of = {f"{stem}.{kind}" for stem in ("model", "pretrained", "pose_net") for kind in ("safetensors", "json")}
-    others = {"settings.json", "split.json", "history.csv", "state.safetensors", "model_poses.safetensors"}
+    others = {"settings.json", "split.json", "history.csv", "state.safetensors", "sketches"}
     assert names == weights_of | others
     assert len(list(folder.glob("events.out.tfevents.*"))) == 1
 
@@ -407,8 +387,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("pretrain", str(epoch)) for epoch in range(3)),
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
-    terms = TERMS | {"critic_st", "total"}
-    assert "critic_cd" not in rows[-1]  # its weight is 0
+    terms = TERMS | {"critic_st", "critic_cd", "total"}
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
 
@@ -416,7 +395,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
 def test_every_epoch_is_reported_and_tau_falls_geometrically_in_the_adversarial_ones(finished: tuple[Path, list[Any]]):
     assert [row["phase"] for row in finished[1]] == ["pose network"] + 3 * ["pretrain"] + 3 * ["adversarial"]
     softness = [row["tau"] for row in finished[1][-3:]]
-    assert softness == pytest.approx([0.5, (0.5 * 0.05) ** 0.5, 0.05])
+    assert softness == pytest.approx([0.5, (0.5 * 0.1) ** 0.5, 0.1])
 
 
 def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], split: Split):

@@ -40,9 +40,8 @@ INSIDE = {
     },
     "systems": {
         "training": set(),
-        **dict.fromkeys(
-            ("contract", "choreographer", "harmogan", "lee2019", "music2dance", "ren2020"), frozenset({"training"})
-        ),
+        **dict.fromkeys(("contract", "choreographer", "lee2019", "music2dance", "ren2020"), frozenset({"training"})),
+        "harmogan": {"training", "choreographer"},
     },
 }
 LIBRARIES = {

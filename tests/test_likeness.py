@@ -167,6 +167,19 @@ def others() -> LikenessLimits:
     return LikenessLimits.of([dancer(seed) for seed in range(1, 9)])
 
 
+def test_a_pose_that_is_held_on_purpose_counts_nowhere() -> None:
+    positions = dancer(0).positions.copy()
+    positions[300:480] = positions[300]
+    held = np.zeros(len(positions), bool)
+    held[300:480] = True
+    motion = replace(dancer(0), positions=positions)
+    assert "poorest" in likeness(motion, limits=others()).fails
+    filler = replace(motion, valid=~held)
+    assert likeness(motion, limits=others(), held=held) == likeness(filler, limits=others())
+    assert likeness(filler, limits=others(), held=np.zeros_like(held)) == likeness(filler, limits=others())
+    assert likeness(motion, limits=others(), held=np.ones_like(held)).cannot.startswith("too short")
+
+
 def test_limits_are_the_recorded_ends_with_half_as_much_again() -> None:
     judged = likeness(dancer(0), limits=others())
     for name in MEASURES:

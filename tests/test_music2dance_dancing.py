@@ -19,6 +19,7 @@ from typer.testing import Result
 import harmolab
 from harmolab import Audio, BeatTrack, Motion, Skeleton, load_motion, synthetic_clip
 from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import foot_joints
 from harmolab.cli import app
 from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
 from harmolab.data.recordings import TANG_23
@@ -26,7 +27,7 @@ from harmolab.systems import AttributeClassifier, AttributeParams, load
 from harmolab.systems.music2dance import music_features
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check_same_channels
 from harmolab.systems.music2dance.feet import FootModel, FootParams
-from harmolab.systems.music2dance.generate import FEET, Danced, corrected, correlated_draws
+from harmolab.systems.music2dance.generate import FEET, Danced, Feet, corrected, correlated_draws, dance_positions
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import MOST_TEMPERATURE
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
@@ -298,6 +299,25 @@ def test_a_moved_toe_moves_nothing_else_and_stays_on_the_floor():
     np.testing.assert_allclose(lift, lift[:, :1].repeat(len(others), axis=1), atol=1e-6)  # `on_floor` alone
     assert ((by_model - raw)[:, toe, 1] < lift[:, 0] - 0.01).all()
     assert by_model[..., 1].min() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_planted_feet_carry_the_dance_where_the_network_says_so():
+    dancer = system()
+    code, values, contacts = coded("positions")
+    afloat = values.copy()
+    afloat[:, 1 : 3 * len(code.skeleton.joints) : 3] += 0.1 * np.sin(np.arange(len(values)) / 9)[:, None]
+    soles = [joint for foot in foot_joints(code.skeleton) for joint in foot]
+
+    def soles_of(stands: np.ndarray, feet: Feet) -> np.ndarray:
+        return dance_positions(dancer.generator, Danced(afloat, stands), feet)[:, soles]
+
+    free, planted, wrong = (
+        soles_of(contacts, "none"),
+        soles_of(contacts, "planted"),
+        soles_of(1.0 - contacts, "planted"),
+    )
+    assert free[..., 1].min(axis=1).max() > 0.15 and planted[..., 1].min(axis=1).max() < 0.02
+    assert np.abs(wrong - planted).max() > 0.05
 
 
 @cases(

@@ -118,7 +118,6 @@ CHA_CHA = ("--dance", "cha-cha")
     pytest.param((), (), id="salsa"),
     pytest.param(("--style", "puppet"), CHA_CHA, id="puppet"),
     pytest.param(("--system", "harmogan"), (), id="network"),
-    pytest.param(("--system", "harmogan"), CHA_CHA, id="network, cha-cha"),
 )
 def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
     dancer: tuple[str, ...], options: tuple[str, ...], song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -32,7 +32,7 @@ from study.figures import redraw, variants
 from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
 from study.figures.pictures import PICTURES
 from study.figures.variants import APART, LOOKS, THIN, WIDE
-from study.findings import RunTables
+from study.findings import RunTables, headline
 from study.profile import RunProfile
 from study.saving import PAGE_WIDTH, save_figure, save_table, smallest_text
 from tests.builders import cases, refused
@@ -632,3 +632,9 @@ def inches(path: Path) -> float:
 def test_letters_of_eight_points_have_nine_pixels_in_every_shipped_figure_on_a_page_of_the_report():
     widest = PAGE_WIDTH * 8 / (9 * 72)
     assert {path.name for path in SHIPPED.glob("*.png") if inches(path) > widest} == TOO_WIDE
+
+
+def test_words_about_a_column_that_the_published_run_has_not_say_that_it_is_older():
+    words = headline(lambda tables: str(tables["table11_ablation"]["a column of tomorrow"].sum())).data
+    assert words.startswith("**The published full run is older than these words (it has no 'a column of tomorrow').**")
+    assert "table_of_tomorrow.csv is missing" in headline(lambda tables: str(tables["table_of_tomorrow"])).data

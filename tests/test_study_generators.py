@@ -26,8 +26,8 @@ from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
 from study.cells import notebook_cells
-from study.experiments import generation, judging
-from study.experiments.generation import SWEEP, SYNTHETIC, VARIANTS, trained, training_split
+from study.experiments import generation, judging, whole_songs
+from study.experiments.generation import SWEEP, SYNTHETIC, VARIANTS, sketched_split, trained, training_split
 from study.experiments.judging import RECORDED, danced, danced_units, judge, recorded_motions, seed_means
 from study.experiments.locked import statue_on_turntable
 from study.profile import RunProfile
@@ -47,9 +47,11 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("HARMOLAB_CACHE", str(folder))
         patch.delenv("HARMOLAB_DATA", raising=False)
         patch.setattr(generation, "SECONDS", 10.0)
-        training_split.cache_clear()
+        for remembered in (training_split, sketched_split):
+            remembered.cache_clear()
         yield folder
-        training_split.cache_clear()
+        for remembered in (training_split, sketched_split):
+            remembered.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +62,7 @@ def paper(cache: Path) -> generation.Trained:
 @pytest.mark.slow
 def test_a_training_is_what_the_variant_says(paper: generation.Trained):
     settings = read_about(paper.folder / "model")["meta"]["settings"]["train"]
-    assert [settings[name] for name in ("harmony", "harmony_weight", "seed")] == ["paper", 1, 1]
+    assert [settings[name] for name in ("harmony_weight", "sketches", "seed")] == [1, 0, 1]
     assert paper.generator.params.hidden == 16 and paper.generator.features == VARIANTS["paper"].features
     assert paper.generator.parameter_count() < 60_000  # small in every part
     assert paper.history["phase"].tolist() == ["pretrain", "adversarial"]
@@ -117,7 +119,8 @@ def test_who_comes_second_waits_for_the_one_that_trains(paper: generation.Traine
 def test_the_sweep_goes_from_no_harmony_loss_which_is_the_ablation_to_twice_as_much(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(generation, "trained", lambda profile, corpus, variant, seed: (corpus, variant, seed))
     runs = dict(generation.weight_sweep(PROFILE, SYNTHETIC))
-    assert tuple(runs) == SWEEP and (min(SWEEP), max(SWEEP)) == (0.0, 1.0)
+    ours = VARIANTS["recommended"].params.harmony_weight
+    assert tuple(runs) == SWEEP and (min(SWEEP), max(SWEEP)) == (0.0, 2 * ours) and ours in SWEEP
     for weight, (corpus, variant, seed) in runs.items():
         assert (corpus, variant.params.harmony_weight, seed) == (SYNTHETIC, weight, 1)
     assert runs[0.0][1] == VARIANTS["recommended, without"]
@@ -184,7 +187,9 @@ def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(
         index=["system", "song", "seed"], columns="measure", values="value"
     )
     assert set(table["song"]) <= songs and set(table["system"]) == {RECORDED, *VARIANTS}
-    assert dances["bones"].max() < 1e-6
+    bones = dances["bones"].groupby("system").max()
+    # The paper's generator has bones of one length, a corrected sketch those of the sketch in each frame.
+    assert bones["paper"] < 1e-6 and 1e-6 < bones["recommended"] < 0.1
     assert (dances[["jump", "skating_ratio", "jerk_ratio"]] > 0).all(axis=None)
     assert dances["likeness"].isin([0.0, 1.0]).all()
     assert (dances[["rests", "statue_rests"]].abs() <= 1).any(axis=None)
@@ -193,12 +198,84 @@ def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(
 
 
 @pytest.mark.slow
-def test_songs_of_their_own_are_danced_to_by_people_choreographer_and_generators(paper: generation.Trained):
-    table = judging.own_songs(PROFILE)
-    assert judging.song_means(table)["motion"].tolist() == ["recorded", "choreographer", "recommended", "paper"]
-    assert table[table["song"] != ""].groupby("system")["song"].nunique().nunique() == 1
+def test_a_recommended_training_corrects_one_sketch_of_each_test_unit_and_is_not_pretrained(paper: generation.Trained):
+    ours = trained(replace(PROFILE, epochs=(1, 8)), SYNTHETIC, VARIANTS["recommended"], 1)
+    assert ours.history["phase"].tolist() == ["adversarial"] * 2  # an epoch has four sketches of every unit
+    assert len(ours.split.train) == 4 * len(paper.split.train)
+    assert [unit.name for unit in ours.split.test.units] == [unit.name for unit in paper.split.test.units]
+    assert all(unit.sketch is not None for unit in ours.split.test.units)
+
+
+@pytest.fixture(scope="module")
+def own(cache: Path) -> whole_songs.OwnSongs:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole_songs, "QUICK_OWN", 2)
+        return whole_songs.own_songs(PROFILE)
+
+
+@pytest.mark.slow
+def test_songs_of_their_own_are_danced_to_by_people_choreographer_generators_and_search(own: whole_songs.OwnSongs):
+    table = whole_songs.own_dances(own)
+    rows = ["recorded", "sketch", *whole_songs.GENERATORS, "search"]
+    assert sorted(whole_songs.song_means(table)["motion"]) == sorted(rows)
+    songs = table[table["song"] != ""].groupby("system")["song"].nunique()
+    assert songs.drop("search").eq(2).all() and songs["search"] == 1
+    seeds = table[table["system"] == "sketch"]["seed"].unique().tolist()
+    assert seeds == [f"1/{draw}" for draw in range(1, PROFILE.draws + 1)]
     recorded = table[table["system"] == "recorded"].groupby("measure")["value"].min()
-    assert recorded["rests"] > 0.5 and recorded["likeness_spread"] > 5
+    assert recorded["rests"] > 0.5 > 0.0 > recorded["rests_late"] and recorded["likeness_spread"] > 5
+    moved = table[table["measure"] == "moved"].groupby("system")["value"].max()
+    assert moved["sketch"] == 0.0 < moved["recommended"] and moved["search"] <= 100 * whole_songs.REACH
+    assert "paper" not in moved
+
+
+@pytest.mark.slow
+def test_sketches_beside_the_beat_miss_it_by_as_much(own: whole_songs.OwnSongs):
+    table = whole_songs.hearing(own).set_index(["motion", "beats beside"])
+    body, late = (table[name]["sketch"] for name in ("body", "body, late"))
+    assert list(body.index) == list(whole_songs.BESIDE)
+    # Planted dancers rest on every beat: sketches half a beat beside it rest on what is half a beat late.
+    assert body[0.0] > 0.5 > 0.0 > body[0.5] and late[0.5] > 0.5 > 0.0 > late[0.0]
+
+
+def test_corrections_are_paired_with_their_sketch_by_song_and_draw_and_trainings_count_once():
+    values = {
+        ("sketch", "1/1"): (0.1, 0.2), ("sketch", "1/2"): (0.3, 0.2),
+        ("recommended", "1/1"): (0.5, np.nan), ("recommended", "2/1"): (0.7, np.nan),
+        ("recommended", "1/2"): (0.5, 0.1),
+        ("recommended, without", "1/1"): (0.6, 0.0), ("recommended, no discriminators", "1/1"): (0.6, 0.0),
+        ("search", "1/2"): (0.9, 0.0),
+    }  # fmt: skip
+    lines = [
+        (system, "song", seed, measure, value)
+        for (system, seed), pair in values.items()
+        for measure, value in zip(("rests", "pattern"), pair, strict=True)
+    ]
+    table = pd.DataFrame(lines, columns=["system", "song", "seed", "measure", "value"])
+    rows = whole_songs.song_differences(table).set_index(["over", "measure"])
+    # .6 - .1 and .5 - .3: their mean is .35, half their distance .15 times 12.7062 is half the interval
+    assert rows.loc[("sketch", "body"), ["dances", "change", "low", "high"]].tolist() == pytest.approx(
+        [2, 0.35, 0.35 - 0.15 * 12.7062, 0.35 + 0.15 * 12.7062], abs=1e-4
+    )
+    assert rows.loc[("sketch", "pattern"), ["dances", "change"]].tolist() == pytest.approx([1, -0.1])
+    assert rows.loc[("search", "body"), "change"] == pytest.approx(-0.4)
+    assert np.isnan(rows.loc[("recommended, without", "pattern"), "change"])
+
+
+def test_the_way_from_a_sketch_is_that_of_the_joints_seen_from_the_root(waltz: Recording):
+    sketch = motion_of(waltz)
+    raised = sketch.positions.copy()
+    root = sketch.skeleton.parents.index(-1)
+    joint = next(
+        place
+        for place in range(len(sketch.skeleton.joints))
+        if place != root and "hand" in sketch.skeleton.joints[place]
+    )
+    raised[:, joint, 1] += 0.05
+    expected = 5.0 / len(sketch.skeleton.joints)
+    assert whole_songs.moved_cm(replace(sketch, positions=raised), sketch) == pytest.approx(expected, rel=0.01)
+    elsewhere = replace(sketch, positions=sketch.positions + np.array([3.0, 0.0, -2.0]))
+    assert whole_songs.moved_cm(elsewhere, sketch) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_recordings_left_out_are_in_no_unit_of_the_split(paper: generation.Trained):
@@ -224,10 +301,10 @@ def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: gene
 
 def test_a_long_dance_begins_with_its_music_and_its_recorded_dancer(paper: generation.Trained):
     song = QUALITY.songs_of(PROFILE, SYNTHETIC, paper)[0]
-    motion = judging.generated_dance(HarmoGAN.load(paper.folder), song, 10.0)
+    motion = whole_songs.generated_dance(HarmoGAN.load(paper.folder), song, 10.0)
     assert motion.duration == pytest.approx(min(10.0, song.clip.motion.duration), abs=1 / motion.fps)
-    music = judging.as_dance("paper", 1, song, motion).music
-    first = judging.beats_of(song).span(song.clip.offset, motion.duration)
+    music = whole_songs.as_dance("paper", 1, song, motion).music
+    first = whole_songs.beats_of(song).span(song.clip.offset, motion.duration)
     assert len(music) > 0 and music.times[-1] <= motion.duration
     np.testing.assert_array_equal(music.times, first.times)
 
@@ -257,8 +334,8 @@ def test_a_dancer_who_rests_on_the_beat_has_harmony_in_the_body_and_a_statue_on_
     motion, music = motion_of(waltz), waltz.clip.beats
     assert music is not None
     dances = [dance_of(waltz, RECORDED, motion), dance_of(waltz, "statue", statue_on_turntable(motion, music))]
-    recorded, turned = judging.song_means(judging.song_table(dances, {})).to_dict("records")
-    assert recorded["body"] > 0.8 and all(np.isfinite(recorded[name]) for name in judging.GUARDED)
+    recorded, turned = whole_songs.song_means(whole_songs.song_table(dances, {})).to_dict("records")
+    assert recorded["body"] > 0.8 and all(np.isfinite(recorded[name]) for name in whole_songs.GUARDED)
     assert turned["statue"] == pytest.approx(turned["room"], abs=0.05)
     assert turned["room"] > 0.8
     assert np.isnan(turned["body"])  # no movement
@@ -268,11 +345,11 @@ def test_a_dancer_who_rests_on_the_beat_has_harmony_in_the_body_and_a_statue_on_
 def test_rows_of_songs_are_in_order_and_distances_are_of_all_together(waltz: Recording):
     motion = motion_of(waltz)
     torch.manual_seed(0)
-    distances = judging.distances_from([motion], PoseNet(motion.skeleton, fps=15.0))
+    distances = whole_songs.distances_from([motion], PoseNet(motion.skeleton, fps=15.0))
     pairs = ((RECORDED, motion), (RECORDED, motion), ("statue", statue(motion)))
-    table = judging.song_table([dance_of(waltz, name, each) for name, each in pairs], distances)
+    table = whole_songs.song_table([dance_of(waltz, name, each) for name, each in pairs], distances)
     assert (table[table["measure"].isin(distances)]["song"] == "").all()
-    means = judging.song_means(table)
+    means = whole_songs.song_means(table)
     assert means["motion"].tolist() == [RECORDED, "statue"]
     assert means["fid_kinetic"][1] > means["fid_kinetic"][0]
 
@@ -284,7 +361,9 @@ def test_seeds_of_one_system_are_one_row_of_the_means():
         for (system, seed), pair in values.items()
         for measure, value in zip(("likeness_spread", "likeness"), pair, strict=True)
     ]
-    means = judging.song_means(pd.DataFrame(lines, columns=["system", "seed", "measure", "value"])).set_index("motion")
+    means = whole_songs.song_means(pd.DataFrame(lines, columns=["system", "seed", "measure", "value"])).set_index(
+        "motion"
+    )
     assert means["spread"].to_dict() == {"recorded": 16.0, "gan": 10.0}
     assert means["guard"].to_dict() == {"recorded": "1 of 1", "gan": "1 of 3"}
 
@@ -292,8 +371,8 @@ def test_seeds_of_one_system_are_one_row_of_the_means():
 def test_the_four_songs_are_kept_where_they_are_else_the_first_of_each_dance(waltz: Recording):
     other = Recording(synthetic_clip("rumba", seconds=12.0, seed=4), None, Path("rumba_1"))
     corpus = {"waltz_1": waltz, "rumba_1": other, "waltz_2": waltz}
-    assert judging.own_names(corpus) == ("waltz_1", "rumba_1")
-    assert judging.own_names(corpus | dict.fromkeys(judging.OWN, waltz)) == judging.OWN
+    assert whole_songs.own_names(corpus) == ("waltz_1", "rumba_1")
+    assert whole_songs.own_names(corpus | dict.fromkeys(whole_songs.OWN, waltz)) == whole_songs.OWN
 
 
 # Tables of the ablation

@@ -262,19 +262,19 @@ def test_training_settings_are_those_of_section_5_2():
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
     assert paper.cross_domain_weight == 1
     assert (paper.discriminator_decay, paper.generator_decay) == (0.001, 0.0001)
-    assert paper.harmony == "paper"
 
 
 def test_the_paper_has_no_terms_of_ours():
     paper = TrainParams.paper()
     assert (paper.smoothness_weight, paper.energy_weight, paper.foot_weight) == (0, 0, 0)
-    assert (paper.path_weight, paper.spread_weight, paper.harmony_frame) == (0, 0, "room")
+    assert (paper.moved_weight, paper.sketches, paper.critic_share, paper.clip) == (0, 0, 1, None)
+    assert not ModelParams.paper().bounded
 
 
 def test_features_of_the_paper_are_mfcc_at_15_hertz():
     assert FeatureParams.paper() == FeatureParams(fps=15.0, n_mfcc=20, beat_channels=False)
-    # Onset strength, sine and cosine beside the MFCC.
-    assert (FeatureParams.paper().n_audio, FeatureParams.recommended().n_audio) == (20, 23)
+    # Onset strength, sine and cosine of beat and bar beside the MFCC.
+    assert (FeatureParams.paper().n_audio, FeatureParams.recommended().n_audio) == (20, 25)
 
 
 @pytest.mark.parametrize("settings", [TrainParams.paper(), TrainParams.recommended(), ModelParams.small()])
@@ -289,7 +289,7 @@ PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams
 
 @cases(
     "settings, name, value, rule",
-    *((SMALL, field.name, 0, "positive") for field in fields(ModelParams)),
+    *((SMALL, field.name, 0, "positive") for field in fields(ModelParams) if field.name != "bounded"),
     (PAPER, "batch_size", 0, "positive"),
     (PAPER, "pose_epochs", 0, "positive"),
     (PAPER, "shards", 0, "positive"),
@@ -304,8 +304,8 @@ PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams
     (PAPER, "harmony_weight", -0.5, "zero or more"),
     (PAPER, "discriminator_decay", float("nan"), "zero or more"),
     (PAPER, "seed", -1, "zero or more"),
-    (PAPER, "harmony", "hs", "paper or above_chance"),
-    (PAPER, "harmony_frame", "torso", "room or body"),
+    (PAPER, "sketches", -1, "zero or more"),
+    (PAPER, "critic_share", 0.0, "positive"),
     (FEATURES, "fps", 0.0, "positive"),
     (FEATURES, "fps", float("nan"), "positive"),
     (FEATURES, "n_mfcc", 0, "positive"),

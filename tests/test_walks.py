@@ -92,20 +92,25 @@ def test_a_score_walks_at_most_eighty_five_passes(song: Path, bvh: Path):
     assert warm_passes(lambda: succeed("score", song, bvh)) <= 85
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_dance_with_its_video_walks_at_most_a_hundred_and_seventy_five_passes(song: Path, tmp_path: Path):
-    out = tmp_path / "dance.mp4"
-    words = ("dance", song, "--system", "harmogan", "--seconds", 3, "-q", "--out", out)
-    assert warm_passes(lambda: succeed(*words)) <= 175
-    assert out.is_file()
+def most(recordings: int) -> int:
+    """Passes of a dance made of so many recordings."""
+    return 175 + 25 * recordings
 
 
 @pytest.mark.slow
 def test_a_dance_made_of_recordings_walks_twenty_five_more_for_each_of_them(song: Path, tmp_path: Path):
     recordings = len(shipped_bank("salsa").takes)
     steps = warm_passes(lambda: succeed("dance", song, "--seconds", 3, "-q", "--out", tmp_path / "dance.npz"))
-    assert steps <= 175 + 25 * recordings
+    assert steps <= most(recordings)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_corrected_dance_with_its_video_walks_seventy_five_more(song: Path, tmp_path: Path):
+    out, recordings = tmp_path / "dance.mp4", len(shipped_bank("salsa").takes)
+    words = ("dance", song, "--system", "harmogan", "--seconds", 3, "-q", "--out", out)
+    assert warm_passes(lambda: succeed(*words)) <= most(recordings) + 75
+    assert out.is_file()
 
 
 class Calls(list[dict[str, Any]]):

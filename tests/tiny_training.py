@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from harmolab import Skeleton
+from harmolab.params import BarPattern
 from harmolab.systems import FeatureParams, ModelParams, TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -31,8 +32,8 @@ DANCER = Skeleton(("hips", "left_hip", "right_hip", "left_toe", "right_toe"), (-
 MODEL = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_epochs": 1, "batch_size": 4}
 PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
-# 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4. A dance that goes on from itself makes rounding grow, past 1e-4
-# within these few epochs, and path and spread compare whole shards: so the recommended settings have two everywhere.
+# 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4.
+PATTERNS = (BarPattern.stop_on_the_beat(),)
 CASES = {
     "paper": PAPER,
     "paper_shards": replace(PAPER, shards=2),
@@ -50,7 +51,7 @@ def dancing(phase: np.ndarray) -> np.ndarray:
     return np.stack(joints, axis=1)
 
 
-def tiny_unit(number: int, features: FeatureParams) -> DanceUnit:
+def tiny_unit(number: int, features: FeatureParams, *, sketched: bool = False) -> DanceUnit:
     """Eight beats of 3 or 4 frames; the dancer sways and steps once in two beats."""
     rng = np.random.default_rng(number)
     period = int(rng.integers(3, 5))
@@ -63,13 +64,14 @@ def tiny_unit(number: int, features: FeatureParams) -> DanceUnit:
         f"unit{number}", f"sequence{number}", "waltz", frozenset({f"figure{number % 3}"}),
         frozenset({f"figure{number % 3}"}), 0.0, audio.astype(np.float32), encode_motion(positions, FPS, DANCER),
         (time < 4 * period).astype(np.float32), np.arange(8) * period / FPS, rng.uniform(0.5, 1, 8), FPS,
+        sketch=encode_motion(dancing(phase + 1), FPS, DANCER) if sketched else None, bar=(number % 2 - 1, 0),
     )  # fmt: skip
 
 
-def tiny_split(*, beat_channels: bool = True, n_train: int = 13) -> Split:
+def tiny_split(*, beat_channels: bool = True, n_train: int = 13, sketched: bool = False) -> Split:
     """13 units to train on, three to validate, three to test; the same in every process."""
     features = FeatureParams(fps=FPS, n_mfcc=4, beat_channels=beat_channels)
-    units = [tiny_unit(number, features) for number in range(n_train + 6)]
+    units = [tiny_unit(number, features, sketched=sketched) for number in range(n_train + 6)]
     sides = (units[:n_train], units[n_train : n_train + 3], units[n_train + 3 :])
     lengths = bone_lengths(dancing(np.zeros(1)), DANCER)
     sets = [UnitSet(tuple(side), DANCER, lengths, features, "tiny") for side in sides]
@@ -106,7 +108,9 @@ def main(destination: Path, cases: list[str]) -> None:
     torch.set_num_threads(1)
     for case in cases:
         options = TrainOptions(destination / case, accelerator="cpu")
-        train_harmogan(tiny_split(), options, model=MODEL, params=CASES[case])
+        params = CASES[case]
+        split = tiny_split(sketched=params.sketches > 0)
+        train_harmogan(split, options, model=MODEL, params=params, patterns=PATTERNS)
 
 
 # Kill -9. Processes are forked, so that not every one of them has to import torch first.
@@ -118,7 +122,9 @@ def start(split: Split, folder: Path) -> int:
     """Number of a process that trains in `folder`, going on where an earlier one was killed."""
     if child := os.fork():
         return child
-    train_harmogan(split, TrainOptions(folder, resume=True, accelerator="cpu"), model=MODEL, params=LONGER)
+    train_harmogan(
+        split, TrainOptions(folder, resume=True, accelerator="cpu"), model=MODEL, params=LONGER, patterns=PATTERNS
+    )
     os._exit(0)
 
 
@@ -136,7 +142,7 @@ def killed(destination: Path, kills: int, seed: int) -> None:
     The first kill comes while the pose network learns, the others at random. Where each came is printed as JSON.
     """
     torch.set_num_threads(1)
-    split, rng = tiny_split(), random.Random(seed)
+    split, rng = tiny_split(sketched=True), random.Random(seed)
     begin = time.monotonic()
     ended(start(split, destination / "undisturbed"), wait=True)
     longest = (time.monotonic() - begin) / 3

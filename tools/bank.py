@@ -1,25 +1,27 @@
-"""The recorded banks that come with harmolab: `python -m tools.bank FOLDER STYLE OUT`.
+"""The banks that come with harmolab: `python -m tools.bank FOLDER STYLE OUT`.
 
-The folder has files such as cmu61_01_salsa.npz. Standing at the ends of a take, and parts that show no dance, are cut
-off; NOTICE beside the banks says what else was changed.
+The folder has files such as cmu61_01_salsa.npz; for the style "ballroom" it is that of Music2Dance's weights, which
+dream the takes. Standing at the ends of a take, and parts that show no dance, are cut off; NOTICE beside the banks says
+what else was changed.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import binary_opening
 
-from harmolab.body.kinematics import joint_speed, smooth
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.files import PathLike
+from harmolab.params import DANCES
 from harmolab.readers.motion import load_motion
 from harmolab.systems.choreographer.generate import Choreographer
-from harmolab.systems.choreographer.takes import Take, take_of
+from harmolab.systems.choreographer.takes import Take, dancing_span, take_of
+from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.types import Motion
 
 Hole = tuple[float, float]  # seconds, from and to
@@ -36,19 +38,23 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
     {"cmu61_09": ((41.2, 43.0),), "cmu61_14": ((7.5, 9.1),), "cmu61_13": ((33.9, 38.0),), "cmu94_04": ((12.7, 13.7),)}
 )
-STANDING = 0.5  # of a take's median speed: what is slower at its ends is standing
-SMOOTHING = 0.3  # seconds, standard deviation, of that speed
-KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
 SHORTEST = 2.0  # seconds of a part that is kept
+DREAMT = "ballroom"
+DREAMS, DREAM_SECONDS = 3, 30.0  # of each dance that the network knows, from slow to fast
+NO_RECORDING = "recorded dancers: these dances were dreamt by a network, the shipped Music2Dance, to synthetic songs"
 
 
 def write_bank(
-    takes: Mapping[str, Motion], out: PathLike, *, style: str = "", holes: Mapping[str, Sequence[Hole]] = HOLES
+    takes: Mapping[str, Motion],
+    out: PathLike,
+    *,
+    style: str = "",
+    holes: Mapping[str, Sequence[Hole]] = HOLES,
+    notes: Iterable[str] = (),
 ) -> Choreographer:
-    """A choreographer of recorded takes without beats, saved in a folder, with limits of likeness that are their own.
+    """A choreographer of takes without beats, saved in a folder, with limits of likeness that are their own.
 
-    Standing at the start and at the end of each take is cut off. The shipped banks are
-    ``write_bank(shipped_takes(folder, style), out, style=style)``.
+    Standing at the start and at the end of each take is cut off. The shipped banks are those of `main`.
 
     Parameters
     ----------
@@ -56,6 +62,7 @@ def write_bank(
     out : folder, made if need be
     style : name of what is danced
     holes : name -> parts (from, to), seconds, that are left out
+    notes : lines about what the bank does not hold
 
     Raises
     ------
@@ -63,7 +70,7 @@ def write_bank(
         If nothing is left, or skeletons differ.
     """
     parts = [part for name, motion in takes.items() for part in danced_parts(name, motion, holes.get(name, ()))]
-    choreographer = Choreographer([replace(part, dance=style) for part in parts])
+    choreographer = Choreographer([replace(part, dance=style) for part in parts], notes=notes)
     choreographer.save(out)
     return choreographer
 
@@ -71,6 +78,17 @@ def write_bank(
 def shipped_takes(folder: PathLike, style: str) -> dict[str, Motion]:
     """Name -> motion of the takes of a style, from a folder of files such as cmu61_01_salsa.npz."""
     return {name: load_motion(Path(folder) / f"{name}_{style}.npz") for name in TAKES[style]}
+
+
+def dreamt_takes(weights: PathLike) -> dict[str, Motion]:
+    """Name -> motion of dances of a Music2Dance to synthetic songs, `DREAMS` of each dance that it knows."""
+    system, takes = Music2Dance.load(weights), {}
+    for dance in system.dances:
+        tempos = np.linspace(*DANCES[dance].tempo, DREAMS + 2)[1:-1].tolist()
+        for number, tempo in enumerate(tempos, 1):
+            song = synthetic_clip(dance, seconds=DREAM_SECONDS, tempo=tempo, seed=number)
+            takes[f"dreamt {dance} {number}"] = system.generate(song.audio, song.beats, seed=number, dance=dance)
+    return takes
 
 
 def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[Take]:
@@ -87,13 +105,13 @@ def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[
     return [replace(take_of(motion.span(*span)), name=part) for part, span in zip(names, spans, strict=True)]
 
 
-def dancing_span(motion: Motion) -> tuple[float, float]:
-    """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
-    speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
-    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
-    moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
-    return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
+def main(folder: str, style: str, out: str) -> None:
+    """Write the bank of a style."""
+    if style == DREAMT:
+        write_bank(dreamt_takes(folder), out, style=style, notes=[NO_RECORDING])
+    else:
+        write_bank(shipped_takes(folder, style), out, style=style)
 
 
 if __name__ == "__main__":
-    write_bank(shipped_takes(sys.argv[1], sys.argv[2]), sys.argv[3], style=sys.argv[2])
+    main(*sys.argv[1:])

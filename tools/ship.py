@@ -2,124 +2,96 @@
 
 A run keeps recorded movements for its dances to start from. Recordings are not ours to publish, so those of a published
 network were danced by the network itself, to synthetic music, long after nothing of a recorded frame was in its reach.
-Of several runs of HarmoGAN that one is published whose dances look most like dancing; how well they keep time comes
-second.
+HarmoGAN corrects the dances of a bank that is shipped beside it: `python -m tools.ship --bank DATA RUN SEED` trains it.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from harmolab.beats.audio import music_beats
-from harmolab.body.kinematics import in_body
+from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.metrics.likeness import likeness
 from harmolab.musician.system import Audio2Body
-from harmolab.params import DANCES, HarmonyParams
+from harmolab.params import DANCES
+from harmolab.systems.choreographer.banks import shipped_bank
+from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.contract import maker_of
-from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.sketches import SKETCHES, sketched
+from harmolab.systems.harmogan.system import HarmoGAN
+from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.systems.music2dance.system import ATTRIBUTES, FOOT_MODEL, Music2Dance
-from harmolab.systems.training.about import DEFAULT_STEM, read_about
-from harmolab.systems.training.dancing import synthesize_dance
-from harmolab.systems.training.motion_code import encode_motion
-from harmolab.systems.training.pose_network import load_pose_net
-from harmolab.systems.training.runs import PoseBank, load_poses, retimed, save_poses
+from harmolab.systems.training.about import DEFAULT_STEM
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.motion_code import bone_lengths
+from harmolab.systems.training.runs import PoseBank, save_poses
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import UnitSet, cut_recording
 from harmolab.systems.training.weights import save_weights
-from harmolab.types import BeatTrack, Clip, Motion
-from harmolab.verdict.judge import score_motion
 
-SETTLED_SECONDS = 24.0  # of each dance of HarmoGAN that a movement is cut from
-SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters
 ENDING_SECONDS = 40.0  # of each dance of Music2Dance that a movement is cut from: its end
 PER_DANCE = 6
+BANK_SEED = 1_000_000
 
 
-def ship_harmogan(run: Path, out: Path, *, per_dance: int = 8, seed: int = 0) -> None:
-    """Write a run's generator and pose network to `out`, ready to be published.
+def train_on_bank(data: Path, out: Path, *, style: str = "salsa", seed: int = 1, **changes: Any) -> None:
+    """Train HarmoGAN to correct dances of a shipped bank to the songs of a corpus, whose own movement is not used.
 
     Parameters
     ----------
-    run : folder of `harmolab train`
-    out : folder; files in it are replaced
-    per_dance : int, movements of each dance in the bank
-    seed : int, of the dances that the bank is cut from
+    data : folder of recordings: their sound and beats are used
+    out : folder of the run
+    style : bank
+    seed : int
+    changes : other values for fields of `TrainParams`
+    """
+    bank, features = shipped_bank(style), FeatureParams.recommended()
+    params = replace(TrainParams.recommended(), seed=seed, **changes)
+    folders = find_recordings(data).folders
+    cut = [cut_recording(_danced_by(bank, load_recording(folder)), features, step=2).units for folder in folders]
+    lengths = np.average([bone_lengths(take.motion.positions, bank.skeleton) for take in bank.takes], axis=0)
+    sides = {"validation": cut[:1], "test": cut[1:2], "train": cut[2:]}
+    sets = {
+        side: UnitSet(tuple(unit for units in own for unit in units), bank.skeleton, lengths, features, data.name)
+        for side, own in sides.items()
+    }
+    split = Split(**sets, groups={side: [] for side in sides}, settings={"songs": "the first is for validation"})
+    of_songs = sketched(split, folders, params, bank=bank)
+    train_harmogan(of_songs.split, TrainOptions(out), model=ModelParams.small(), params=params, choreographer=bank)
+
+
+def _danced_by(bank: Choreographer, recording: Recording) -> Recording:
+    """A recording whose dancer is another: the bank's, with a seed that no sketch has."""
+    clip, track = recording.clip, recording_beats(recording, "annotated" if recording.annotation else "tracked")
+    seconds = None if clip.motion is None else clip.motion.duration
+    motion = bank.generate(clip.audio, track, start=clip.offset, seconds=seconds, seed=BANK_SEED)
+    return replace(recording, clip=replace(clip, motion=motion))
+
+
+def ship_harmogan(run: Path, out: Path) -> None:
+    """Write the generator of a run of `train_on_bank` to `out`, ready to be published: 16 bits, the name of its bank.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the run is not complete or damaged.
+        If the run is not complete or damaged, or corrects the dances of other movement.
     """
-    generator, net = load_generator(run / "model"), load_pose_net(run / "pose_net")
-    recorded = load_poses(run / "model", n_channels=generator.n_motion)
-    bank = settled_bank(generator, recorded, per_dance=per_dance, seed=seed)
+    system = HarmoGAN.load(run)
+    styles = [style for style in ("salsa", "indian") if _same_takes(system.sketches, shipped_bank(style))]
+    if not styles:
+        raise ValueError(f"{run}: its sketches are of recordings that are not ours to publish; see train_on_bank")
     out.mkdir(parents=True, exist_ok=True)
-    save_weights(out / "model", generator, read_about(run / "model")["meta"], half=True)
-    save_poses(out / "model", bank)
-    save_weights(out / "pose_net", net, read_about(run / "pose_net")["meta"], half=True)
+    save_weights(out / DEFAULT_STEM, system.generator, {**system.meta, SKETCHES: styles[0]}, half=True)
 
 
-def best_run(runs: Sequence[Path], clips: Sequence[Clip], *, seconds: float = 30.0, seed: int = 1) -> Path:
-    """The run whose dances to validation songs have the highest `standing`; the first of equals.
-
-    Parameters
-    ----------
-    runs : folders of `harmolab train`
-    clips : songs with their beats, on audio time, and the names of their dances; each is danced to from its offset on
-    seconds : float, length of each dance, at least 10
-    seed : int, of the dances
-    """
-    return max(runs, key=lambda run: standing(_dances(run, clips, seconds, seed)))
-
-
-def standing(dances: Sequence[tuple[Motion, BeatTrack, str]]) -> tuple[int, int, float]:
-    """Likeness and harmony of dances (motion, beats on its time line, name of the dance); compare as tuples.
-
-    Returns
-    -------
-    How many move like recorded dancers (`harmolab.metrics.likeness`); how many of all measures lie within the limits;
-    and their mean harmony above chance, of speed valleys in the body within 0.1 s
-    """
-    judged = [likeness(motion, dance=dance) for motion, _, dance in dances]
-    harmonies = [
-        score_motion(beats, in_body(motion), params=HarmonyParams.valleys(), n_rotations=0).harmony_above_chance
-        for motion, beats, _ in dances
-    ]
-    within = sum(len(each.values) - len(each.fails) for each in judged)
-    return sum(each.passed is True for each in judged), within, float(np.mean(harmonies))
-
-
-def _dances(run: Path, clips: Sequence[Clip], seconds: float, seed: int) -> list[tuple[Motion, BeatTrack, str]]:
-    """A run's dances to clips, as `standing` takes them."""
-    generator = load_generator(run / "model")
-    poses = load_poses(run / "model", n_channels=generator.n_motion)
-    dances = []
-    for clip in clips:
-        motion = synthesize_dance(
-            generator, clip.audio, beats=clip.beats, start=clip.offset, seconds=seconds, seed=seed, poses=poses,
-            dance=clip.dance or None,
-        )  # fmt: skip
-        dances.append((motion, music_beats(clip).span(clip.offset, motion.duration), clip.dance))
-    return dances
-
-
-def settled_bank(generator: Generator, bank: PoseBank, *, per_dance: int, seed: int) -> PoseBank:
-    """A bank like `bank`, of generated movements: each from the settled part of another dance to synthetic music."""
-    names = sorted({name for name in bank.dances if name in DANCES}) or sorted(DANCES)
-    frames = bank.poses.shape[1]
-    rng = np.random.default_rng(seed)
-    codes, dances = [], [name for name in names for _ in range(per_dance)]
-    for number, name in enumerate(dances):
-        clip = synthetic_clip(name, seconds=SETTLED_SECONDS, seed=int(rng.integers(2**31)))
-        seed = number % per_dance
-        motion = synthesize_dance(generator, clip.audio, beats=clip.beats, seed=seed, poses=bank, dance=name)
-        first = int(rng.integers(round(SETTLED * motion.fps), motion.n_frames - frames))
-        code = encode_motion(motion.positions, motion.fps, motion.skeleton)
-        codes.append(retimed(code[first : first + frames], frames))
-    return PoseBank(np.stack(codes), tuple(dances))
+def _same_takes(one: Choreographer | None, other: Choreographer) -> bool:
+    return one is not None and [take.name for take in one.takes] == [take.name for take in other.takes]
 
 
 def ship_music2dance(run: Path, out: Path, *, per_dance: int = PER_DANCE, seed: int = 0) -> None:
@@ -194,4 +166,7 @@ def ship(run: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
-    ship(Path(sys.argv[1]), Path(sys.argv[2]))
+    if sys.argv[1] == "--bank":
+        train_on_bank(Path(sys.argv[2]), Path(sys.argv[3]), seed=int(sys.argv[4]))
+    else:
+        ship(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.beats.audio import LATENESS, onset_envelope
 from harmolab.beats.tempo import STEADY
-from harmolab.types import SURE, BeatTrack, BoolArray, FloatArray
+from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray
 
 COURSE = 8  # beats over which the tempo of a moment is told
+MOMENTS, FEWEST = 4, 24  # of a beat at which onsets are heard; beats of music whose bar can be heard
 ONE_WAY = 0.9  # part of its whole range that a tempo has moved by, from start to end, where it goes one way
 
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
@@ -90,6 +92,29 @@ def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
         first, last = track.times[[0, -1]]
         raise ValueError(f'"one" at {seconds:g} s: no beat is near; the beats lie from {first:.1f} to {last:.1f} s')
     return replace(track, bar_places=(np.arange(len(track)) - nearest) % meter)
+
+
+def threes(audio: Audio, track: BeatTrack) -> float:
+    """Excess of what repeats every third beat in music over what repeats every fourth, -1.3 to 1.5; above 0: 3/4.
+
+    The correlation of the onset strength around four moments of each beat with that of 3 and 6 beats later, less that
+    with 4 and 8 beats later. 0 for music of less than 24 beats.
+    """
+    if len(track) < FEWEST:
+        return 0.0
+    envelope, rate = onset_envelope(audio)
+    borders = np.interp(np.arange(0, len(track) - 1 + 0.5 / MOMENTS, 1 / MOMENTS), np.arange(len(track)), track.times)
+    borders -= np.diff(borders).mean() / 2
+    # Sums, not samples: how high a sample is depends on where it lies in its onset.
+    sums = np.interp(borders, (np.arange(envelope.size) + 0.5 - LATENESS) / rate, np.cumsum(envelope))
+    onsets = np.diff(sums).reshape(-1, MOMENTS)
+    onsets -= onsets.mean(axis=0)
+
+    def repeated(lag: int) -> float:
+        products = (onsets[lag:] * onsets[:-lag]).sum()
+        return float(products / max(np.sqrt((onsets[lag:] ** 2).sum() * (onsets[:-lag] ** 2).sum()), 1e-12))
+
+    return (repeated(3) + repeated(6) - repeated(4) - repeated(8)) / 2
 
 
 def describe_beats(track: BeatTrack) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,7 +111,7 @@ UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
-    *("shares", "stretch", "warnings", "pieces"),
+    *("shares", "stretch", "warnings", "pieces", "form"),
 )
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
@@ -167,7 +167,9 @@ class DanceReport:
         remarks = () if judgement is None else judgement.remarks
         sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
-        sentences += () if self.choreography is None else self.choreography.warnings
+        if self.choreography is not None:
+            form = self.choreography.form
+            sentences += [*self.choreography.warnings, *([f"heard: {form}"] if form else [])]
         return tuple(map(sentence, sentences))
 
     @cached_property
@@ -267,8 +269,8 @@ def dance(
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
 
-    **Without any option** it dances salsa (practice, without the partner) and writes a page that plays it, a video
-    and a BVH file, named after the song, into the folder you are in.
+    **Without any option** it dances salsa (practice, without the partner), to music in 3/4 ballroom, and writes a page
+    that plays it, a video and a BVH file, named after the song, into the folder you are in.
 
     It says whether the dance moves like recorded dancers, how well its pieces fit together, and how it goes with the
     music, in the words and with the number of `harmolab score`.
@@ -308,8 +310,9 @@ def dance(
 
         sound, audio = _sound(song)
         with finding_beats():
-            dancer, dance = dancer.for_music(audio, dance)
-            track = song_beats(audio, dance=dance if dance in DANCES else "", one=one)
+            tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", one=one))
+            dancer, dance = dancer.for_music(audio, dance, tracks)
+            track = tracks(dance)
         params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:
@@ -317,7 +320,8 @@ def dance(
             music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
             score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
-            judged = likeness(motion, dance=dance, limits=dancer.limits)
+            held = None if choreography is None else choreography.held
+            judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
             return DanceReport(
                 number, motion, offset, music, score, judged, choreography, dancer.remarks,
                 knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,

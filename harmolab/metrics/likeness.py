@@ -24,7 +24,7 @@ Filler frames (`Motion.valid`) count nowhere. A measure that a body or a stretch
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -376,7 +376,9 @@ class Likeness:
         return f"; not asked: {', '.join(self.missing)}" if self.missing else ""
 
 
-def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None = None) -> Likeness:
+def likeness(
+    motion: Motion, *, dance: str = "", limits: LikenessLimits | None = None, held: BoolArray | None = None
+) -> Likeness:
     """The measures of a dance beside those of recorded dancers; nothing is raised where there is nothing to judge.
 
     Parameters
@@ -389,6 +391,8 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
     limits : LikenessLimits
         The shipped ones of four ballroom dances when left out. For other styles take those of recordings in that style,
         with the same joints: `LikenessLimits.of`.
+    held : (T,) bool array
+        Frames in which a pose is held on purpose, since the music is silent. They count as filler does: nowhere.
 
     Examples
     --------
@@ -397,6 +401,8 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
     >>> likeness(Motion(np.zeros((60, 1, 3)), 15.0, Skeleton.unnamed(1))).verdict
     'cannot be judged: no joints are named left and right hip, or shoulder'
     """
+    if held is not None:
+        motion = replace(motion, valid=motion.valid & ~held)
     if motion.positions.shape[2] != 3:
         return Likeness(cannot="cannot be judged: places in a picture do not show how far the body moves")
     if not side_pairs(motion.skeleton):

@@ -12,9 +12,7 @@ from .experiments.generation import trained as trained
 from .experiments.judging import ablation as ablation
 from .experiments.judging import generators_half_a_beat_late as generators_half_a_beat_late
 from .experiments.judging import late_rows as late_rows
-from .experiments.judging import own_songs as own_songs
 from .experiments.judging import seed_means as seed_means
-from .experiments.judging import song_means as song_means
 from .experiments.judging import studied_clips as studied_clips
 from .experiments.judging import trick_means as trick_means
 from .experiments.locked import locked_table as locked_table
@@ -46,6 +44,11 @@ from .experiments.study import study_recordings as study_recordings
 from .experiments.study import synthetic_corpus as synthetic_corpus
 from .experiments.study import waltz_example as waltz_example
 from .experiments.unheard_songs import unheard as unheard
+from .experiments.whole_songs import hearing as hearing
+from .experiments.whole_songs import own_dances as own_dances
+from .experiments.whole_songs import own_songs as own_songs
+from .experiments.whole_songs import song_differences as song_differences
+from .experiments.whole_songs import song_means as song_means
 from .figures.attributes import accuracy_figure as accuracy_figure
 from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import song_figure as song_figure

@@ -78,3 +78,5 @@ def _published(words: Words) -> str:
         return words(published_tables())
     except FileNotFoundError as missing:
         return f"No full run has been published yet ({Path(str(missing).partition(':')[0]).name} is missing)."
+    except KeyError as missing:
+        return f"The published full run is older than these words (it has no {missing})."

@@ -1,7 +1,8 @@
 """Which recorded beat is danced to which beat of the music: dynamic programming over all that there are."""
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -23,16 +24,34 @@ class MusicBeats:
     times : (M + 1,) array, seconds
     places : (M + 1,) array, place in the bar of each; empty when unknown
     meter : int, beats in a bar, 0 when unknown
+    held : (M + 1,) array, seconds before each for which the pose is held; none when left out
+    ranks : (M,) array in [0, 1], rank of speed in the body to aim at in each beat; empty: any will do
     """
 
     times: FloatArray
     places: IntArray
     meter: int
+    held: FloatArray = None  # type: ignore[assignment]  # filled in below
+    ranks: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if self.held is None:
+            object.__setattr__(self, "held", np.zeros(self.times.size))
+
+    @property
+    def lengths(self) -> FloatArray:
+        """(M,) seconds in which each beat is danced."""
+        return np.diff(self.times) - self.held[1:]
 
     @property
     def period(self) -> float:
         """The usual interval, seconds."""
-        return float(np.median(np.diff(self.times)))
+        return float(np.median(self.lengths))
+
+    def part(self, keep: BoolArray, held: FloatArray) -> Self:
+        """The beats of a mask (M + 1,), with the seconds `held` (M + 1,) before each beat."""
+        places = self.places[keep] if self.places.size else self.places
+        return replace(self, times=self.times[keep], places=places, held=held[keep])
 
 
 def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, period: float) -> MusicBeats:
@@ -66,11 +85,12 @@ def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, per
 def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, seed: int) -> Float32:
     """Cost of each of the N nodes at each of the M beats, (M, N), whatever is danced before it."""
     meter = music.meter or USUAL_METER
-    off = np.abs(np.log(np.diff(music.times))[:, None] - np.log(moves.lengths))
+    off = np.abs(np.log(music.lengths)[:, None] - np.log(moves.lengths))
     # Drawn by the seed and by the beats: another song of the same tempo gets another dance.
     luck = np.random.default_rng([seed, zlib.crc32(np.round(music.times, 3).tobytes())]).gumbel(size=len(moves))
     own = params.harmony * (1 - moves.shares) - NOISE_SHARE * params.noise * luck
-    return (params.tempo / meter * off + own).astype(np.float32)
+    effort = params.energy * np.square(music.ranks[:, None] - moves.ranks) if music.ranks.size else 0.0
+    return (params.tempo / meter * off + own + effort).astype(np.float32)
 
 
 def candidates(moves: Moves, music: MusicBeats) -> list[IntArray]:
@@ -95,8 +115,8 @@ def choose(
 ) -> IntArray:
     """The nodes (M,) to dance, one a beat, whose costs have the least sum: the best path to every node is kept.
 
-    Each path has its run, the beats since its last seam, and its memory of what it danced: per node
-    ``max(memory exp(-1 / 32), exp(-(S / 6 cm)^2))`` with the distance S of the beats.
+    Each path has its run, the beats since its last seam; the turns that it has turned; and its memory of what it
+    danced: per node ``max(memory exp(-1 / 400), exp(-(S / 6 cm)^2))`` with the distance S of the beats.
 
     Parameters
     ----------
@@ -107,24 +127,27 @@ def choose(
     variety = np.float32(params.variety / (music.meter or USUAL_METER))
     now = options[0]
     total = costs[0][now] + (0 if first is None else first[now].astype(np.float32))
-    memory, run = steps.likeness(now), np.ones(now.size, np.int64)
-    links: list[tuple[IntArray, IntArray]] = [(now, np.zeros(0, np.int64))]
+    turns = moves.turns.astype(np.float32)
+    turned = turns[now]
+    run, memory, best = np.ones(now.size, np.int64), np.zeros((1, len(moves)), np.float32), np.zeros(now.size, np.int64)
+    links: list[tuple[IntArray, IntArray]] = [(now, best)]
     for beat in progress(range(1, len(costs)), "choosing"):
         before, now = now, options[beat]
         kept = np.arange(before.size)
         if before.size > params.paths:
             kept = np.sort(np.argpartition(total, params.paths)[: params.paths])
-        step = memory[kept] if kept.size < before.size else memory
-        step = variety * _columns(step, now)
+        memory = memory[best[kept]]
+        memory *= np.float32(np.exp(-1 / params.forgetting))
+        np.maximum(memory, steps.likeness(before[kept]), out=memory)
+        step = variety * _columns(memory, now)
         step += _columns(steps.costs(before[kept], run[kept]), now)
         step += total[kept, None]
+        step += np.float32(params.winding) * np.abs(turned[kept, None] + turns[now])
         best = step.argmin(axis=0)
         parent = kept[best]
         total = step[best, np.arange(now.size)] + costs[beat][now]
+        turned = turned[parent] + turns[now]
         run = np.where(steps.go_on(before[parent], now), run[parent] + 1, 1)
-        memory = memory[parent]
-        memory *= np.float32(np.exp(-1 / params.forgetting))
-        np.maximum(memory, steps.likeness(now), out=memory)
         links.append((now, parent))
     return _traced(links, int(total.argmin()))
 
@@ -191,5 +214,5 @@ def _traced(links: list[tuple[IntArray, IntArray]], last: int) -> IntArray:
     path = []
     for nodes, parent in reversed(links):
         path.append(int(nodes[last]))
-        last = int(parent[last]) if parent.size else last
+        last = int(parent[last])
     return np.array(path[::-1])

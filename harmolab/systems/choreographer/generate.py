@@ -5,17 +5,19 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from harmolab.body.skeletons import Skeleton
+from harmolab.body.skeletons import Skeleton, side_pairs
 from harmolab.files import PathLike, Progress, cache_folder, silent
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer.form import Form, pace
 from harmolab.systems.choreographer.lay import Ending, Run, beat_numbers, danced, runs_of
 from harmolab.systems.choreographer.moves import ChoreographerParams, Course, Moves, moves_of, pattern_shares, pulse
 from harmolab.systems.choreographer.takes import (
@@ -24,6 +26,7 @@ from harmolab.systems.choreographer.takes import (
     Take,
     load_takes,
     meter_of,
+    mirrored,
     read_takes,
     same_skeleton,
     save_takes,
@@ -77,9 +80,12 @@ class Choreography:
     distinct_minutes : float, minutes of the corpus without beats that look like earlier ones
     longest_stretch : int, beats in a row that one recording also has
     seen_before : float in [0, 1], share of the beats that look like an earlier beat of this dance
+        What looks like the mirror image of an earlier beat is another movement, and does not count.
     shares : share of the beats that each recording gave, by its name, largest first
     stretch : float, mean |log| of the tempo changes: .03 is 3 %
     warnings : sentences that its maker should read
+    form : the quiet, loud and silent parts of the music, in words; "" where it has none
+    held : (T,) bool array, frames in which the pose is held, since the music is silent or the dance at its end
     """
 
     motion: Motion
@@ -93,6 +99,8 @@ class Choreography:
     shares: Mapping[str, float]
     stretch: float
     warnings: tuple[str, ...]
+    form: str
+    held: BoolArray
 
 
 def pieces_of(moves: Moves, runs: list[Run], music: MusicBeats, start: float) -> tuple[Piece, ...]:
@@ -182,8 +190,11 @@ def _bar_warning(moves: Moves, music: MusicBeats, is_own_pulse: bool) -> tuple[s
     return ()
 
 
+# Mirrored takes double the time that a choice takes. Of five minutes they make no seam smaller; of two they do.
+FEW_SECONDS, ENOUGH_SHARE = 180.0, 1.5  # of recordings, and of the length of a dance
 LEAST_FPS, MOST_FPS = 25.0, 120.0
-DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any
+STILL = 1e-9  # beats from one frame to the next
+DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any; usual for the latter
 
 
 class Choreographer(DanceSystem):
@@ -215,6 +226,7 @@ class Choreographer(DanceSystem):
         self._limits = limits
         self._moves: dict[tuple[Take, ...], Moves] = {}
         self._signals: dict[Take, ShapeSignal] = {}
+        self._mirrored = cache(mirrored)
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -347,7 +359,9 @@ class Choreographer(DanceSystem):
         period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
         end = start + (frames - 1) / self.fps
         music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
-        moves = self._moves_of(takes, music.period)
+        form = Form.of(request.audio)
+        music = form.danced_beats(music, end, period)
+        moves = self._moves_of(takes, music.period, frames / self.fps)
         lead = float(beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
         ending = None if initial is None else Ending(initial, lead, beat, moves, self.params)
@@ -372,8 +386,10 @@ class Choreographer(DanceSystem):
             longest_stretch=stretch,
             seen_before=repeated,
             shares=recording_shares(moves, path),
-            stretch=float(np.abs(np.log(np.diff(music.times) / moves.lengths[path])).mean()),
+            stretch=float(np.abs(np.log(music.lengths / moves.lengths[path])).mean()),
             warnings=(*notes, *about),
+            form=form.in_words(start, end, music.period),
+            held=np.diff(numbers, prepend=-1.0) < STILL,
         )
 
     def _of_dance(self, dance: str) -> tuple[tuple[Take, ...], list[str]]:
@@ -393,8 +409,12 @@ class Choreographer(DanceSystem):
             notes.append(f"{left} of {len(takes)} recordings are left out: beats are known of some only")
         return used, notes
 
-    def _moves_of(self, takes: tuple[Take, ...], period: float) -> Moves:
-        """The nodes of takes: cut at their beats, or at their own rests with the song's period."""
+    def _moves_of(self, takes: tuple[Take, ...], period: float, seconds: float = 0.0) -> Moves:
+        """The nodes of takes: cut at their beats, or at their own rests with the song's period.
+
+        Of the latter, which know no bar that begins with one foot, the mirrored takes may join: where the recordings
+        are few, or short beside the `seconds` of the dance.
+        """
         if takes[0].beats.size:
             if takes not in self._moves:
                 courses = [Course(take, take.beats) for take in takes]
@@ -404,9 +424,11 @@ class Choreographer(DanceSystem):
         for take in takes:
             if take not in self._signals:
                 self._signals[take] = shape_signal(shape_speed(take.motion))
-            beats = pulse(self._signals[take], period)
+            beats = pulse(self._signals[take], pace(period, DEFAULT_PERIOD))
             if beats.size > 1:
                 courses.append(Course(take, beats))
+        if sum(take.seconds for take in takes) < max(FEW_SECONDS, ENOUGH_SHARE * seconds) and side_pairs(self.skeleton):
+            courses += [Course(self._mirrored(course.take), course.beats) for course in courses]
         if not courses:
             raise ValueError(f"no recording is long enough for two beats of {period:.2f} s")
         return moves_of(courses, self.params)
@@ -414,7 +436,7 @@ class Choreographer(DanceSystem):
 
 # Corpora that were read before: the second dance from the same files does not read and measure them again.
 
-SIGNATURE = 1  # raise it when the same files give another choreographer than before
+SIGNATURE = 2  # raise it when the same files give another choreographer than before
 MOST_FILES = 50_000  # below a folder that holds more nothing is kept
 
 

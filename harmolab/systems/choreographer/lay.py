@@ -82,11 +82,12 @@ def _joined(moves: Moves, before: Run, run: Run, params: ChoreographerParams) ->
 
 
 def beat_numbers(music: MusicBeats, times: FloatArray) -> FloatArray:
-    """Beat number (T,) of times within the beats: smooth, and whole numbers exactly on the beats."""
-    numbers = np.arange(music.times.size, dtype=np.float64)
+    """Beat number (T,) of times within the beats: smooth, whole on the beats, and still where the pose is held."""
+    moments, first = np.unique(np.concatenate([music.times - music.held, music.times]), return_index=True)
+    numbers = np.tile(np.arange(music.times.size, dtype=np.float64), 2)[first]
     if numbers.size < 3:
-        return np.interp(times, music.times, numbers)
-    return np.asarray(PchipInterpolator(music.times, numbers)(times))
+        return np.interp(times, moments, numbers)
+    return np.asarray(PchipInterpolator(moments, numbers)(times))
 
 
 def faded(moves: Moves, runs: list[Run], numbers: FloatArray) -> FloatArray:

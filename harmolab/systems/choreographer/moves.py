@@ -18,14 +18,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.stats import rankdata
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
-from harmolab.body.skeletons import Skeleton, foot_joints
+from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading
+from harmolab.params import BarPattern
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray
-from harmolab.verdict.bar_pattern import beat_positions, beat_ranks, fit_pattern, harmonic_fits, pattern_sums
+from harmolab.verdict.bar_pattern import (
+    PatternSums,
+    beat_positions,
+    beat_ranks,
+    fit_pattern,
+    harmonic_fits,
+    pattern_sums,
+)
 
 # The numbers of the choreographer: what a seam, another tempo, a beat out of place and a repetition cost.
 
@@ -41,12 +50,15 @@ class ChoreographerParams:
     Parameters
     ----------
     seam : float, for any seam beside its size D
+    wide, wider : float, centimetres from which a seam may show, and what each further one costs beside itself
+    energy : float, for a beat whose rank of speed is the farthest from the one that is aimed at
     tempo : float
         For |log(interval of the music / interval of the recorded beat)|, divided by the beats in a bar.
     harmony : float, for a beat that fits the bar pattern of its dance worst
     variety : float, for a beat that looks like the one just danced, divided by the beats in a bar
     alike : float, centimetres; beats this far apart look alike by 1 / e
     forgetting : float, beats after which a repetition costs 1 / e
+    winding : float, in each beat, for each turn that the dancer has turned to one side more than to the other
     noise : float
         How much the seed has to say: each recorded beat costs .3 times this, times a Gumbel number, less.
     longest_run : int, beats that are taken from one recording in a row
@@ -61,12 +73,16 @@ class ChoreographerParams:
     """
 
     seam: float = 3.0
+    wide: float = 12.0
+    wider: float = 3.0
+    energy: float = 12.0
     tempo: float = 40.0
     harmony: float = 6.0
     variety: float = 30.0
     alike: float = 6.0
-    forgetting: float = 32.0
-    noise: float = 3.0
+    forgetting: float = 400.0
+    winding: float = 2.0
+    noise: float = 4.0
     longest_run: int = 8
     unplaced_run: int = 4
     twin: float = 1.5
@@ -174,6 +190,18 @@ class Course:
         times = np.clip(self.seconds(numbers), 0.0, self.take.seconds)
         return np.asarray(self._spline(times)).reshape(*np.shape(numbers), -1, 3)
 
+    def speeds(self) -> FloatArray:
+        """Speed of the body's shape in each beat (B - 1,), mean, metres a second."""
+        shape = shape_speed(self.take.motion)
+        way = np.interp(self.beats, shape.times, np.cumsum(shape.speed) / shape.fps)
+        return np.asarray(np.diff(way) / np.diff(self.beats))
+
+    def turns(self) -> FloatArray:
+        """Turn of the hips in each beat (B - 1,), in whole turns to the left; 0 where no joint is named a hip."""
+        motion = self.take.motion
+        angles = heading(motion.positions, motion.fps, motion.skeleton, parts=HIPS)
+        return np.asarray(np.diff(np.interp(self.beats, np.arange(angles.size) / motion.fps, angles))) / (2 * np.pi)
+
 
 class Clouds(NamedTuple):
     """N clouds of K points: places on the floor as x + i z, heights (metres), both times root weight; the N middles."""
@@ -266,6 +294,8 @@ class Moves:
     places, meters : (N,) arrays, place in the bar (-1 unknown) and beats in a bar (0 unknown)
     lengths : (N,) array, seconds
     shares : (N,) array in (0, 1), rank of the beat among all moments of its recording, by the pattern of its dance
+    ranks : (N,) array in (0, 1), rank of the speed of the body's shape among all nodes
+    turns : (N,) array, turns of the hips to the left
     edges : borders at which a seam reaches beyond a recording or into filler, bool
     seams, alike : Distances between borders, and between middles of beats
     weights : (J,) array, of the joints in a cloud
@@ -280,6 +310,8 @@ class Moves:
     meters: IntArray
     lengths: FloatArray
     shares: FloatArray
+    ranks: FloatArray
+    turns: FloatArray
     edges: BoolArray
     seams: Distances
     alike: Distances
@@ -299,7 +331,8 @@ class Moves:
         ends = self.start[nodes] + 1
         distance = self.seams.rows(ends)[:, self.start]
         at_edge = self.edges[ends][:, None] | self.edges[self.start]
-        return distance, distance + (np.float32(params.seam) + at_edge * np.float32(params.edge))
+        cost = distance + (np.float32(params.seam) + at_edge * np.float32(params.edge))
+        return distance, cost + np.float32(params.wider) * np.maximum(distance - np.float32(params.wide), 0)
 
 
 def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Sequence[FloatArray] = ()) -> Moves:
@@ -322,6 +355,8 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
         meters=np.array([one.take.meter for one in courses])[course],
         lengths=np.concatenate([np.diff(one.beats) for one in courses]),
         shares=np.concatenate([one[:-1] for one in shares]),
+        ranks=(rankdata(np.concatenate([one.speeds() for one in courses])) - 0.5) / beat.size,
+        turns=np.concatenate([one.turns() for one in courses]),
         edges=np.concatenate([_edges(one) for one in courses]),
         seams=Distances(_clouds(courses, borders, weights, params), params),
         alike=Distances(_clouds(courses, [one[:-1] + 0.5 for one in borders], weights, params), params),
@@ -350,22 +385,29 @@ def _edges(course: Course) -> BoolArray:
     return np.asarray(outside | (filler[frames[1] + 1] > filler[frames[0]]))
 
 
-def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
-    """Rank of each beat of each take among all its moments, by the bar pattern that takes of its dance share.
+def bar_patterns(
+    takes: Sequence[Take], signals: Sequence[ShapeSignal]
+) -> tuple[dict[tuple[str, int], BarPattern], list[tuple[str, int]]]:
+    """The bar pattern that takes of one dance and cycle share, by both; and the dance and cycle of each take.
 
-    The pattern is learnt on these takes, of the speed of the body's shape; (B,) arrays in (0, 1).
+    It is learnt on these takes, of the speed of the body's shape; those without beats or movement have no part in it.
     """
+    keys = [(take.dance, cycle_of_meter(take.meter or None)) for take in takes]
+    sums: dict[tuple[str, int], list[PatternSums]] = {}
+    for take, signal, key in zip(takes, signals, keys, strict=True):
+        if take.beats.size > 1 and signal.values.any():
+            positions = beat_positions(signal.times, take.track)
+            sums.setdefault(key, []).append(pattern_sums(positions, signal.values, key[1]))
+    return {key: fit_pattern(own) for key, own in sums.items()}, keys
+
+
+def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
+    """Rank of each beat of each take among all its moments, by the bar pattern of its dance; (B,) arrays in (0, 1)."""
     signals = [shape_signal(shape_speed(take.motion)) for take in takes]
-    groups: dict[tuple[str, int], list[int]] = {}
-    for number, take in enumerate(takes):
-        groups.setdefault((take.dance, cycle_of_meter(take.meter or None)), []).append(number)
-    shares = [np.full(take.beats.size, UNKNOWN_SHARE) for take in takes]
-    for (_, cycle), numbers in groups.items():
-        moving = [n for n in numbers if signals[n].values.any() and takes[n].beats.size > 1]
-        if not moving:
-            continue
-        positions = {n: beat_positions(signals[n].times, takes[n].track) for n in moving}
-        pattern = fit_pattern(pattern_sums(positions[n], signals[n].values, cycle) for n in moving)
-        for n in moving:
-            shares[n] = beat_ranks(signals[n].times, signals[n].values, takes[n].track, pattern)
-    return shares
+    patterns, keys = bar_patterns(takes, signals)
+    return [
+        beat_ranks(signal.times, signal.values, take.track, patterns[key])
+        if take.beats.size > 1 and signal.values.any()
+        else np.full(take.beats.size, UNKNOWN_SHARE)
+        for take, signal, key in zip(takes, signals, keys, strict=True)
+    ]

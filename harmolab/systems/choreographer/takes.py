@@ -29,8 +29,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
 
-from harmolab.body.skeletons import Skeleton, tree_order
+from harmolab.body.kinematics import joint_speed, smooth
+from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tree_order
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
 from harmolab.files import PathLike, Progress, atomic_write, reading, silent
@@ -51,6 +53,11 @@ from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
 FARTHEST = 32.0  # metres from the middle of a recording
+STANDING = 0.5  # of a take's median speed: what is slower at its ends is standing
+SMOOTHING = 0.3  # seconds, standard deviation, of that speed
+KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
+JUMP, FASTEST = 0.5, 10.0  # metres, and metres a second, that no joint moves from a first frame to the next
+LITTLE = 0.02  # octaves by which a song may be outside of the usual tempo of its dance
 SUFFIXES = (".npz", ".bvh", ".npy", ".pkl", ".json")
 _NO_TIMES, _NO_PLACES = np.zeros(0), np.zeros(0, dtype=np.int64)
 
@@ -128,6 +135,15 @@ def _take(
     return replace(take, beats=track.times[inside] - offset, places=places, meter=bar)
 
 
+def mirrored(take: Take) -> Take:
+    """The take as a mirror shows it: left and right change places, and so do joints that have a side in their name."""
+    joints, other = named_joints(take.motion.skeleton), {"left": "right", "right": "left"}
+    keys = sides_and_parts(take.motion.skeleton)
+    twins = [joints.get((other.get(side, side), part), joint) for joint, (side, part) in enumerate(keys)]
+    positions = take.motion.positions[:, twins] * np.array([-1.0, 1.0, 1.0])
+    return replace(take, name=f"{take.name}, mirrored", motion=replace(take.motion, positions=positions))
+
+
 def meter_of(track: BeatTrack, dance: str = "") -> int:
     """Beats in a bar of a track: as many places as occur, or those of the dance where no bar is whole; 0: unknown."""
     places = track.bar_places
@@ -148,6 +164,30 @@ def _kept(name: str, motion: Motion) -> Motion:
     if np.abs(steps).max() * MILLIMETRE > FARTHEST:
         raise ValueError(f"{name}: reaches over {FARTHEST:g} m from its middle; are these metres?")
     return replace(motion, positions=steps * MILLIMETRE)
+
+
+def nearest_dance(takes: Sequence[Take], tempo: float, meter: int) -> str:
+    """The dance of takes that is nearest to music: of its `meter`, usual at its tempo, and then recorded nearest to it.
+
+    A tempo, its half and its double count as one, since trackers take one for the other. Of takes without beats the
+    usual tempo of the dance (`DANCES`) counts; "" where no dance has a tempo.
+    """
+    near: dict[str, tuple[bool, bool, float]] = {}
+    for take in takes:
+        usual = DANCES.get(take.dance)
+        own = (60 / float(np.median(np.diff(take.beats))),) * 2 if take.beats.size else usual.tempo if usual else ()
+        if take.dance and own:
+            bar = take.meter or (usual.meter if usual else 0)
+            is_strange = usual is not None and _octaves_off(tempo, usual.tempo) > LITTLE
+            cost = (bar != meter, is_strange, _octaves_off(tempo, own))
+            near[take.dance] = min(cost, near.get(take.dance, cost))
+    return min(near, key=lambda dance: near[dance], default="")
+
+
+def _octaves_off(tempo: float, bounds: Sequence[float]) -> float:
+    """Distance of a tempo, its half or its double from a range, in octaves: the least of the three."""
+    tempi = tempo * np.array([0.5, 1.0, 2.0])
+    return float(np.abs(np.log2(np.clip(tempi, bounds[0], bounds[1]) / tempi)).min())
 
 
 def same_skeleton(takes: Sequence[Take]) -> Skeleton:
@@ -208,9 +248,32 @@ def _paths(root: Path) -> list[Path]:
     return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
+def dancing_span(motion: Motion) -> tuple[float, float]:
+    """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
+    speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
+    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
+    moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
+    return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
+
+
+def _trimmed(motion: Motion) -> tuple[Motion, float]:
+    """A motion without standing at its ends, and without a pose before them that it jumps from; and where it begins.
+
+    Files often open with the pose in which a skeleton was defined. What hardly moves at all is left whole.
+    """
+    step = np.linalg.norm(motion.positions[1] - motion.positions[0], axis=-1).max()
+    jumps = motion.n_frames > 3 and step >= max(JUMP, FASTEST / motion.fps)
+    first = 1 / motion.fps if jumps else 0.0
+    rest = motion.span(first, motion.duration)
+    start, end = dancing_span(rest)
+    if end - start < KEPT_UP:
+        return rest, first
+    return rest.span(start, end - start), first + start
+
+
 def _read(path: Path, root: Path, scale: float | None) -> Take:
     """The take in a recording's folder or in a motion file."""
-    motion = load_any_motion(path, scale=scale)
+    motion, start = _trimmed(load_any_motion(path, scale=scale))
     if path.is_file():
         name = path.stem if path == root else path.relative_to(root).with_suffix("").as_posix()
         return _take(name, motion)
@@ -218,7 +281,7 @@ def _read(path: Path, root: Path, scale: float | None) -> Take:
     if files.beats is not None:
         annotation = load_annotation(files.beats)
         track, meter = annotation.track() if annotation.times.size > 1 else None, annotation.meter
-    return _take(path.name, motion, files.dance, track, recorded_offset(path) or 0.0, meter)
+    return _take(path.name, motion, files.dance, track, (recorded_offset(path) or 0.0) + start, meter)
 
 
 # A corpus of takes on disk: names, tempi and sizes in ``model.json``, movement and beats in ``model.npz`` beside

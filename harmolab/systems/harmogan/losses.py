@@ -1,31 +1,25 @@
 """Loss terms of the generator and its discriminators (paper Sec. 4.3, Eq. 24-32), one function each.
 
-Every function returns one number, a mean over the clips of the batch. Padded frames never count. Terms that the paper
-does not have: `harmolab.systems.harmogan.losses`.
-
-Loss terms that the paper does not have: they keep movement like recorded movement while harmony pulls at it.
-
-Jerk, energy and sliding feet are means over the clips of the batch. Path and spread compare the whole batch with the
-recorded one: what a dance looks like is not in any clip alone. Every function returns one number; what is not counted
-never matters.
+Every function returns one number, a mean over the clips of the batch. Padded frames never count. The terms of a
+generator that corrects a movement (`sketch_terms`), which the paper does not have, keep it near that movement, and as
+natural as that, while harmony pulls at it.
 """
 
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn.functional import relu, softplus
 
-from harmolab.body.skeletons import Skeleton, foot_joints, named_joints
-from harmolab.params import HarmonyParams
+from harmolab.body.skeletons import Skeleton, foot_joints
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.soft_score import SoftHarmony, soft_harmony
 from harmolab.systems.harmogan.networks import Generator, GeneratorOutput, Networks
 from harmolab.systems.harmogan.params import TrainParams
-from harmolab.systems.training.layers import PATH_CHANNELS, local_joints
-from harmolab.systems.training.loop import Tensors
+from harmolab.systems.training.layers import drawn_by, local_joints
+from harmolab.systems.training.loop import Shard, Tensors
 
 SPREAD = 0.1  # metres, standard deviation of the place of a joint in a 2-D pose
 FLOOR = 0.03  # metres above its lowest place in a clip, within which a foot is on the floor
@@ -179,14 +173,11 @@ def check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
         raise ValueError(f"mask must be {tuple(motion.shape[:2])}, one entry per frame; got {tuple(mask.shape)}")
 
 
-# Loss terms that the paper does not have: they keep movement like recorded movement while harmony pulls at it.
+# Loss terms that the paper does not have: they keep a movement natural while harmony pulls at it.
 
 RESTING = 1e-3  # metres per frame: less movement than this counts as this much
 STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much
-STANDING = 0.05  # metres per second and radians per second: a path slower than this counts as this fast
-PLACE = 0.01  # metres, and metres per second: less spread or speed of a joint than this counts as this much
-STRIDE = 0.1  # metres of difference between the ankles that cost 1
-CROSSING_COST = 10.0  # times the mean by which ankles cross
+MOVED = 0.04  # metres from the sketch that cost 1
 
 
 def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) -> Tensor:
@@ -237,10 +228,8 @@ def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tenso
     return torch.sqrt(clip_means(square, real) + 1e-12)
 
 
-def foot_loss(
-    positions: Tensor, target: Tensor, mask: Tensor, *, feet: Sequence[int], fps: float, same_dance: bool = True
-) -> Tensor:
-    """Excess of the speed at which feet slide over that of the recorded ones.
+def foot_loss(positions: Tensor, target: Tensor, mask: Tensor, *, feet: Sequence[int], fps: float) -> Tensor:
+    """Excess of the speed at which feet slide over that of the sketch's, while the sketch's foot is on the floor.
 
     A foot is on the floor from one frame to the next when it is within `FLOOR` of its lowest place in the clip in
     both.
@@ -251,10 +240,6 @@ def foot_loss(
     mask : (N, T) tensor, 1 at real frames
     feet : indices of the joints of the feet
     fps : float, hertz
-    same_dance : bool
-        True if the motion should equal the target: then a foot has to stand where the recorded one is on the floor,
-        and may slide as that one does. If False, it has to stand where it is on the floor itself, and may slide as the
-        recorded ones do on average.
 
     Returns
     -------
@@ -265,11 +250,7 @@ def foot_loss(
         raise ValueError("foot_loss needs the indices of the feet, got none")
     joints = torch.as_tensor(list(feet), device=positions.device)
     ours, theirs = positions.index_select(2, joints), target.index_select(2, joints)
-    contact, allowed = _contact(theirs, mask), _sliding(theirs, fps)
-    if not same_dance:
-        allowed = clip_means(allowed, contact)[:, None, None]
-        contact = _contact(ours, mask)
-    return clip_means(relu(_sliding(ours, fps) - allowed), contact).mean()
+    return clip_means(relu(_sliding(ours, fps) - _sliding(theirs, fps)), _contact(theirs, mask)).mean()
 
 
 @torch.no_grad()
@@ -287,84 +268,11 @@ def _sliding(feet: Tensor, fps: float) -> Tensor:
     return torch.linalg.vector_norm(step[..., (0, 2)], dim=-1) * fps
 
 
-def path_loss(path: Tensor, target: Tensor, counted: Tensor) -> Tensor:
-    """More turning or travelling than the recorded batch has: ``relu(log ratio of root mean squares)``.
-
-    Once for the rates of all frames, and once for their means over each clip, which tell who circles from who sways; so
-    a loss of speed or of shape cannot be lowered by turning the whole body.
-
-    Parameters
-    ----------
-    path, target : (N, T, 3) tensors
-        Velocity to the side and forward (m/s) and yaw rate (rad/s), generated and recorded.
-    counted : (N, T) tensor, 1 at frames that count
-
-    Returns
-    -------
-    Sum over both, and over side, forward and yaw; 0 for no more than recorded.
-    """
-    check_shapes(path, target, counted)
-    clips = [_clip_places(each, counted)[:, None] for each in (path, target)]
-    levels = ((path, target, counted), (*clips, counted.amax(dim=1, keepdim=True)))
-    squares = [[_mean(each.square(), weights) for each in (ours, theirs)] for ours, theirs, weights in levels]
-    excess = [relu(_log_ratio(ours, theirs, STANDING**2) / 2).sum() for ours, theirs in squares]
-    return excess[0] + excess[1]
-
-
-def spread_loss(
-    joints: Tensor, target: Tensor, counted: Tensor, *, fps: float, ankles: tuple[int, int] | None = None
-) -> Tensor:
-    """Difference of the variety of poses from that of the recorded batch, and of where the joints are on average.
-
-    A generator that was told to be close to the recorded pose, and to move on the beat, takes one pose and stays there.
-    This term is the sum of ``|log ratio|`` of each joint's variance in time, of its variance from clip to clip, and
-    twice that of its mean speed; of the squared difference of each coordinate's mean in its recorded standard
-    deviations; and of `ankle_loss`.
-
-    Parameters
-    ----------
-    joints, target : (N, T, J, 3) tensors, metres, in the dancer's heading; generated and recorded
-    counted : (N, T) tensor, 1 at frames that count
-    fps : float, hertz
-    ankles : the joints of the left and the right ankle; None leaves `ankle_loss` out
-
-    Returns
-    -------
-    Sum of the parts, each a mean over joints or coordinates; 0 for the recorded batch itself.
-    """
-    check_shapes(joints, target, counted)
-    ours, theirs = (_spreads(each, counted, fps) for each in (joints, target))
-    ratios = [_log_ratio(*pair).abs().mean() for pair in zip(ours, theirs, (PLACE**2, PLACE**2, PLACE), strict=True)]
-    shift = _mean(joints, counted) - _mean(target, counted)
-    variance = _mean((target - _mean(target, counted)).square(), counted)
-    place = (shift.square() / (variance + PLACE**2)).mean()
-    stance = ankle_loss(joints, target, counted, ankles) if ankles else 0.0
-    return ratios[0] + ratios[1] + 2 * ratios[2] + place + stance
-
-
-def ankle_loss(joints: Tensor, target: Tensor, counted: Tensor, ankles: tuple[int, int]) -> Tensor:
-    """Difference from recorded in the ankles' distance, in its variety, and in which of them is on which side.
-
-    ``(|difference of mean distances| + |difference of mean sides| + 10 relu(difference of mean crossings)) / 0.1 m``
-    and ``|log ratio|`` of the distance's standard deviation. The side is that of the left ankle as seen from the right
-    one, positive to the dancer's left; ankles cross where it is negative.
-
-    Parameters
-    ----------
-    joints, target : (N, T, J, 3) tensors, metres, in the dancer's heading; generated and recorded
-    counted : (N, T) tensor, 1 at frames that count
-    ankles : the joints of the left and the right ankle
-    """
-    apart = [each[..., ankles[0], :] - each[..., ankles[1], :] for each in (joints, target)]
-    side = [each[..., 0] for each in apart]
-    distance = [torch.linalg.vector_norm(each[..., (0, 2)], dim=-1) for each in apart]
-    means = [_mean(each, counted) for each in distance]
-    sides, crossings = ([_mean(part, counted) for part in each] for each in (side, [relu(-each) for each in side]))
-    metres = (
-        (means[0] - means[1]).abs() + (sides[0] - sides[1]).abs() + CROSSING_COST * relu(crossings[0] - crossings[1])
-    )
-    spreads = [_mean((each - mean).square(), counted) for each, mean in zip(distance, means, strict=True)]
-    return metres / STRIDE + _log_ratio(spreads[0], spreads[1], PLACE**2).abs() / 2
+def moved_loss(joints: Tensor, sketch: Tensor, mask: Tensor) -> Tensor:
+    """Squared way of the joints (N, T, J, 3) from those of a sketch, in 4 cm; mean over joints, frames and clips."""
+    check_shapes(joints, sketch, mask)
+    way = (joints - sketch).square().sum(dim=-1).mean(dim=-1) / MOVED**2
+    return clip_means(way, mask.to(way.dtype)).mean()
 
 
 def spread_and_turning(code: Tensor, counted: Tensor) -> tuple[Tensor, Tensor]:
@@ -379,15 +287,6 @@ def spread_and_turning(code: Tensor, counted: Tensor) -> tuple[Tensor, Tensor]:
     return spread, _clip_places(code[..., -1], counted).abs().mean()
 
 
-def _spreads(joints: Tensor, counted: Tensor, fps: float) -> tuple[Tensor, Tensor, Tensor]:
-    """A joint's variance in time, a mean over clips; that of its mean place from clip to clip; its speed: (J,) each."""
-    places = _clip_places(joints, counted)
-    in_time = _mean((joints - places[:, None]).square().sum(dim=-1), counted)
-    between = (places - places.mean(dim=0)).square().sum(dim=-1).mean(dim=0)
-    speed = torch.linalg.vector_norm(joints.diff(dim=1), dim=-1) * fps
-    return in_time, between, _mean(speed, counted[:, 1:] * counted[:, :-1])
-
-
 def _clip_places(values: Tensor, counted: Tensor) -> Tensor:
     """(N, ...) means over the frames of each clip that count, of (N, T, ...) values."""
     weights = counted.to(values.dtype) / counted.sum(dim=1, keepdim=True).clamp(min=1)
@@ -399,45 +298,11 @@ def _mean(values: Tensor, counted: Tensor) -> Tensor:
     return torch.einsum("nt,nt...->...", counted.to(values.dtype), values) / counted.sum().clamp(min=1)
 
 
-def _log_ratio(ours: Tensor, theirs: Tensor, least: float) -> Tensor:
-    """log((ours + least) / (theirs + least)): finite, with a finite gradient, also where nothing moves."""
-    return torch.log((ours + least) / (theirs + least))
-
-
 # Loss terms of one batch by name: of pretraining, of the discriminators and of the generator (Eq. 24-32).
 
 TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
-
-
-class Danced(NamedTuple):
-    """A generator's output for a batch, and its rollout to other music from the end of an earlier dance.
-
-    Parameters
-    ----------
-    own : GeneratorOutput, to the batch's own music from recorded movement
-    later : the units of the rollout, and its motion code (N, T, C); None without rollout
-    """
-
-    own: GeneratorOutput
-    later: tuple[Tensors, Tensor] | None = None
-
-
-def danced(generator: Generator, batch: Tensors, others: Tensors | None = None, last: Danced | None = None) -> Danced:
-    """The generator's dance to a batch, and a rollout: to the music of `others`, from the end of the `last` rollout.
-
-    So batch by batch a dance grows as long as that of a song. Without `last` it begins where the batch's recorded
-    movement ends. `others` has as many units as the batch, `last` may have had more.
-    """
-    if others is None:
-        return Danced(generator(batch.audio, batch.initial))
-    before, mask = batch.motion, batch.mask
-    if last is not None and last.later is not None:
-        before, mask = last.later[1][: len(others)].detach(), last.later[0].mask[: len(others)]
-    later = others.continued_from(before, mask)
-    # In one call: a recurrent layer takes its time for each frame, whether ten units take the step or twenty.
-    output = generator(torch.cat([batch.audio, later.audio]), torch.cat([batch.initial, later.initial]))
-    own, after = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in output), strict=True))
-    return Danced(own, (later, after.motion))
+SHAPE = 2.0  # weight of the place test in the harmony loss, where valleys have 1
+NOISE = 0.1  # standard deviations, through which discriminators see movement where both are clean
 
 
 def score_batch(
@@ -451,16 +316,42 @@ def score_batch(
     )  # fmt: skip
 
 
+def sketch_harmony(
+    generator: Generator,
+    motion: Tensor,
+    batch: Tensors,
+    params: TrainParams,
+    tau: float,
+    patterns: Sequence[BarPattern],
+) -> Tensor:
+    """Loss of harmony in the body, over whole units: by the bar pattern of those that have one, else by valleys.
+
+    Of a pattern it is `SHAPE` times the soft place test's; of valleys, `above_chance_loss`. A mean over the clips.
+    """
+    joints, parts = body_joints(generator, motion), []
+    for number in batch.bars[:, 0].unique().tolist():
+        rows = (batch.bars[:, 0] == number).nonzero().flatten()
+        own = Tensors(**{name: values[rows] for name, values in vars(batch).items()})
+        pattern = patterns[int(number)] if number >= 0 else None
+        settings = HarmonyParams.valleys() if pattern is None else HarmonyParams.recommended(pattern)
+        places = own.bars[:, 1].long()
+        score = soft_harmony(
+            joints[rows], own.beats, own.strengths, own.beat_mask, own.mask, fps=generator.fps, tau=tau,
+            params=settings, bar_places=places if pattern is not None and bool((places >= 0).all()) else None,
+        )  # fmt: skip
+        if pattern is None:
+            loss = above_chance_loss(score, count_weight=params.count_weight)
+        else:
+            loss = -SHAPE * score.above_chance.mean()
+        parts.append(loss * (len(rows) / len(joints)))
+    return torch.stack(parts).sum()
+
+
 def body_joints(generator: Generator, motion: Tensor) -> Tensor:
     """Joints from the root in the dancer's heading, (N, T, J, 3) metres, of coded motion: no travel, turns or jumps."""
     joints, parents = local_joints(motion), generator.skeleton.parents
     root = parents.index(-1) if -1 in parents else 0
     return joints - joints[:, :, root : root + 1]
-
-
-def seen_joints(generator: Generator, motion: Tensor, params: TrainParams) -> Tensor:
-    """Joints (N, T, J, 3) of coded motion where harmony and energy see them: in the room or in the body."""
-    return generator.positions(motion) if params.harmony_frame == "room" else body_joints(generator, motion)
 
 
 def meter_mask(batch: Tensors) -> Tensor:
@@ -481,100 +372,109 @@ def motion_error(generator: Generator, motion: Tensor, batch: Tensors, epsilon: 
     return charbonnier_mse(scale(motion), scale(batch.motion), batch.index, batch.mask, epsilon=epsilon)
 
 
-def discriminator_terms(networks: Networks, dances: Danced, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+def discriminator_terms(
+    networks: Networks, output: GeneratorOutput, shard: Shard, params: TrainParams
+) -> dict[str, Tensor]:
     """The losses (Eq. 29-30) of the discriminators that have a weight, on recorded and on generated coded motion.
 
-    The spatial-temporal one judges movement alone, so half of its loss is of the rollout, if there is one.
+    Of generators that correct sketches both see through noise: else the tremor of recorded joints gives them away at
+    once. There the cross-domain one is shown wrong pairs as well, recorded motion with the music half a beat late and
+    with that of another unit; without them it is deaf.
     """
-    motion = dances.own.motion.detach()
-    recorded = networks.spatial_temporal(batch.motion, batch.mask)
-    terms = {"critic_st": discriminator_loss(recorded, networks.spatial_temporal(motion, batch.mask))}
+    batch, sketched = shard.own, params.sketches > 0
+    recorded, danced = batch.motion, output.motion.detach()
+    if sketched:
+        recorded, danced = (
+            noisy(networks.generator, each, shard.seed + k) for k, each in enumerate((recorded, danced))
+        )
+    real, fake = (networks.spatial_temporal(each, batch.mask) for each in (recorded, danced))
+    terms = {"critic_st": discriminator_loss(real, fake)}
     if params.cross_domain_weight:
-        real = networks.cross_domain(batch.audio, batch.motion, batch.mask)
-        terms["critic_cd"] = discriminator_loss(real, networks.cross_domain(batch.audio, motion, batch.mask))
-    if dances.later is not None:
-        later, after = dances.later
-        more = discriminator_loss(recorded, networks.spatial_temporal(after.detach(), later.mask))
-        terms["critic_st"] = (terms["critic_st"] + more) / 2
+        real, fake = (networks.cross_domain(batch.audio, each, batch.mask) for each in (recorded, danced))
+        terms["critic_cd"] = discriminator_loss(real, fake)
+        if sketched:
+            others, both = shard.others.audio[: len(recorded)], batch.mask * shard.others.mask[: len(recorded)]
+            wrong = [networks.cross_domain(half_a_beat_late(batch), recorded, batch.mask)]
+            wrong.append(networks.cross_domain(others, recorded[: len(others)], both))
+            terms["critic_cd"] = terms["critic_cd"] + softplus(torch.cat(wrong)).mean()
     return terms
 
 
+def noisy(generator: Generator, motion: Tensor, seed: int) -> Tensor:
+    """Motion codes through noise of a tenth of a standard deviation of each channel, drawn by a seed."""
+    with drawn_by(seed, motion.device):
+        return motion + NOISE * generator.motion_scale.std * torch.randn_like(motion)
+
+
+def half_a_beat_late(batch: Tensors) -> Tensor:
+    """The music (N, T, F) of a batch half a beat later; what passes the end of a clip comes in at its start."""
+    lengths, beats = batch.mask.sum(dim=1, keepdim=True), batch.beat_mask.sum(dim=1, keepdim=True).clamp(min=1)
+    frames = torch.arange(batch.mask.shape[1], device=batch.mask.device)
+    late = ((frames - (lengths / beats / 2).round()) % lengths).long()
+    return batch.audio.gather(1, late[..., None].expand_as(batch.audio))
+
+
 def generator_terms(
-    networks: Networks, dances: Danced, batch: Tensors, params: TrainParams, tau: float
-) -> dict[str, Tensor]:
-    """Terms of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting.
-
-    With a rollout, half of each term that needs no recorded answer is of the rollout.
-    """
-    generator, motion = networks.generator, dances.own.motion
-    terms = pose_terms(generator, dances.own, batch, params)
-    if params.feature_weight:
-        maps = [networks.pose_net.features(each, batch.mask) for each in (batch.motion, motion)]
-        terms["feature"] = feature_loss(*maps, epsilon=params.epsilon)
-    free = _free_terms(networks, motion, batch, params, tau)
-    if dances.later is not None:
-        later, after = dances.later
-        more = _free_terms(networks, after, later, params, tau, same_dance=False)
-        free = {name: (value + more[name]) / 2 for name, value in free.items()}
-    return terms | free
-
-
-def _free_terms(
-    networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, *, same_dance: bool = True
-) -> dict[str, Tensor]:
-    """L_gan, L_harmo and natural terms of coded motion (N, T, C), which may be another dance than the recorded."""
-    terms: dict[str, Tensor] = {}
+    networks: Networks, output: GeneratorOutput, shard: Shard, params: TrainParams, tau: float,
+    patterns: Sequence[BarPattern] = (),
+) -> dict[str, Tensor]:  # fmt: skip
+    """Terms of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting."""
+    batch, motion = shard.own, output.motion
+    if params.sketches:
+        terms = sketch_terms(networks.generator, motion, batch, params, tau, patterns)
+        motion = noisy(networks.generator, motion, shard.seed + 1)
+    else:
+        terms = paper_terms(networks, output, batch, params, tau)
     if params.gan_weight:
         weight = params.cross_domain_weight
         together = networks.cross_domain(batch.audio, motion, batch.mask) if weight else None
         movement = networks.spatial_temporal(motion, batch.mask)
         terms["gan"] = generator_gan_loss(together, movement, cross_domain_weight=weight)
-    if params.harmony_weight:
-        paper = params.harmony == "paper"  # else the chance-corrected score
-        settings = HarmonyParams.paper() if paper else HarmonyParams.valleys()
-        joints = seen_joints(networks.generator, motion, params)
-        score = score_batch(networks.generator, joints, batch, tau, settings)
-        terms["harmony"] = (harmony_loss if paper else above_chance_loss)(score, count_weight=params.count_weight)
-    return terms | _natural_terms(networks.generator, motion, batch, params, same_dance=same_dance)
+    return terms
 
 
-def _natural_terms(
-    generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, *, same_dance: bool
+def paper_terms(
+    networks: Networks, output: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float
 ) -> dict[str, Tensor]:
-    """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
-    terms, fps = _variety_terms(generator, motion, batch, params), generator.fps
-    feet = _feet(generator.skeleton) if params.foot_weight else ()
-    if not params.smoothness_weight and not feet:
-        return terms
-    ours, theirs = (generator.positions(each) for each in (motion, batch.motion))
-    if params.smoothness_weight:
-        terms["smoothness"] = jerk_loss(ours, theirs, batch.mask, fps=fps)
-    if feet:
-        terms["foot"] = foot_loss(ours, theirs, batch.mask, feet=feet, fps=fps, same_dance=same_dance)
+    """L_kl, L_mse, L_feature and L_harmo, of joints in the room (Eq. 24-27)."""
+    generator, motion = networks.generator, output.motion
+    terms = pose_terms(generator, output, batch, params)
+    if params.feature_weight:
+        maps = [networks.pose_net.features(each, batch.mask) for each in (batch.motion, motion)]
+        terms["feature"] = feature_loss(*maps, epsilon=params.epsilon)
+    if params.harmony_weight:
+        score = score_batch(generator, generator.positions(motion), batch, tau, HarmonyParams.paper())
+        terms["harmony"] = harmony_loss(score, count_weight=params.count_weight)
     return terms
 
 
-def _variety_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
-    """Energy, path and spread against the recorded units of the batch."""
+def sketch_terms(
+    generator: Generator,
+    motion: Tensor,
+    batch: Tensors,
+    params: TrainParams,
+    tau: float,
+    patterns: Sequence[BarPattern],
+) -> dict[str, Tensor]:
+    """Harmony in the body, and what keeps a corrected movement near its sketch and as natural; all whose weight counts.
+
+    A skeleton whose feet have no names has no "foot".
+    """
+    fps, sketch, mask = generator.fps, batch.initial, batch.mask
     terms: dict[str, Tensor] = {}
-    target, counted = batch.motion, meter_mask(batch)
+    if params.harmony_weight:
+        terms["harmony"] = sketch_harmony(generator, motion, batch, params, tau, patterns)
+    bodies = (body_joints(generator, motion), body_joints(generator, sketch))
+    places = (generator.positions(motion), generator.positions(sketch))
+    if params.moved_weight:
+        terms["moved"] = moved_loss(local_joints(motion), local_joints(sketch), mask)
     if params.energy_weight:
-        ours, theirs = (seen_joints(generator, each, params) for each in (motion, target))
-        terms["energy"] = energy_loss(ours, theirs, batch.mask if params.harmony_frame == "room" else counted)
-    if params.path_weight:
-        terms["path"] = path_loss(motion[..., -PATH_CHANNELS:], target[..., -PATH_CHANNELS:], counted)
-    if params.spread_weight:
-        ours, theirs, ankles = local_joints(motion), local_joints(target), _ankles(generator.skeleton)
-        terms["spread"] = spread_loss(ours, theirs, counted, fps=generator.fps, ankles=ankles)
+        terms["energy"] = energy_loss(*bodies, mask)
+    if params.smoothness_weight:
+        terms["smoothness"] = jerk_loss(*places, mask, fps=fps)
+    if params.foot_weight and (feet := _feet(generator.skeleton)):
+        terms["foot"] = foot_loss(*places, mask, feet=feet, fps=fps)
     return terms
-
-
-@cache
-def _ankles(skeleton: Skeleton) -> tuple[int, int] | None:
-    """The left and the right ankle; None without joints of that name."""
-    joints = named_joints(skeleton)
-    left, right = (joints.get((side, "ankle")) for side in ("left", "right"))
-    return None if left is None or right is None else (left, right)
 
 
 def likeness_ratios(motion: Tensor, batch: Tensors) -> dict[str, float]:

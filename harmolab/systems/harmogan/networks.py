@@ -10,8 +10,10 @@ beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its met
 last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -19,7 +21,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from harmolab.body.skeletons import Skeleton
+from harmolab.body.skeletons import Skeleton, joint_part, subtree
 from harmolab.files import PathLike
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training import layers
@@ -71,6 +73,8 @@ class Generator(DancerNetwork):
     * Bones are set to their reference lengths at the end (`fix_bones`).
     * No noise: other initial poses give another dance.
 
+    Where initial poses are a movement (`ModelParams.bounded`), corrections keep within a few centimetres of it.
+
     Music and initial poses that are padded with their last frame give the same motion as without padding.
 
     Parameters
@@ -98,6 +102,10 @@ class Generator(DancerNetwork):
 
     def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
         """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
+        return self.corrected(initial, self.corrections(audio, initial))
+
+    def corrections(self, audio: Tensor, initial: Tensor) -> Tensor:
+        """The heads' numbers (N, T, C) for music and initial poses: three a joint, and three of the path."""
         music = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
         encoded, _ = self.encoder(nn.functional.leaky_relu(music, layers.SLOPE))  # (N, T, hidden)
         features = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
@@ -105,16 +113,18 @@ class Generator(DancerNetwork):
         joined = torch.cat([decoded, features], dim=-1)
         flat = self.flat_head(joined)  # corrections to x and y, (N, T, 2 J)
         depth = self.depth_head(torch.cat([joined, flat], dim=-1))
-        return self._assembled(initial, flat, depth, self.path_head(joined))
+        local = torch.cat([flat.unflatten(-1, (-1, 2)), depth[..., None]], dim=-1)
+        return torch.cat([local.flatten(-2), self.path_head(joined)], dim=-1)
 
-    def _assembled(self, initial: Tensor, flat: Tensor, depth: Tensor, path: Tensor) -> GeneratorOutput:
-        """The output: corrections in standard deviations added to the initial poses, bones set to their lengths."""
+    def corrected(self, initial: Tensor, corrections: Tensor) -> GeneratorOutput:
+        """Initial poses (N, T, C) with `corrections` (N, T, C), bones at their lengths; frame by frame, at any rate."""
         # Centimetres need more digits than the 8 bits of bfloat16.
         with torch.autocast(initial.device.type, enabled=False):
-            pieces = (flat.unflatten(-1, (-1, 2)), depth[..., None])
-            local = torch.cat([piece.to(initial.dtype) for piece in pieces], dim=-1)
-            correction = torch.cat([local.flatten(-2), path.to(initial.dtype)], dim=-1)
-            code = initial + correction * self.motion_scale.std
+            raw, path = corrections.to(initial.dtype), initial[..., -layers.PATH_CHANNELS :]
+            if self.params.bounded:
+                joints = moved_within_bounds(layers.local_joints(initial), raw, self.skeleton)
+                return GeneratorOutput(torch.cat([joints.flatten(-2), path], dim=-1), joints[..., :2])
+            code = initial + raw * self.motion_scale.std
             joints = layers.local_joints(code)
             fixed = layers.fix_bones(joints, self.skeleton.parents, self.bone_lengths)
             motion = torch.cat([fixed.flatten(-2), code[..., -layers.PATH_CHANNELS :]], dim=-1)
@@ -154,10 +164,67 @@ class Generator(DancerNetwork):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""
-        model = ModelParams(**{name: whole(name, value) for name, value in renamed(build["model"]).items()})
+        sizes = renamed(build["model"])
+        is_bounded = sizes.pop("bounded", False) is True
+        model = ModelParams(**{name: whole(name, value) for name, value in sizes.items()}, bounded=is_bounded)
         if model.layers > MOST_LAYERS:
             raise ValueError(f"describes {model.layers} recurrent layers, more than {MOST_LAYERS}")
         return cls(model, **cls.body_of(build, tensors))
+
+
+# Corrections of a movement: the largest that a joint, and the trunk as one piece, may be moved from it.
+REACH, LIFT, BEND = 0.04, 0.04, math.radians(8.0)  # metres, metres, radians
+GAIN = 10.0  # of the heads' numbers, which begin small
+ARMS = ("elbow", "forearm", "lowarm", "wrist", "hand")
+LEGS = ("knee", "leg", "shin", "ankle", "foot")
+
+
+def moved_within_bounds(joints: Tensor, corrections: Tensor, skeleton: Skeleton) -> Tensor:
+    """A movement with bounded corrections: the trunk turned and raised as one, arms and legs moved joint by joint.
+
+    The trunk, with the arms on it, turns by 8 degrees and rises by 4 cm at most, limb joints move by 4 cm at most; a
+    correction r is ``r / sqrt(1 + |r|^2)`` of that. Every bone keeps the length that it has in the movement.
+
+    Parameters
+    ----------
+    joints : (N, T, J, 3) tensor, metres, in the dancer's heading
+    corrections : (N, T, 3 J + 3) tensor: of each joint, the root's being the rise, and a vector of rotation
+    skeleton : Skeleton; joints that are called none of an arm or a leg are trunk
+
+    Returns
+    -------
+    (N, T, J, 3) tensor
+    """
+    root = skeleton.parents.index(-1)
+    arms, legs = (joints.new_tensor(_below(skeleton, parts))[:, None] for parts in (ARMS, LEGS))
+    raw = GAIN * corrections
+    moves, bend = layers.local_joints(raw), _squashed(raw[..., -layers.PATH_CHANNELS :]) * BEND
+    rise = _squashed(moves[..., root, :])[..., None, 1:2] * LIFT * joints.new_tensor([0.0, 1.0, 0.0])
+    pivot = joints[..., root : root + 1, :]
+    trunk = pivot + _rotated(joints - pivot, bend[..., None, :]) + rise
+    carried = torch.where(legs > 0, joints, trunk) + (arms + legs) * REACH * _squashed(moves)
+    return layers.fix_bones(carried, skeleton.parents, layers.bones(joints, skeleton.parents).norm(dim=-1))
+
+
+@cache
+def _below(skeleton: Skeleton, parts: tuple[str, ...]) -> list[float]:
+    """1 for each joint that is called one of some parts of a limb, or hangs on one; else 0."""
+    limb = {joint for joint, name in enumerate(skeleton.joints) if joint_part(name) in parts}
+    below = {below for joint in limb for below in subtree(skeleton.parents, joint)}
+    return [float(joint in below) for joint in range(len(skeleton.joints))]
+
+
+def _squashed(vectors: Tensor) -> Tensor:
+    """Vectors (..., 3) shortened to less than 1, in their direction."""
+    return vectors * torch.rsqrt(1 + vectors.square().sum(dim=-1, keepdim=True))
+
+
+def _rotated(vectors: Tensor, turn: Tensor) -> Tensor:
+    """Vectors (..., 3) rotated about `turn` (..., 3) by its length, radians (Rodrigues)."""
+    angle = torch.sqrt(turn.square().sum(dim=-1, keepdim=True) + 1e-12)
+    axis = (turn / angle).expand_as(vectors)
+    across = torch.linalg.cross(axis, vectors, dim=-1)
+    return vectors + angle.sin() * across + (1 - angle.cos()) * torch.linalg.cross(axis, across, dim=-1)
 
 
 def load_generator(path: PathLike) -> Generator:
@@ -251,7 +318,9 @@ class Networks:
         """The trained networks by name."""
         return {name: getattr(self, name) for name in ("generator", "cross_domain", "spatial_temporal")}
 
-    def discriminators(self, params: TrainParams) -> list[nn.Parameter]:
-        """Parameters of the discriminators that the generator's loss has a part for."""
+    def discriminators(self, params: TrainParams) -> list[dict[str, Any]]:
+        """Parameters of the discriminators that the generator's loss has a part for, and the share of their rate."""
         parameters = [*self.spatial_temporal.parameters()]
-        return [*self.cross_domain.parameters(), *parameters] if params.cross_domain_weight else parameters
+        if params.cross_domain_weight:
+            parameters = [*self.cross_domain.parameters(), *parameters]
+        return [{"params": parameters, "share": params.critic_share}]

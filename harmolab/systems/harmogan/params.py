@@ -2,9 +2,8 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal
 
-from harmolab.systems.training.features import check_choice, check_numbers
+from harmolab.systems.training.features import check_numbers
 
 
 @dataclass(frozen=True)
@@ -21,15 +20,18 @@ class ModelParams:
         Channels of the initial poses' features that are concatenated with the encoded audio, and of the heads.
     discriminator : int
         Channels of the discriminators' first layer.
+    bounded : bool
+        Whether the generator corrects V_f within bounds, as a movement needs it; else freely, as the paper's.
     """
 
     hidden: int
     layers: int
     pose_features: int
     discriminator: int
+    bounded: bool = False
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=[field.name for field in fields(self)])
+        check_numbers(self, positive=("hidden", "layers", "pose_features", "discriminator"))
 
     @classmethod
     def paper(cls) -> "ModelParams":
@@ -70,23 +72,17 @@ class TrainParams:
         Weight of the cross-domain discriminator inside L_gan (Eq. 31). It learns from recorded pairs of music and
         movement: where the recorded dancers do not rest on the beat, it teaches the generator not to, against the
         harmony loss. 0 leaves the judgement of movement to the spatial-temporal discriminator.
-    smoothness_weight, foot_weight, energy_weight : float
-        Terms the paper does not have: jerk above the recorded motion's, feet that slide, and more or less movement than
-        recorded; 0 in paper mode.
-    path_weight, spread_weight : float
-        More turning or travelling than the recorded batch; less (or more) variety of poses, and other places of the
-        joints. See `harmolab.systems.harmogan.losses`; 0 in paper mode.
-    harmony : "paper" or "above_chance"
-        -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
-    harmony_frame : "room" or "body"
-        Where harmony and energy see movement: joints in the room, as the paper does, which a body that turns as one
-        piece satisfies with the least effort; or joints from the root in the dancer's heading.
+    smoothness_weight, foot_weight, energy_weight, moved_weight : float
+        Terms the paper does not have: more jerk than the sketch, feet that slide more, more or less movement, and the
+        squared way from the sketch; 0 in paper mode (`harmolab.systems.harmogan.losses`).
+    sketches : int
+        Dances of each song that the generator learns to correct (`harmolab.systems.harmogan.sketches`); 0: V_f is that
+        of Eq. 23.
+    shifted : float in [0, 1], share of the sketches that lie beside their music by up to half a beat
+    critic_share : float, learning rate of the discriminators in that of the generator
+    clip : float or None, largest norm of a gradient
     count_weight : float
         Weight of the count term inside the harmony loss.
-    rollout : bool
-        Rollout training (compare scheduled sampling): half of each term that needs no recorded answer (all but the pose
-        and feature losses) is taken of dances to other units' music that begin where the generator itself ended in the
-        batch before, as in a song. Without it a song of many meters drifts away.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)
@@ -118,12 +114,12 @@ class TrainParams:
     smoothness_weight: float = 0.0
     foot_weight: float = 0.0
     energy_weight: float = 0.0
-    path_weight: float = 0.0
-    spread_weight: float = 0.0
-    harmony: Literal["paper", "above_chance"] = "paper"
-    harmony_frame: Literal["room", "body"] = "room"
+    moved_weight: float = 0.0
+    sketches: int = 0
+    shifted: float = 0.7
+    critic_share: float = 1.0
+    clip: float | None = None
     count_weight: float = 1.0
-    rollout: bool = False
     tau_start: float = 0.5
     tau_end: float = 0.05
     epsilon: float = 1e-3
@@ -131,20 +127,19 @@ class TrainParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
+        rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "critic_share", "tau_start", "tau_end")
+
         weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
         check_numbers(
             self,
-            positive=(*rates, "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
-            not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed"),
+            positive=(*rates, "epsilon", "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
+            not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed", "sketches", "shifted"),
         )
         if self.patience is not None and self.patience < 1:
             raise ValueError(f"patience must be a positive number of epochs or None, got {self.patience}")
         for name in ("pretrain_drops", "adversarial_drops"):
             if not all(0 < factor < math.inf for factor in getattr(self, name)):
                 raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
-        check_choice("harmony", self.harmony, ("paper", "above_chance"))
-        check_choice("harmony_frame", self.harmony_frame, ("room", "body"))
 
     @classmethod
     def paper(cls) -> "TrainParams":
@@ -153,28 +148,24 @@ class TrainParams:
 
     @classmethod
     def recommended(cls) -> "TrainParams":
-        """Alignment of the body to the beat, at the variety of poses and with the path of recorded dancers.
-
-        The schedule is the short one of the trainings behind README's table. Its rate is ten times the paper's: at that
-        one harmony in the body hardly rises in as many epochs.
-        """
+        """Corrections of a movement: harmony of the body with the music, near the sketch and as natural as that."""
         return cls(
-            pretrain_epochs=16,
-            adversarial_epochs=16,
+            pretrain_epochs=0,
+            adversarial_epochs=9,
+            batch_size=24,
             adversarial_rate=1e-3,
-            mse_weight=2e-3,
-            feature_weight=1e-2,
-            harmony_weight=0.5,
+            adversarial_drops=(1.0,),
+            kl_weight=0.0,
+            mse_weight=0.0,
+            feature_weight=0.0,
+            harmony_weight=1.0,
             gan_weight=0.1,
-            cross_domain_weight=0.0,
-            smoothness_weight=0.5,
+            smoothness_weight=1.0,
             foot_weight=1.0,
             energy_weight=0.5,
-            path_weight=1.0,
-            spread_weight=0.5,
-            harmony="above_chance",
-            harmony_frame="body",
-            count_weight=3.0,
-            rollout=True,
-            adversarial_drops=(1.0,),
+            moved_weight=0.3,
+            sketches=4,
+            critic_share=0.2,
+            clip=1.0,
+            tau_end=0.1,
         )

@@ -7,10 +7,12 @@ pose_net.safetensors/.json  the network behind the feature loss and the Frechet 
 history.csv, events.*       losses and validation, epoch by epoch (a table; TensorBoard)
 state.safetensors           everything needed to go on after a kill
 pretrained.safetensors/...  the generator before its adversarial epochs
+sketches/                   the movement whose dances it corrects, if it does
 model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes it
 ==========================  ==================================================================
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle, islice
 from math import prod
@@ -20,11 +22,13 @@ from typing import Any
 import torch
 
 from harmolab.files import PathLike, plain
-from harmolab.params import HarmonyParams
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.soft_score import anneal
+from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan.networks import Generator, Networks, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.sketches import SKETCHES
 from harmolab.systems.training.checkpoints import Report, TrainOptions, check_pretrained
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, make_fabric
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
@@ -38,25 +42,29 @@ HARD = 1e-8  # softness at which the relaxed score is the hard one
 
 
 def train_harmogan(
-    split: Split, options: TrainOptions, *, model: ModelParams, params: TrainParams, pretrained: PathLike | None = None
-) -> Generator:
+    split: Split, options: TrainOptions, *, model: ModelParams, params: TrainParams, pretrained: PathLike | None = None,
+    choreographer: Choreographer | None = None,
+    patterns: Sequence[BarPattern] = (),
+) -> Generator:  # fmt: skip
     """Train a generator and keep everything about it in the folder of `options`.
 
     Parameters
     ----------
-    split : Split of units by motion group
+    split : Split of units by motion group, with sketches where `params` has some
     options : TrainOptions; before the epochs of the history it reports those of the pose network: phase ("pose
         network"), epoch, train, validation
     model : sizes
     params : schedule and loss weights
     pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
+    choreographer : of the units' sketches, to be kept in the run
+    patterns : bar patterns that the units name by number
 
     Raises
     ------
     ValueError
         As `open_run`; if `pretrained` is a run on other data.
     """
-    before = None if pretrained is None else Path(pretrained)
+    before, model = None if pretrained is None else Path(pretrained), replace(model, bounded=params.sketches > 0)
     if before is not None:
         params = replace(params, pretrain_epochs=0)
     fabric, units = make_fabric(accelerator=options.accelerator), split.train
@@ -66,7 +74,10 @@ def train_harmogan(
         check_pretrained(before, settings, split)
     batching = Batching(params.batch_size, params.shards, params.seed)
     with open_run(fabric, options, split, settings, batching, len(units)) as run:
-        run.save_movements(lambda: pose_bank(units, seed=params.seed))
+        if choreographer is None:
+            run.save_movements(lambda: pose_bank(units, seed=params.seed))
+        elif fabric.is_global_zero:
+            choreographer.save(run.folder / SKETCHES)
         stem = run.train_once(POSE_NET, lambda: _pose_net(split, params, before, options.report), params.seed)
         pose_net = load_pose_net(stem).requires_grad_(False)
         train, validation = (Tensors.of(side, fabric.device) for side in (units, split.validation))
@@ -75,7 +86,7 @@ def train_harmogan(
             networks.generator.load_state_dict(load_generator(before / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
             fabric.to_device(part)
-        run.fit(phases(networks, validation, params, run.folder, run.settings), train)
+        run.fit(phases(networks, validation, params, run.folder, run.settings, patterns), train)
         run.save(networks.generator, {"settings": run.settings, "source": units.source, "units": len(units)})
     return networks.generator
 
@@ -91,8 +102,9 @@ def _pose_net(split: Split, params: TrainParams, pretrained: Path | None, report
 
 
 def phases(
-    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
-) -> list[Phase]:
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any],
+    patterns: Sequence[BarPattern] = (),
+) -> list[Phase]:  # fmt: skip
     """Pretraining of the generator alone, then discriminators and generator in turn.
 
     Parameters
@@ -102,8 +114,10 @@ def phases(
     params : schedule and loss weights
     folder : of the run; ``pretrained.safetensors`` and ``.json`` are kept in it
     settings : JSON-able; kept beside those weights
+    patterns : bar patterns that the units name by number
     """
-    return [_pretraining(networks, validation, params, folder, settings), _adversarial(networks, validation, params)]
+    first = _pretraining(networks, validation, params, folder, settings)
+    return [first, _adversarial(networks, validation, params, patterns)]
 
 
 def _pretraining(
@@ -133,22 +147,24 @@ def _pretraining(
     )
 
 
-def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
+def _adversarial(networks: Networks, validation: Tensors, params: TrainParams, patterns: Sequence[BarPattern]) -> Phase:
     """Discriminators and generator in turn on every batch (Eq. 28-32)."""
     generator = networks.generator
     discriminators = Player(
         "discriminators",
         networks.discriminators(params),
-        lambda output, shard, row: losses.discriminator_terms(networks, output, shard.own, params),
+        lambda output, shard, row: losses.discriminator_terms(networks, output, shard, params),
         {"critic_st": 1.0, "critic_cd": 1.0},
         params.discriminator_decay,
+        params.clip,
     )
     dancer = Player(
         "generator",
         [*generator.parameters()],
-        lambda output, shard, row: losses.generator_terms(networks, output, shard.own, params, row["tau"]),
+        lambda output, shard, row: losses.generator_terms(networks, output, shard, params, row["tau"], patterns),
         {name.removesuffix("_weight"): getattr(params, name) for name in vars(params) if name.endswith("_weight")},
         params.generator_decay,
+        params.clip,
     )
     return Phase(
         "adversarial",
@@ -156,7 +172,7 @@ def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -
         rate=lambda number: adversarial_rate(number, params),
         modules=networks.modules(),
         players=[discriminators, dancer] if params.gan_weight else [dancer],
-        forward=lambda shard, last: losses.danced(generator, shard.own, shard.others if params.rollout else None, last),
+        forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
         schedule=lambda number: {"tau": anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)},
         validate=lambda: validate(generator, validation, params),
     )

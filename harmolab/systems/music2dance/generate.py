@@ -15,7 +15,7 @@ from harmolab.systems.music2dance.feet import FootModel
 from harmolab.systems.music2dance.networks import CONTACTS, DanceNetwork
 from harmolab.systems.music2dance.sampler import Sampler, sampler
 from harmolab.systems.music2dance.sequences import LEAST_STD, cells_from, n_cells
-from harmolab.systems.training.feet import grounded
+from harmolab.systems.training.feet import on_floor, standing_dancer
 from harmolab.systems.training.layers import Normaliser
 from harmolab.types import FloatArray
 
@@ -93,7 +93,7 @@ def danced(
 
 
 def dance_positions(network: DanceNetwork, dance: Danced, feet: Feet, model: FootModel | None = None) -> FloatArray:
-    """Positions (T, J, 3) of a dance on the floor: its feet `planted_feet`, corrected by a foot model, or as they are.
+    """Positions (T, J, 3) of a dance on the floor: a `standing_dancer`, corrected by a foot model, or as they are.
 
     Raises
     ------
@@ -104,7 +104,10 @@ def dance_positions(network: DanceNetwork, dance: Danced, feet: Feet, model: Foo
     values = dance.code if feet != "model" or model is None else corrected(model, dance, fps)
     if not np.isfinite(values).all():
         raise ValueError(f"the {'foot model' if feet == 'model' else 'network'} gives no finite dance; train it anew")
-    return grounded(code.decode(values, fps), fps, code.skeleton, plant_feet=feet == "planted")
+    positions = code.decode(values, fps)
+    if feet == "planted":
+        return standing_dancer(positions, fps, code.skeleton, dance.contacts)
+    return on_floor(positions, fps)
 
 
 def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:

@@ -92,7 +92,7 @@ class Music2Dance(NetworkSystem):
         Parameters
         ----------
         feet : "planted", "model" or "none"
-            Feet that carry are kept from sliding by `planted_feet`, or by the foot model (Sec. 4.5), or not at all. The
+            Feet that carry stand (`standing_dancer`), or the foot model moves the legs (Sec. 4.5), or nothing does. The
             dancer is put on the floor in any case.
         temperature : share of the predicted spread that is drawn, 0 to 4; that of the training's settings when left out
         options : of `harmolab.systems.training.requests.DanceRequest`

@@ -222,6 +222,13 @@ class DancerNetwork(Normalised):
         if self.features is not None and (self.features.n_audio, self.features.fps) != (self.n_audio, self.fps):
             raise ValueError(f"features must have {self.n_audio} audio channels at {self.fps} Hz, got {self.features}")
 
+    @property
+    def audio_params(self) -> FeatureParams:
+        """The music features that it hears; ValueError for a network that does not say."""
+        if self.features is None:
+            raise ValueError("this network does not say which audio features it hears; build it with features=...")
+        return self.features
+
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
         return {

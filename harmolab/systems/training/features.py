@@ -44,6 +44,8 @@ class FeatureParams:
         MFCC coefficients of A_f.
     beat_channels : bool
         Beside the MFCC give onset strength, and sine and cosine of the position between two beats. The paper does not.
+    bar_channels : bool
+        Sine and cosine of the position in the bar as well, where the beats know their places in it.
     unit_beats : int
         Unified length of a training unit in beats: a meter of 4 to 6 beats and the beats before it that fill it up.
     """
@@ -51,6 +53,7 @@ class FeatureParams:
     fps: float = 15.0
     n_mfcc: int = 20
     beat_channels: bool = False
+    bar_channels: bool = False
     unit_beats: int = 8
 
     def __post_init__(self) -> None:
@@ -65,13 +68,13 @@ class FeatureParams:
 
     @classmethod
     def recommended(cls) -> "FeatureParams":
-        """The same, and where each frame lies between two beats."""
-        return cls(beat_channels=True)
+        """The same, and where each frame lies between two beats and in its bar."""
+        return cls(beat_channels=True, bar_channels=True)
 
     @property
     def n_audio(self) -> int:
         """Audio channels F of A_f."""
-        return self.n_mfcc + 3 * self.beat_channels
+        return self.n_mfcc + 3 * self.beat_channels + 2 * self.bar_channels
 
 
 SingleArray = NDArray[np.float32]
@@ -97,31 +100,54 @@ def audio_features(audio: Audio, beats: BeatTrack, times: FloatArray, params: Fe
     Returns
     -------
     (T, F) array, single precision: the MFCC, linearly interpolated; with `beat_channels` also onset strength (its
-    maximum is 1), and sine and cosine of 2 pi times the beat position (both 0 where the music has no two beats)
+    maximum is 1), and sine and cosine of 2 pi times the beat position (both 0 where the music has no two beats); with
+    `bar_channels` those of the position in the bar (both 0 where that is not known)
     """
     times = np.asarray(times, dtype=np.float64)
-    columns = _sampled(mfcc(audio, params.n_mfcc), RATE / HOP, times)
-    if not params.beat_channels:
-        return columns.astype(np.float32)
-    envelope, rate = onset_envelope(audio)
-    onsets = _sampled(envelope[:, None] / max(float(envelope.max(initial=0.0)), 1e-12), rate, times)
-    return np.concatenate([columns, onsets, beat_phase(beats, times)], axis=1).astype(np.float32)
+    columns = [_sampled(mfcc(audio, params.n_mfcc), RATE / HOP, times)]
+    if params.beat_channels:
+        envelope, rate = onset_envelope(audio)
+        columns.append(_sampled(envelope[:, None] / max(float(envelope.max(initial=0.0)), 1e-12), rate, times))
+        columns.append(beat_phase(beats, times))
+    if params.bar_channels:
+        columns.append(bar_phase(beats, times))
+    return np.concatenate(columns, axis=1).astype(np.float32)
 
 
 def beat_phase(beats: BeatTrack, times: FloatArray) -> FloatArray:
-    """Sine and cosine of 2 pi times the beat position at given moments, (T, 2) array.
+    """Sine and cosine of 2 pi times the beat position at given moments, (T, 2); both 0 without two beats."""
+    return circle(beat_numbers(beats, times))
 
-    The position is linear from beat to beat; before the first and after the last it goes on by the median interval.
-    Fewer than two beats make no position: both are 0 then.
-    """
+
+def beat_numbers(beats: BeatTrack, times: FloatArray) -> FloatArray:
+    """Beat position (T,) of moments: linear from beat to beat, on by the median interval; NaN without two beats."""
     if len(beats) < 2:
-        return np.zeros((len(times), 2))
+        return np.full(len(times), np.nan)
     numbers = np.arange(len(beats))
     period = float(np.median(np.diff(beats.times)))
     early, late = beats.times[0] - times, times - beats.times[-1]
     position = np.interp(times, beats.times, numbers)
-    position = position - np.maximum(early, 0.0) / period + np.maximum(late, 0.0) / period
-    return np.stack([np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)], axis=1)
+    return position - np.maximum(early, 0.0) / period + np.maximum(late, 0.0) / period
+
+
+def bar_phase(beats: BeatTrack, times: FloatArray) -> FloatArray:
+    """Sine and cosine of 2 pi times the position in the bar, (T, 2); 0 where no beat knows its place."""
+    places = beats.bar_places
+    if places is None or len(beats) < 2:
+        return np.zeros((len(times), 2))
+    numbers = beat_numbers(beats, times)
+    before = np.clip(np.floor(numbers), 0, len(beats) - 1).astype(np.int64)
+    return circle((places[before] + numbers - before) / (places.max() + 1))
+
+
+def circle(turns: FloatArray) -> FloatArray:
+    """Sine and cosine (T, 2) of so many turns (T,); 0 for NaN.
+
+    >>> circle(np.array([0.25, np.nan])).round(3)
+    array([[1., 0.],
+           [0., 0.]])
+    """
+    return np.nan_to_num(np.stack([np.sin(2 * np.pi * turns), np.cos(2 * np.pi * turns)], axis=1))
 
 
 def mfcc(audio: Audio, count: int) -> SingleArray:

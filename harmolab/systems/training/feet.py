@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter, minimum_filter1d
 
 from harmolab.body.kinematics import smooth
 from harmolab.body.rotations import TINY, two_bones
-from harmolab.body.skeletons import Skeleton, foot_joints, joint_part, subtree
+from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading, joint_part, subtree
 from harmolab.types import BoolArray, FloatArray
 
 FLOOR_WINDOW = 1.2  # seconds; a jump is shorter
@@ -28,6 +28,15 @@ HOLD_TIME, FREE_TIME = 2.0, 0.15  # seconds in which a foot that carries, or doe
 FARTHEST = 0.25  # metres that a foot is held back
 STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
 FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not show
+STANDING_SPEED = 0.25  # metres per second at which a foot hardly carries
+STANDING_HEIGHT = 0.1  # metres above the other foot, likewise
+TOLD = 4.0  # what a contact that is told counts beside these two
+CHANGE = 0.05  # seconds in which the load goes from one foot to the other
+ROLLING = 0.1  # metres per second: joints of a foot that are slower stand alike
+ROOT_SMOOTHING = 0.1  # seconds, of the body's way and height over the foot that carries
+STEP_HEIGHT = 0.05  # metres that a foot is lifted at least
+STEP_SPEED = 0.5  # metres per second at which, or above, it is lifted so high
+AHEAD = 0.2  # metres by which a knee is drawn to where the hips face: a nearly straight leg trembles to either side
 
 
 def on_floor(positions: FloatArray, fps: float) -> FloatArray:
@@ -68,9 +77,77 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     slide, _ = _slide(positions, fps, [joint for foot in feet for joint in foot])
     way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
     planted = positions - np.insert(np.concatenate([np.zeros((1, 2)), way]), 1, 0.0, axis=1)[:, None]
-    shifts = smooth(np.stack([_held_back(planted, fps, list(foot)) for foot in feet], axis=1), LEG_SMOOTHING, fps)
+    shifts = np.stack([_held_back(*_slide(planted, fps, list(foot)), fps) for foot in feet], axis=1)
+    return _with_legs(planted, legs, np.insert(smooth(shifts, LEG_SMOOTHING, fps), 1, 0.0, axis=2))
+
+
+def standing_dancer(positions: FloatArray, fps: float, skeleton: Skeleton, contacts: FloatArray) -> FloatArray:
+    """Positions (T, J, 3) of a dancer who glides and floats, put on the feet that carry; nothing is below y = 0.
+
+    Which foot carries is told by `contacts`, and by which is slower and lower; one always does. The body goes up and
+    down, and along, so that the foot that carries is on the floor and stays. The legs do the rest: such a foot is held
+    back as by `planted_feet`, one that steps leaves the floor, and one in the air goes its own way. No bone changes.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) array, metres, y up, at any height
+    fps : float, hertz
+    skeleton : Skeleton with F feet (`harmolab.body.skeletons.foot_joints`; ValueError where there is none)
+    contacts : (T, F) array, 1 where a foot stands, 0 where it does not; a network's, or `foot_contacts`
+    """
+    feet = [list(foot) for foot in foot_joints(skeleton)]
+    if len(positions) < 2:
+        return on_floor(positions, fps)
+    velocity, lowest = _foot_velocity(positions, fps, feet), _lowest(positions, feet)
+    load = _load(velocity, lowest, contacts, fps)
+    share = (load / load.sum(axis=1, keepdims=True))[..., None]
+    way = np.cumsum(smooth((share * velocity).sum(axis=1), ROOT_SMOOTHING, fps), axis=0) / fps
+    floor = smooth((share[..., 0] * lowest).sum(axis=1), ROOT_SMOOTHING, fps)
+    standing = positions - np.insert(way, 1, floor, axis=1)[:, None]
+    shifts = smooth(_steps(standing, fps, feet, load), LEG_SMOOTHING, fps)
+    angle = heading(positions, fps, skeleton, parts=HIPS)
+    ahead = AHEAD * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    standing = _with_legs(standing, [find_leg(skeleton, foot) for foot in feet], shifts, ahead)
+    return standing - min(standing[..., 1].min(), 0.0) * np.array([0.0, 1.0, 0.0])
+
+
+def _load(velocity: FloatArray, lowest: FloatArray, contacts: FloatArray, fps: float) -> FloatArray:
+    """Load (T, F) of each foot, 0 to 1; the one that carries most has 1, but while it changes."""
+    speed = smooth(np.linalg.norm(velocity, axis=2), LEG_SMOOTHING, fps)
+    above = lowest - lowest.min(axis=1, keepdims=True)
+    score = TOLD * contacts - (speed / STANDING_SPEED) ** 2 - (above / STANDING_HEIGHT) ** 2
+    return smooth(np.exp(score - score.max(axis=1, keepdims=True)), CHANGE, fps)
+
+
+def _steps(positions: FloatArray, fps: float, feet: Sequence[list[int]], load: FloatArray) -> FloatArray:
+    """Shift (T, F, 3) of each foot, not smooth: it stands as far as it carries, else it is as high as a step."""
+    velocity, lowest = _foot_velocity(positions, fps, feet), _lowest(positions, feet)
+    step = STEP_HEIGHT * np.minimum(np.linalg.norm(velocity, axis=2) / STEP_SPEED, 1.0)
+    up = (1 - load) * np.maximum(lowest, step) - lowest
+    slide = load[..., None] * velocity
+    held = [_held_back(slide[1:, foot], load[1:, foot], fps) for foot in range(len(feet))]
+    return np.insert(np.stack(held, axis=1), 1, up, axis=2)
+
+
+def _lowest(positions: FloatArray, feet: Sequence[list[int]]) -> FloatArray:
+    """Height (T, F) of the lowest joint of each foot."""
+    return np.stack([positions[:, foot, 1].min(axis=1) for foot in feet], axis=1)
+
+
+def _foot_velocity(positions: FloatArray, fps: float, feet: Sequence[list[int]]) -> FloatArray:
+    """Horizontal velocity (T, F, 2) of each foot: mostly that of its slowest joint, as it may turn on heel or toe."""
+    velocity = np.gradient(positions[..., [0, 2]], axis=0) * fps
+    weight = 1 / ((velocity**2).sum(axis=2, keepdims=True) + ROLLING**2)
+    sums = [[(part[:, foot]).sum(axis=1) for foot in feet] for part in (weight * velocity, weight)]
+    return np.stack(sums[0], axis=1) / np.stack(sums[1], axis=1)
+
+
+def _with_legs(
+    positions: FloatArray, legs: Sequence["Leg | None"], shifts: FloatArray, ahead: FloatArray | float = 0.0
+) -> FloatArray:
+    """`moved_feet` of those feet that have a whole leg; shifts (T, F, 3)."""
     whole = [number for number, leg in enumerate(legs) if leg is not None]
-    return moved_feet(planted, [leg for leg in legs if leg is not None], np.insert(shifts[:, whole], 1, 0.0, axis=2))
+    return moved_feet(positions, [leg for leg in legs if leg is not None], shifts[:, whole], ahead)
 
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -84,13 +161,12 @@ def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatA
     return (weight[..., None] * velocity).sum(axis=1) / total[:, None], weight.sum(axis=1) / total
 
 
-def _held_back(positions: FloatArray, fps: float, foot: list[int]) -> FloatArray:
-    """Shift (T, 2) of a foot that makes it stand while it carries, not smooth.
+def _held_back(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
+    """Shift (T, 2) that makes a foot stand while it carries, not smooth, from its slide (T - 1, 2) and load (T - 1,).
 
     A shift that starts at 0 where the foot lands is largest where it leaves, and the other way round backwards in time:
     their mean has the same velocity and is half as far off.
     """
-    slide, load = _slide(positions, fps, foot)
     forwards, backwards = _added_up(slide, load, fps), _added_up(-slide[::-1], load[::-1], fps)[::-1]
     return (forwards + backwards) / 2
 
@@ -133,10 +209,13 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
     return Leg(hip, knee, ankle, below)
 
 
-def moved_feet(positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray) -> FloatArray:
+def moved_feet(
+    positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray, ahead: FloatArray | float = 0.0
+) -> FloatArray:
     """Positions (T, J, 3) with the foot of each of L legs moved by `shifts` (T, L, 3), as far as the leg reaches.
 
-    The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to.
+    The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to; `ahead`
+    (T, 3), metres, draws it to another.
     """
     if not legs:
         return positions
@@ -145,7 +224,10 @@ def moved_feet(positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray) -
     foot = np.concatenate([positions[:, leg.foot].mean(axis=1) for leg in legs])
     thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
     longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
-    target, pole = ankle + np.concatenate(shifts.swapaxes(0, 1)), (knee - hip) + FORWARD * (foot - ankle)
+    target = ankle + np.concatenate(shifts.swapaxes(0, 1))
+    pole = (
+        (knee - hip) + FORWARD * (foot - ankle) + np.tile(np.broadcast_to(ahead, positions[:, 0].shape), (len(legs), 1))
+    )
     knees, reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
     changed = positions.copy()
     for leg, bent, moved in zip(legs, np.split(knees, len(legs)), np.split(reached - ankle, len(legs)), strict=True):

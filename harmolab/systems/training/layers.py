@@ -230,19 +230,24 @@ def fix_bones(local: Tensor, parents: Sequence[int], lengths: Tensor) -> Tensor:
     ----------
     local : (N, T, J, 3) tensor, metres
     parents : J indices, -1 at roots
-    lengths : (J,) tensor, metres; those of roots are not read
+    lengths : (J,) or (N, T, J) tensor, metres; those of roots are not read
 
     Returns
     -------
     (N, T, J, 3) tensor. A bone of no length (under 0.1 mm) keeps less than its length, and finite gradients.
     """
-    joints = torch.arange(len(parents), device=local.device)
-    above = torch.as_tensor(list(parents), device=local.device)
-    is_root = above < 0
-    bones = local - local[..., torch.where(is_root, joints, above), :]  # zero at roots
-    directions = bones * torch.rsqrt((bones * bones).sum(dim=-1, keepdim=True) + _TINY)
-    steps = torch.where(is_root[:, None], local, directions * lengths.to(local)[:, None])
+    steps = bones(local, parents)
+    directions = steps * torch.rsqrt((steps * steps).sum(dim=-1, keepdim=True) + _TINY)
+    is_root = torch.as_tensor(list(parents), device=local.device) < 0
+    steps = torch.where(is_root[:, None], local, directions * lengths.to(local)[..., None])
     return torch.einsum("ij,ntjc->ntic", local.new_tensor(ancestors(parents)), steps)
+
+
+def bones(local: Tensor, parents: Sequence[int]) -> Tensor:
+    """Vectors (N, T, J, 3) from each joint's parent to the joint, of joints (N, T, J, 3); zero at roots."""
+    above = torch.as_tensor([max(parent, 0) for parent in parents], device=local.device)
+    is_root = torch.as_tensor(list(parents), device=local.device) < 0
+    return (local - local[..., above, :]).masked_fill(is_root[:, None], 0.0)
 
 
 # Threads that torch computes with: for timings that shall mean the same on other machines.

@@ -1,11 +1,12 @@
 """Training, validation and test units that share no movement: split by motion group, not by clip."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from harmolab.data.recordings import Recording
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import IntArray
 
@@ -130,3 +131,29 @@ def _deal(table: _Table, fixed: dict[str, int], rng: np.random.Generator) -> Int
         if gain > best_gain:
             best, best_gain = dealt, gain
     return best
+
+
+def training_spans(split: Split) -> dict[str, list[tuple[float, float]]]:
+    """Folder name of each recording -> stretches of audio time, in seconds, that its training units cover."""
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for unit in sorted(split.train.units, key=lambda unit: unit.start):
+        pieces = spans.setdefault(unit.sequence.rpartition("/")[2], [])
+        if pieces and unit.start <= pieces[-1][1]:
+            pieces[-1] = (pieces[-1][0], max(pieces[-1][1], unit.end))
+        else:
+            pieces.append((unit.start, unit.end))
+    return spans
+
+
+def stretches(recording: Recording, spans: list[tuple[float, float]]) -> list[Recording]:
+    """A recording with its movement cut to each of some stretches of audio time; ValueError where it has none."""
+    clip, motion = recording.clip, recording.clip.motion
+    if motion is None:
+        raise ValueError(f"{recording.folder}: has no motion")
+    cut = []
+    for number, (start, end) in enumerate(spans, 1):
+        first = max(0, round((start - clip.offset) * motion.fps))
+        part = motion.span(first / motion.fps, end - start)
+        offset = clip.offset + first / motion.fps
+        cut.append(replace(recording, clip=replace(clip, name=f"{clip.name} {number}", motion=part, offset=offset)))
+    return cut

@@ -101,6 +101,8 @@ class DanceUnit:
     fps : float, hertz
     extra : bool
         True for an additional training unit, which overlaps others; a test never uses two that overlap.
+    sketch : (T, C) array, the code of a movement to correct, which then is V_f; None for that of Eq. 23
+    bar : number of a bar pattern and place in the bar of the first beat; -1 where unknown
     """
 
     name: str
@@ -116,6 +118,8 @@ class DanceUnit:
     strengths: FloatArray
     fps: float
     extra: bool = False
+    sketch: SingleArray | None = None
+    bar: tuple[int, int] = (-1, -1)
 
     def __post_init__(self) -> None:
         if not len(self.audio) == len(self.motion) == len(self.index):
@@ -209,8 +213,9 @@ class Batch(Generic[A]):
     Parameters
     ----------
     audio : (N, T, F); motion, initial : (N, T, C); index, mask : (N, T)
-        `initial` holds V_f of Eq. 23; `index` is 0 in the padding.
+        `initial` holds V_f: the units' sketches, or that of Eq. 23; `index` is 0 in the padding.
     beats, strengths, beat_mask : (N, B), seconds from frame 0, strengths, 1 where there is a beat
+    bars : (N, 2), number of a bar pattern and place in the bar of the first beat
     """
 
     audio: A
@@ -221,6 +226,7 @@ class Batch(Generic[A]):
     beats: A
     strengths: A
     beat_mask: A
+    bars: A
 
 
 def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
@@ -233,9 +239,11 @@ def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
     """
     if not units:
         raise ValueError("a batch needs at least one unit")
-    held = [(unit.audio, unit.motion, initial_poses(unit.motion, unit.index)) for unit in units]
+    sketches = (initial_poses(unit.motion, unit.index) if unit.sketch is None else unit.sketch for unit in units)
+    held = [(unit.audio, unit.motion, sketch) for unit, sketch in zip(units, sketches, strict=True)]
     filled = [
-        (unit.index, np.ones(unit.n_frames), unit.beats, unit.strengths, np.ones(unit.beats.size)) for unit in units
+        (unit.index, np.ones(unit.n_frames), unit.beats, unit.strengths, np.ones(unit.beats.size), np.array(unit.bar))
+        for unit in units
     ]
     return Batch(
         *(_stacked(arrays) for arrays in zip(*held, strict=True)),

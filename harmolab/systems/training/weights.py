@@ -30,7 +30,7 @@ MOST_LAYERS, MOST_UNITS = 64, 2**16
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
 # Names of settings as versions before 0.2 wrote them into runs and weights.
-_OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay", "goes_on": "rollout"}
+_OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay"}
 _YOUNGER = {"draw_memory": 0.0}  # settings that older files lack, and the value that their systems had
 
 

@@ -137,7 +137,8 @@ def _baseline(name: str, baseline: Baseline, contest: Contest, training: int) ->
 def _choreographer(contest: Contest, training: int) -> Contestant:
     """A choreographer of the stretches of recordings that networks were trained on."""
     system = Choreographer.of(contest.teachers)
-    return of_system(system, _digest(CHOREOGRAPHER, plain(system.params), contest.split.to_dict()))
+    takes = [take.name for take in system.takes]
+    return of_system(system, _digest(CHOREOGRAPHER, plain(system.params), takes, contest.split.to_dict()))
 
 
 def _bank(contest: Contest, training: int) -> Contestant:
@@ -214,7 +215,7 @@ ROWS: Mapping[str, Row] = {
     M2D: _music2dance_row("recommended"),
     WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
     HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
-    RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
+    RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: its sketch lies on them"),
     CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
     BANK: Row(_bank, "choreographer", "yes"),
 }

@@ -33,7 +33,7 @@ from harmolab.systems.training.feet import on_floor, planted_feet
 from harmolab.systems.training.layers import PATH_CHANNELS
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import PoseNet
-from harmolab.systems.training.splits import Split
+from harmolab.systems.training.splits import Split, stretches, training_spans
 from harmolab.systems.training.units import DanceUnit, UnitSet, filled_beats
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from study.experiments.generation import (
@@ -525,10 +525,10 @@ def _split(profile: RunProfile, corpus: str) -> Split:
 
 @cache
 def teachers(profile: RunProfile, corpus: str) -> tuple[Recording, ...]:
-    """The stretches of a corpus's recordings that its training units cover."""
+    """The stretches of a corpus's recordings that its training units cover, in the order in which HarmoGAN has them."""
     root, spans = corpus_root(profile, corpus), training_spans(_split(profile, corpus))
     return tuple(
-        stretch for name, pieces in spans.items() for stretch in _stretches(load_recording(root / name), pieces)
+        stretch for name, pieces in sorted(spans.items()) for stretch in stretches(load_recording(root / name), pieces)
     )
 
 
@@ -539,29 +539,3 @@ def patterns(profile: RunProfile, corpus: str) -> Mapping[str, BarPattern]:
         return {}
     own = [one for one in teachers(profile, corpus) if one.clip.dance in PATTERNED and one.annotation is not None]
     return dance_patterns(own) if own else {}
-
-
-def training_spans(split: Split) -> dict[str, list[tuple[float, float]]]:
-    """Folder name of each recording -> stretches of audio time, in seconds, that its training units cover."""
-    spans: dict[str, list[tuple[float, float]]] = {}
-    for unit in sorted(split.train.units, key=lambda unit: unit.start):
-        pieces = spans.setdefault(unit.sequence.rpartition("/")[2], [])
-        if pieces and unit.start <= pieces[-1][1]:
-            pieces[-1] = (pieces[-1][0], max(pieces[-1][1], unit.end))
-        else:
-            pieces.append((unit.start, unit.end))
-    return spans
-
-
-def _stretches(recording: Recording, spans: list[tuple[float, float]]) -> list[Recording]:
-    """A recording with its movement cut to each of some stretches of audio time."""
-    clip, motion = recording.clip, recording.clip.motion
-    if motion is None:
-        raise ValueError(f"{recording.folder}: has no motion")
-    cut = []
-    for number, (start, end) in enumerate(spans, 1):
-        first = max(0, round((start - clip.offset) * motion.fps))
-        part = motion.span(first / motion.fps, end - start)
-        offset = clip.offset + first / motion.fps
-        cut.append(replace(recording, clip=replace(clip, name=f"{clip.name} {number}", motion=part, offset=offset)))
-    return cut

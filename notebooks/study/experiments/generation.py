@@ -20,6 +20,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.files import PathLike, cache_folder, plain
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.sketches import Sketched, sketched
 from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
 from harmolab.systems.training.checkpoints import HISTORY, TrainOptions
 from harmolab.systems.training.features import FeatureParams
@@ -35,7 +36,7 @@ SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
 UNIT_STEP = 3  # beats between the starts of training units
 MOST_CLIPS = 35  # synthetic clips: about as many units as the recordings have
-SWEEP = (0.0, 0.1, 0.3, 0.5, 1.0)  # harmony weights of the trade-off curve
+SWEEP = (0.0, 0.3, 1.0, 2.0)  # harmony weights of the trade-off curve
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,10 @@ class Variant:
     def without_harmony(self) -> Self:
         """The ablation: everything else the same."""
         return replace(self, params=replace(self.params, harmony_weight=0.0))
+
+    def without_discriminators(self) -> Self:
+        """The same without discriminators."""
+        return replace(self, params=replace(self.params, gan_weight=0.0))
 
 
 _PAPER = Variant(FeatureParams.paper(), TrainParams.paper())
@@ -116,27 +121,39 @@ def corpus_root(profile: RunProfile, corpus: str) -> Path:
 def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, without: tuple[str, ...] = ()) -> Trained:
     """The generator of a variant and seed, trained now unless it was before; recordings of `without` take no part.
 
-    Variants that hear the same music features share their pretraining, which the harmony loss has no part in.
+    The paper's variants share their pretraining, which the harmony loss has no part in.
     """
-    split = training_split(profile, corpus, variant.features, without)
-    epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
-    params = replace(
-        variant.params,
-        seed=seed,
-        pose_epochs=profile.pose_epochs or variant.params.pose_epochs,
-        pretrain_epochs=epochs[0],
-        adversarial_epochs=epochs[1],
-    )
-    base = _run(split, profile, _pretraining(params), None)
-    folder = _run(split, profile, params, base)
+    params = replace(variant.params, seed=seed, pose_epochs=profile.pose_epochs or variant.params.pose_epochs)
+    if profile.epochs:  # an epoch of sketches has several of every unit, and nothing is pretrained there
+        first, then = profile.epochs if not params.sketches else (0, max(1, profile.epochs[1] // params.sketches))
+        params = replace(params, pretrain_epochs=first, adversarial_epochs=then)
+    if params.sketches:
+        of_songs = sketched_split(profile, corpus, variant.features, without, seed, params.sketches, params.shifted)
+        split = of_songs.split
+        folders = [_run(split, profile, params, None, of_songs)]
+    else:
+        split = training_split(profile, corpus, variant.features, without)
+        base = _run(split, profile, _pretraining(params), None)
+        folders = [base, _run(split, profile, params, base)]
     return Trained(
-        folder,
-        load_generator(folder / MODEL),
-        load_pose_net(folder / POSE_NET),
+        folders[-1],
+        load_generator(folders[-1] / MODEL),
+        load_pose_net(folders[-1] / POSE_NET),
         split,
-        pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
-        training_minutes(base) + training_minutes(folder),
+        pd.concat([pd.read_csv(folder / HISTORY) for folder in folders], ignore_index=True),
+        sum(map(training_minutes, folders)),
     )
+
+
+@cache
+def sketched_split(
+    profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...], seed: int, sketches: int,
+    shifted: float,
+) -> Sketched:  # fmt: skip
+    """`training_split` with sketches, drawn by the seed of the training."""
+    params = replace(TrainParams.recommended(), seed=seed, sketches=sketches, shifted=shifted)
+    folders = [one for one in find_recordings(corpus_root(profile, corpus)).folders if one.name not in without]
+    return sketched(training_split(profile, corpus, features, without), folders, params)
 
 
 def _pretraining(params: TrainParams) -> TrainParams:
@@ -147,13 +164,16 @@ def _pretraining(params: TrainParams) -> TrainParams:
     return replace(TrainParams.paper(), adversarial_epochs=0, **settings)
 
 
-def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
+def _run(
+    split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None, of_songs: Sketched | None = None
+) -> Path:
     """Folder of a finished training of these settings."""
-    model = _model(profile)
+    model, more = _model(profile), {} if of_songs is None else of_songs._asdict()
+    more.pop("split", None)
     about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
     return kept_run(
         "pretrained" if pretrained is None else "run", about,
-        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained),
+        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained, **more),
     )  # fmt: skip
 
 

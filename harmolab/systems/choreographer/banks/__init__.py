@@ -1,13 +1,14 @@
-"""Movement that comes with harmolab, so that `harmolab dance` needs nothing else: two recorded banks and a puppet.
+"""Movement that comes with harmolab, so that `harmolab dance` needs nothing else: recorded, dreamt, and a puppet.
 
 ========  ============================================================================================================
 salsa     the follower of a salsa couple, 11 takes, 5 minutes: CMU Graphics Lab Motion Capture Database, subject 61
 indian    an Indian solo dance, 6 takes, 2 minutes: subject 94 of the same
+ballroom  twelve dances of half a minute, dreamt by the shipped Music2Dance (`systems.music2dance`): no recorded frame
 puppet    synthetic dancers, made on the spot; no person was recorded
 ========  ============================================================================================================
 
 The recorded takes have a notice of their own beside them (NOTICE) and are not under the licence of the package.
-Neither bank knows the beats that it was danced to: each song cuts it anew, at the rests of the body.
+No bank knows the beats that it was danced to: each song cuts it anew, at the rests of the body.
 """
 
 from collections.abc import Mapping
@@ -24,10 +25,11 @@ REMARKS: Mapping[str, str] = MappingProxyType(
     {
         "salsa": "salsa steps on the beat, practised without the partner",
         "indian": "Indian dance on the beat; limits from six short takes",
+        "ballroom": "ballroom, dreamt by a network: no recorded frame",
         "puppet": "a puppet: synthetic dancers, no person was recorded",
     }
 )
-STYLES = tuple(REMARKS)
+STYLES = tuple(style for style in REMARKS if style == "puppet" or (FOLDER / style).is_dir())
 PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, hertz
 
 
@@ -36,7 +38,7 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
 
     Parameters
     ----------
-    style : "salsa", "indian" or "puppet"
+    style : "salsa", "indian", "ballroom" or "puppet"
     dance : name of one of `DANCES`, which a puppet can all dance (cha-cha when left out); else of no effect
 
     Raises
@@ -44,7 +46,7 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     ValueError
         For another style, or a dance that no puppet knows.
     FileNotFoundError
-        If the recorded movement was left out of this installation.
+        If the movement was left out of this installation.
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")

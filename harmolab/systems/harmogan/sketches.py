@@ -1,0 +1,165 @@
+"""Sketches: movements that a generator corrects, danced by a choreographer to the songs that it learns from.
+
+The paper's V_f ends in a mean pose (Eq. 23), and one song has many dances: the best answer that a generator can give
+there is their mean. A sketch is a whole dance of recorded beats, another one for each seed, and what is left to learn
+is how it should differ to go with the music. Most sketches that are learnt from lie beside their music by up to half a
+beat, so that what a generator gains it has to hear.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.data.recordings import Recording, load_recording, recording_beats
+from harmolab.files import Progress, silent
+from harmolab.params import BarPattern
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.choreographer.moves import bar_patterns
+from harmolab.systems.choreographer.takes import Take, take_of
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems.training.feet import grounded
+from harmolab.systems.training.groups import sequence_name
+from harmolab.systems.training.motion_code import bone_lengths, coded, fixed_bones
+from harmolab.systems.training.splits import SIDES, Split, stretches, training_spans
+from harmolab.systems.training.units import DanceUnit
+from harmolab.types import BeatTrack, Motion
+
+SKETCHES = "sketches"  # folder of a run: the movement whose dances are corrected; or a style in its description
+HALF_A_BEAT = 0.5
+
+
+class Sketched(NamedTuple):
+    """A split whose units have sketches; the choreographer of its training side; bar patterns by number."""
+
+    split: Split
+    choreographer: Choreographer
+    patterns: tuple[BarPattern, ...]
+
+
+class Song(NamedTuple):
+    """Dances of one song from audio time `start` on: codes (T, C), its beats, and the number of its bar pattern.
+
+    `recorded` is the code of its recorded dance as clean as a choreographer's: bones of one length, feet that stand;
+    None where it is to stay as it is.
+    """
+
+    codes: list[NDArray[np.float32]]
+    recorded: NDArray[np.float32] | None
+    track: BeatTrack
+    start: float
+    pattern: int
+
+
+def sketched(
+    split: Split, folders: Sequence[Path], params: TrainParams, *, bank: Choreographer | None = None,
+    progress: Progress = silent,
+) -> Sketched:  # fmt: skip
+    """A split whose units have sketches: training units `params.sketches` each, the others one that lies on the beat.
+
+    A song is danced with the stretches of all other recordings that training units cover, or with a `bank`, whose
+    movement has no bars; then units are those of its dances (`tools.ship`).
+
+    Parameters
+    ----------
+    split : of the recordings in `folders`
+    folders : of recordings
+    params : TrainParams with sketches
+    bank : Choreographer of the units' skeleton
+
+    Raises
+    ------
+    ValueError
+        If training units are of one recording: there is no other to dance its song with.
+    """
+    spans = training_spans(split)
+    takes = {} if bank else {folder.name: _takes(folder, spans.get(folder.name, [])) for folder in folders}
+    if bank is None and sum(map(bool, takes.values())) < 2:
+        raise ValueError("each song is sketched with the other recordings: two with training units are needed at least")
+    patterns = dance_patterns([take for own in takes.values() for take in own])
+    names = sorted(patterns)
+    units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
+    for folder in progress(folders, "sketching"):
+        recording = load_recording(folder)
+        own = {
+            side: [u for u in getattr(split, side).units if u.sequence == sequence_name(recording)] for side in SIDES
+        }
+        if not any(own.values()):
+            continue
+        others = bank or Choreographer([take for other, each in takes.items() if other != folder.name for take in each])
+        number = names.index(recording.clip.dance) if recording.clip.dance in patterns else -1
+        song = _danced(others, recording, params, split.train.features.fps, number)
+        if bank is not None:
+            song = song._replace(recorded=None)
+        for side in SIDES:
+            units[side] += _sketched_units(own[side], song, params if side == "train" else replace(params, sketches=1))
+    sides = {side: replace(getattr(split, side), units=tuple(units[side])) for side in SIDES}
+    everything = bank or Choreographer([take for own in takes.values() for take in own])
+    return Sketched(replace(split, **sides), everything, tuple(patterns[name] for name in names))
+
+
+def _takes(folder: Path, spans: list[tuple[float, float]]) -> list[Take]:
+    """The stretches of a recording as movement to dance with."""
+    return [take_of(stretch) for stretch in stretches(load_recording(folder), spans)] if spans else []
+
+
+def dance_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
+    """The bar pattern of each dance whose takes know their places in the bar, learnt on them."""
+    placed = [take for take in takes if take.dance and take.places.size]
+    patterns, _ = bar_patterns(placed, [shape_signal(shape_speed(take.motion)) for take in placed])
+    return {dance: replace(pattern, dance=dance) for (dance, _), pattern in patterns.items()}
+
+
+def _danced(bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int) -> Song:
+    """The sketches of a recording's song, over the time of its movement."""
+    clip = recording.clip
+    track = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
+    if clip.motion is None:
+        raise ValueError(f"{recording.folder}: has no motion")
+    dances = (
+        bank.generate(
+            clip.audio, track, start=clip.offset, seconds=clip.motion.duration, dance=clip.dance or None,
+            seed=params.seed * params.sketches + number,
+        )
+        for number in range(params.sketches)
+    )  # fmt: skip
+    return Song([coded(motion, fps) for motion in dances], _clean(clip.motion, fps), track, clip.offset, pattern)
+
+
+def _clean(motion: Motion, fps: float) -> NDArray[np.float32]:
+    skeleton, positions = motion.skeleton, motion.positions
+    whole = fixed_bones(positions, skeleton.parents, bone_lengths(positions, skeleton))
+    return coded(replace(motion, positions=grounded(whole, motion.fps, skeleton, plant_feet=True)), fps)
+
+
+def _sketched_units(units: Sequence[DanceUnit], song: Song, params: TrainParams) -> Iterator[DanceUnit]:
+    """Each unit with each of the first `params.sketches` dances of its song, some of them beside the beat."""
+    rng = np.random.default_rng(params.seed)
+    for unit in units:
+        first = round((unit.start - song.start) * unit.fps)
+        period = float(np.median(np.diff(unit.beats))) * unit.fps
+        for number, code in enumerate(song.codes[: params.sketches]):
+            beside = params.sketches > 1 and rng.random() < params.shifted
+            shift = round(rng.uniform(-HALF_A_BEAT, HALF_A_BEAT) * period) if beside else 0
+            sketch = _cut(code, first + shift, unit.n_frames)
+            own = replace(unit, sketch=sketch, bar=(song.pattern, _place(song, unit)))
+            if params.sketches > 1:
+                clean = unit.motion if song.recorded is None else _cut(song.recorded, first, unit.n_frames)
+                own = replace(own, name=f"{unit.name}~{number}", motion=clean)
+            yield own
+
+
+def _cut(code: NDArray[np.float32], first: int, frames: int) -> NDArray[np.float32]:
+    """So many frames of a code from frame `first` on, or from the nearest that leaves enough; the last one holds."""
+    begin = min(max(first, 0), max(len(code) - frames, 0))
+    return code[np.minimum(begin + np.arange(frames), len(code) - 1)]
+
+
+def _place(song: Song, unit: DanceUnit) -> int:
+    """Place in the bar of a unit's first beat; -1 where it is not known."""
+    places, times = song.track.bar_places, song.track.times
+    return -1 if places is None else int(places[np.abs(times - unit.start - unit.beats[0]).argmin()])
