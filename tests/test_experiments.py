@@ -93,6 +93,15 @@ def test_a_folder_of_sequences_is_one_corpus_and_a_folder_of_corpora_is_several(
     assert corpus_folders(TINY) == {**groups, "other": other, "recordings": recordings}
 
 
+def test_corpora_of_pictures_come_after_those_in_space(
+    recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch
+):
+    arm = swinging_arm(1.0, 30.0)
+    write_recording(recordings.parent / "a" / "E", replace(arm, positions=arm.positions[..., :2]))
+    monkeypatch.setenv("HARMOLAB_DATA", str(recordings.parent))
+    assert list(corpus_folders(TINY)) == ["recordings", "a"]
+
+
 def test_one_sequence_is_a_corpus_of_its_own(recordings: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(recordings / "A"))
     assert corpus_folders(TINY) == {"A": recordings / "A"}

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ from harmolab.data.recordings import (
     Recording,
     find_recordings,
     iter_recordings,
+    load_any_motion,
     load_recording,
     recording_beats,
 )
@@ -140,7 +142,7 @@ def corpus_folders(profile: RunProfile) -> dict[str, Path]:
     """The corpora to study: name -> folder. Recordings when ``HARMOLAB_DATA`` names some, else the synthetic corpus.
 
     Each folder that holds recordings is a corpus of its own, named by its way below the folder of corpora
-    ("realdance/replays"); a corpus counts as itself.
+    ("realdance/replays"); a corpus counts as itself. Those with movement in three dimensions come first.
     """
     root = data_root()
     if root is None:
@@ -148,7 +150,18 @@ def corpus_folders(profile: RunProfile) -> dict[str, Path]:
     parents = sorted({folder.parent for folder in find_recordings(root).folders})
     if not parents or not all(parent != root and parent.is_relative_to(root) for parent in parents):
         return {root.name: root}
-    return {parent.relative_to(root).as_posix(): parent for parent in parents}
+    return {
+        parent.relative_to(root).as_posix(): parent for parent in sorted(parents, key=lambda one: not in_space(one))
+    }
+
+
+@cache
+def in_space(corpus: Path) -> bool:
+    """True if the first recording of a corpus that has a motion has it in three dimensions."""
+    for folder in find_recordings(corpus).folders:
+        with suppress(ValueError, FileNotFoundError):
+            return load_any_motion(folder).positions.shape[2] == 3
+    return False
 
 
 def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator[Recording]:
