@@ -426,7 +426,10 @@ def ballroom(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     return lambda amount: monkeypatch.setattr(meter, "threes", lambda audio, track: amount)
 
 
-BALLROOM, THREES = "A ballroom dance.", "The music goes in threes: danced is ballroom; --style salsa for the other."
+BALLROOM, THREES = (
+    "A ballroom dance.",
+    "The music seems to go in threes: danced is ballroom; --style salsa for the other.",
+)
 
 
 @cases(

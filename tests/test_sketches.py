@@ -79,6 +79,15 @@ def test_sketches_beside_the_music_are_the_same_dance_up_to_half_a_beat_away(cor
     assert min(moved) < 0 < max(moved)
 
 
+def test_a_single_sketch_of_a_song_may_lie_beside_it_too(corpus: Path, split: Split):
+    folders = find_recordings(corpus).folders
+    one = replace(PARAMS, sketches=1)
+    on, beside = (sketched(split, folders, replace(one, shifted=share)).split for share in (0.0, 1.0))
+    assert len(on.train) == len(split.train)
+    assert not all(np.array_equal(a.sketch, b.sketch) for a, b in zip(on.train.units, beside.train.units, strict=True))
+    assert all(np.array_equal(a.sketch, b.sketch) for a, b in zip(on.test.units, beside.test.units, strict=True))
+
+
 def test_the_truth_of_training_is_the_recording_with_feet_that_stand(corpus: Path, of_songs: Sketched):
     unit = of_songs.split.train.units[0]
     clip = load_recording(corpus / unit.sequence.rpartition("/")[2]).clip

@@ -92,11 +92,10 @@ def sketched(
             continue
         others = bank or Choreographer([take for other, each in takes.items() if other != folder.name for take in each])
         number = names.index(recording.clip.dance) if recording.clip.dance in patterns else -1
-        song = _danced(others, recording, params, split.train.features.fps, number)
-        if bank is not None:
-            song = song._replace(recorded=None)
-        for side in SIDES:
-            units[side] += _sketched_units(own[side], song, params if side == "train" else replace(params, sketches=1))
+        song = _danced(others, recording, params, split.train.features.fps, number, cleans=bank is None)
+        units["train"] += _training_units(own["train"], song, params)
+        for side in SIDES[1:]:
+            units[side] += [_with_sketch(unit, song, song.codes[0]) for unit in own[side]]
     sides = {side: replace(getattr(split, side), units=tuple(units[side])) for side in SIDES}
     everything = bank or Choreographer([take for own in takes.values() for take in own])
     return Sketched(replace(split, **sides), everything, tuple(patterns[name] for name in names))
@@ -114,8 +113,10 @@ def dance_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
     return {dance: replace(pattern, dance=dance) for (dance, _), pattern in patterns.items()}
 
 
-def _danced(bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int) -> Song:
-    """The sketches of a recording's song, over the time of its movement."""
+def _danced(
+    bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int, *, cleans: bool
+) -> Song:
+    """The sketches of a recording's song, over the time of its movement; and that movement, if it `cleans` it."""
     clip = recording.clip
     track = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
     if clip.motion is None:
@@ -127,36 +128,39 @@ def _danced(bank: Choreographer, recording: Recording, params: TrainParams, fps:
         )
         for number in range(params.sketches)
     )  # fmt: skip
-    return Song([coded(motion, fps) for motion in dances], _clean(clip.motion, fps), track, clip.offset, pattern)
+    recorded = _clean(clip.motion, fps) if cleans else None
+    return Song([coded(motion, fps) for motion in dances], recorded, track, clip.offset, pattern)
 
 
 def _clean(motion: Motion, fps: float) -> NDArray[np.float32]:
+    """The code of a recorded motion whose bones have one length, and whose feet stand."""
     skeleton, positions = motion.skeleton, motion.positions
     whole = fixed_bones(positions, skeleton.parents, bone_lengths(positions, skeleton))
     return coded(replace(motion, positions=grounded(whole, motion.fps, skeleton, plant_feet=True)), fps)
 
 
-def _sketched_units(units: Sequence[DanceUnit], song: Song, params: TrainParams) -> Iterator[DanceUnit]:
-    """Each unit with each of the first `params.sketches` dances of its song, some of them beside the beat."""
+def _training_units(units: Sequence[DanceUnit], song: Song, params: TrainParams) -> Iterator[DanceUnit]:
+    """Each unit with each dance of its song, some of them beside the beat, and its recorded movement clean."""
     rng = np.random.default_rng(params.seed)
     for unit in units:
-        first = round((unit.start - song.start) * unit.fps)
         period = float(np.median(np.diff(unit.beats))) * unit.fps
-        for number, code in enumerate(song.codes[: params.sketches]):
-            beside = params.sketches > 1 and rng.random() < params.shifted
-            shift = round(rng.uniform(-HALF_A_BEAT, HALF_A_BEAT) * period) if beside else 0
-            sketch = _cut(code, first + shift, unit.n_frames)
-            own = replace(unit, sketch=sketch, bar=(song.pattern, _place(song, unit)))
-            if params.sketches > 1:
-                clean = unit.motion if song.recorded is None else _cut(song.recorded, first, unit.n_frames)
-                own = replace(own, name=f"{unit.name}~{number}", motion=clean)
-            yield own
+        for number, code in enumerate(song.codes):
+            is_beside = rng.random() < params.shifted
+            shift = round(rng.uniform(-HALF_A_BEAT, HALF_A_BEAT) * period) if is_beside else 0
+            named = replace(_with_sketch(unit, song, code, shift), name=f"{unit.name}~{number}")
+            yield named if song.recorded is None else replace(named, motion=_cut(song.recorded, unit, song))
 
 
-def _cut(code: NDArray[np.float32], first: int, frames: int) -> NDArray[np.float32]:
-    """So many frames of a code from frame `first` on, or from the nearest that leaves enough; the last one holds."""
-    begin = min(max(first, 0), max(len(code) - frames, 0))
-    return code[np.minimum(begin + np.arange(frames), len(code) - 1)]
+def _with_sketch(unit: DanceUnit, song: Song, code: NDArray[np.float32], shift: int = 0) -> DanceUnit:
+    """A unit with its stretch of a dance, `shift` frames later, and what is known of its bars."""
+    return replace(unit, sketch=_cut(code, unit, song, shift), bar=(song.pattern, _place(song, unit)))
+
+
+def _cut(code: NDArray[np.float32], unit: DanceUnit, song: Song, shift: int = 0) -> NDArray[np.float32]:
+    """The stretch of a dance's code that belongs to a unit, `shift` frames later; at its ends the nearest whole one."""
+    first = round((unit.start - song.start) * unit.fps) + shift
+    begin = min(max(first, 0), max(len(code) - unit.n_frames, 0))
+    return code[np.minimum(begin + np.arange(unit.n_frames), len(code) - 1)]
 
 
 def _place(song: Song, unit: DanceUnit) -> int:
