@@ -398,6 +398,19 @@ def test_a_sketch_without_corrections_stays_as_it_is_and_with_them_keeps_near():
     assert 0.01 < np.abs(lifted.positions - same.positions).max() < 0.1
 
 
+def test_a_corrected_dance_says_what_its_sketch_is_made_of_and_where_it_is_held():
+    system, silent = HarmoGAN(Lifting(), sketches=PUPPETS), noise(20.0).samples.copy()
+    silent[8 * 8000 : 12 * 8000] = 0.0
+    request = DanceRequest(Audio(silent, 8000), beat_track(seconds=20.0), 0.0, 18.0, 2)
+    sketch, made = PUPPETS.composed(request), system.choreograph(request.audio, request.beats, seconds=18.0, seed=2)
+    assert (made.pieces, made.form) == (sketch.pieces, sketch.form) and "silence 0:08-0:12" in made.form
+    np.testing.assert_array_equal(made.held, sketch.held)
+    assert made.held.sum() > 3 * made.motion.fps
+    np.testing.assert_array_equal(made.motion.positions, system.respond(request).positions)
+    assert not np.array_equal(made.motion.positions, sketch.motion.positions)
+    refused("corrects no sketch", HarmoGAN(Planted(nodding)).choreograph, request.audio)
+
+
 def test_a_sketch_of_other_joints_is_refused():
     generator = Planted(nodding)
     refused(

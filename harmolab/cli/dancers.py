@@ -62,6 +62,7 @@ class Dancer:
     remarks : sentences about it that are printed with every dance
     listener : the system where it is to say which dance the music is, else None
     dance_probabilities : its answer, once it was asked
+    composer : the system where its dances are known piece by piece, though it is no choreographer
     in_threes : makes the dancer for music in 3/4; None where that is this one too
     """
 
@@ -73,6 +74,7 @@ class Dancer:
     remarks: tuple[str, ...] = ()
     listener: Listener | None = None
     dance_probabilities: Mapping[str, float] | None = None
+    composer: Any = None
     in_threes: Callable[[], Dancer] | None = None
 
     def for_music(self, audio: Audio, dance: str, tracks: Callable[[str], BeatTrack]) -> tuple[Dancer, str]:
@@ -119,9 +121,10 @@ class Dancer:
     def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
         """A motion, and what it is made of where it was made of recordings."""
         options = self.options | more
-        if self.choreographer is None:
+        composer = self.choreographer or self.composer
+        if composer is None:
             return self.system.generate(audio, beats, **options), None
-        choreography = self.choreographer.choreograph(audio, beats, **options)
+        choreography: Choreography = composer.choreograph(audio, beats, **options)
         return choreography.motion, choreography
 
 
@@ -176,7 +179,8 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     listener = trained if is_asked and isinstance(trained, Listener) else None
     knows_bars = getattr(trained, "knows_bars", True)
     remarks = (*getattr(trained, "remarks", ()), *_not_asked(dance, knows_bars=knows_bars))
-    return Dancer(trained, taken, None, getattr(trained, "limits", None), knows_bars, remarks, listener)
+    limits, composer = getattr(trained, "limits", None), trained if getattr(trained, "sketches", None) else None
+    return Dancer(trained, taken, None, limits, knows_bars, remarks, listener, composer=composer)
 
 
 def _not_asked(dance: str | None, *, knows_bars: bool) -> tuple[str, ...]:

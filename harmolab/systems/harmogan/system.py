@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from harmolab.files import PathLike
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.systems.choreographer.banks import REMARKS, STYLES, shipped_bank
-from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.choreographer.generate import Choreographer, Choreography
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES, sketched
@@ -24,7 +24,7 @@ from harmolab.systems.training.network_system import PRESETS, NetworkSystem, cha
 from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.units import filled_beats, load_units, recording_folders
-from harmolab.types import FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 LOSSES = ("recommended", "paper")
 HOP = 6  # beats from one unit of a song to the next
@@ -77,8 +77,25 @@ class HarmoGAN(NetworkSystem):
         """The dance that is asked for: by another seed from another sketch, or movement to start from."""
         if self.sketches is None:
             return super().respond(request)
+        return self.composed(request).motion
+
+    def choreograph(self, audio: Audio, beats: BeatTrack | None = None, **options: Any) -> Choreography:
+        """A corrected dance and what its sketch is made of (`Choreographer.choreograph`, whose options it takes).
+
+        Raises
+        ------
+        ValueError
+            As there; in paper mode, where there is no sketch.
+        """
+        return self.composed(DanceRequest(audio, beats, **options))
+
+    def composed(self, request: DanceRequest) -> Choreography:
+        """`choreograph` of a request."""
+        if self.sketches is None:
+            raise ValueError("this generator corrects no sketch: its dances are not made of recordings")
         request = replace(request, beats=request.track())
-        return corrected(self.generator, self.sketches.respond(request), request)
+        sketch = self.sketches.composed(request)
+        return replace(sketch, motion=corrected(self.generator, sketch.motion, request))
 
     def save(self, folder: PathLike) -> None:
         """Write weights, and what its dances start from, to a folder; it is made unless it exists."""
