@@ -32,7 +32,7 @@ from harmolab.systems.choreographer import generate
 from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.banks import FOLDER, REMARKS, puppets, shipped_bank
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
-from harmolab.systems.choreographer.form import HOP, Form, pace
+from harmolab.systems.choreographer.form import EASE, HOP, Form, pace
 from harmolab.systems.choreographer.generate import TOO_LITTLE, Choreographer, Choreography, repetition, warnings_of
 from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
 from harmolab.systems.choreographer.takes import Take, dancing_span, mirrored, nearest_dance, take_of
@@ -957,7 +957,8 @@ def danced_from_others(recordings: Sequence[Recording]) -> pd.DataFrame:
 def seam_jerk(dance: Choreography, beats: BeatTrack) -> float:
     """Jerk in the beat around the seams of a dance over jerk around its other beats; NaN without seams, or beats.
 
-    `beats` are those of the music, on the audio time line. Those within a beat of the dance's ends do not count.
+    `beats` are those of the music, on the audio time line. Those within a beat of the dance's beginning or of the slow
+    beat at its end do not count.
     """
     positions, _, stride = sampled(dance.motion, STEP, steps=3)
     size = len(positions) - 3 * stride
@@ -966,7 +967,7 @@ def seam_jerk(dance: Choreography, beats: BeatTrack) -> float:
     times = (np.arange(size) + 1.5 * stride) * STEP / stride
     moments = beats.times - dance.start
     period = float(np.median(np.diff(moments)))
-    moments = moments[(moments > period) & (moments < dance.motion.duration - period)]
+    moments = moments[(moments > period) & (moments < dance.motion.duration - max(2 * period, EASE) - period)]
     seams = np.array([piece.start for piece in dance.pieces[1:]])
     around = np.array([values[np.abs(times - moment) <= period / 2].mean() for moment in moments])
     is_seam = (np.abs(np.subtract.outer(moments, seams)) < NEAR).any(axis=1)
