@@ -3,6 +3,8 @@
 import os
 import re
 import resource
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -165,6 +167,8 @@ WRITERS = {
 )
 def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
     *command, name = words
+    for path in ("song.wav", "dance.npz", "corpus"):
+        Path(path).touch()
     assert refusal(*command, f"nodir/{name}") == "nodir: no such folder"
     Path(name).mkdir()
     assert refusal(*command, name) == f"{name}: is a folder; name a file in it"
@@ -333,7 +337,7 @@ def test_a_song_without_beats_is_danced_to_with_a_warning(tmp_path: Path):
 def test_a_name_with_a_new_line_stays_in_one_line():
     Path("song.wav").touch()
     assert refusal("score", "song.wav", "two\nlines.npz") == r"two\nlines.npz: no such file"
-    assert refusal("report", "--notebooks", "two\nlines").endswith(r"two\nlines")
+    assert refusal("report", "--notebooks", "two\nlines").endswith(r"two\nlines: no such file or folder")
     Path("two\nlines.npz").write_text("x")
     message = refusal("score", "song.wav", "two\nlines.npz")
     assert message.startswith(r"two\nlines.npz: cannot be read") and message.count("lines") == 1
@@ -398,3 +402,14 @@ def test_every_command_explains_itself_and_takes_no_option_twice():
         assert {"-q", "--quiet", "-v", "--verbose"} <= set(options), command.name
         assert [one.name for one in command.params if not (one.help or one.hidden)] == [], command.name
         assert re.search("(`|    )harmolab ", command.help), command.name
+
+
+def test_a_file_that_is_not_there_is_said_before_any_slow_import():
+    program = (
+        "import sys; from harmolab.cli import app\n"
+        "try: app(['score', 'nope.mp3', 'nope.bvh'])\n"
+        "finally: print(*{'scipy', 'pandas', 'librosa', 'matplotlib', 'torch'} & set(sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout.strip()) == (2, "")
+    assert result.stderr == "harmolab: nope.mp3: no such file\n"

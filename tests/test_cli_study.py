@@ -121,8 +121,8 @@ def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path
     (("--n", 100), "only 14 clips"),
     (("--seconds", 100), "seconds must be between 2 and 60"),
     (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
-    (("--against", "x"), "--against compares two dances"),
-    (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
+    (("--against", "."), "--against compares two dances"),
+    (("--kind", "choice", "--against", "nowhere"), "nowhere: no such file or folder"),
     (("--kind", "rate"), "name the folder of the other: --against"),
 )
 def test_study_that_cannot_be_made_is_said_and_writes_nothing(

@@ -385,6 +385,7 @@ class CheckedCommand(TyperCommand):
                 for name in OUTPUTS:
                     for out in _paths(ctx.params.get(name)):
                         check_output(ctx, out)
+                check_inputs(ctx)
             return super().invoke(ctx)
 
 
@@ -425,6 +426,14 @@ def check_numbers(context: typer.Context) -> None:
         value = context.params.get(parameter.name or "")
         if isinstance(value, float) and not math.isfinite(value):
             raise ValueError(f"{parameter.opts[0]} must be a finite number, got {value}")
+
+
+def check_inputs(context: typer.Context) -> None:
+    """FileNotFoundError for the first file or folder that is told and not there, before any slow import."""
+    for name, value in context.params.items():
+        for path in () if name in OUTPUTS else _paths(value):
+            if is_told(context, name) and not path.exists() and not path.is_symlink():
+                raise FileNotFoundError(f"{path}: no such file{'' if path.suffix else ' or folder'}")
 
 
 def check_output(context: typer.Context, out: Path) -> None:
