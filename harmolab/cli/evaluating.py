@@ -47,7 +47,7 @@ def evaluate(
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
-    every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
+    every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.
@@ -153,7 +153,7 @@ def _print_table(records: list[dict[str, Any]]) -> None:
     common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
 
 
-# `harmolab compare` and `harmolab learn`: scores over a corpus.
+# `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.
 
 
 def compare(
@@ -179,9 +179,9 @@ def compare(
     band anew on music that begins anywhere. The row "discriminant" is trained on lagged music itself, and stands in no
     verdict. Below stands how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
 
-    Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
+    Example: `harmolab data synth demo --clips 70 && harmolab evaluate compare demo`
 
-    Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
+    Example of a large corpus, called again after it was cut off: `harmolab evaluate compare demo --out rows --resume`
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def print_comparison(summary: dict[str, Any]) -> None:
 def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     """Learn each dance's bar pattern, for `harmolab score --pattern`.
 
-    Example: `harmolab learn recordings --out patterns.json`
+    Example: `harmolab data learn recordings --out patterns.json`
 
     Parameters
     ----------
