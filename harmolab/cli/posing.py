@@ -24,7 +24,7 @@ def pose(
     """Find the dancer's body in a video and write its movement, in metres with y up.
 
     The body is found by MediaPipe, which is fetched once, after a question, into a folder of the cache; after that no
-    network is needed. Then `explain`, `score`, `play`, `render` and `retime` find the body of a video by themselves.
+    network is needed. Then `score`, `play` and `retime` find the body of a video by themselves.
     What was found is kept, so that they need not look twice. HARMOLAB_POSE=off turns all of this off.
 
     Of several people the one who moves most is taken. The points are those of the body as it moves in itself: its way
