@@ -391,7 +391,7 @@ def test_every_command_explains_itself_and_takes_no_option_twice():
         assert described(function.__doc__)[1].keys() <= parameters, words
         names.add(words[0])
     assert 8 <= len(names) <= 13, "few enough to be read at one look"
-    for command in commands(get_command(app)):
+    for command in (one for one in commands(get_command(app)) if not one.hidden):
         options = [name for one in command.params for name in (*one.opts, *one.secondary_opts)]
         assert len(options) == len(set(options)), command.name
         assert {"-q", "--quiet", "-v", "--verbose"} <= set(options), command.name

@@ -10,6 +10,7 @@ from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
 from harmolab.cli.evaluating import compare, evaluate, learn
+from harmolab.cli.labs import lab
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
 from harmolab.cli.posing import pose
@@ -25,7 +26,7 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 PANELS = {
-    "Start here": (demo, score, play, dance),
+    "Start here": (demo, score, play, lab, dance),
     "The music": (beats,),
     "Movement": (retime,),
     "Networks": (train, perform),

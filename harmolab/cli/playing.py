@@ -154,5 +154,11 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
     typer.echo("Press play on the page; the lamps flash on the beats of the music and of the dancer.")
     wrote(out)
     typer.echo("\n".join(NEXT))
-    if not no_open and not webbrowser.open(out.resolve().as_uri()):
-        note(f"no browser could be opened; open {out.resolve()} in one")
+    if not no_open:
+        open_page(out)
+
+
+def open_page(page: Path) -> None:
+    """Open a page in the browser, or say that there is none."""
+    if not webbrowser.open(page.resolve().as_uri()):
+        note(f"no browser could be opened; open {page.resolve()} in one")
