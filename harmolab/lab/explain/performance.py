@@ -33,7 +33,7 @@ from harmolab.readers.motion_file import ReadingKeywords
 from harmolab.readers.pose import pose_environment
 from harmolab.readers.video import is_video
 from harmolab.score import HarmonyScore, chance_level
-from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.evidence import PlaceTest, place_test
 from harmolab.verdict.judge import Judgement, score_clip
 
@@ -408,6 +408,11 @@ class OwnDance:
     def name(self) -> str:
         """Name of the performance's file or folder."""
         return self.performance.path.name or str(self.performance.path)
+
+    @property
+    def clip(self) -> Clip:
+        """The part of the dance that has music, with it, as labs and players take it."""
+        return Clip(self.name, self.audio, self.motion, beats=self.music, source=f"{self.song}, {self.name}")
 
     @property
     def judgement(self) -> Judgement:
