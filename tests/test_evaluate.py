@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import soundfile
+from scipy.ndimage import gaussian_filter1d
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app, evaluating
@@ -25,16 +26,20 @@ from harmolab.lab.evaluate import published as protocols
 from harmolab.lab.evaluate import sets as collecting
 from harmolab.lab.evaluate.engine import part_rows, run_rows, write_part
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.findings import findings
 from harmolab.lab.evaluate.measured import MEASURES, beat_numbers
-from harmolab.lab.evaluate.page import findings, write_evaluation
+from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, Song, folder_pairs, song_of, songs_in
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, set_numbers, written_parts
-from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.summary import Difference, Mean, ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.tables import methods_paragraph, number_text, table_notes, table_tex
+from harmolab.lab.player import player_of
 from harmolab.metrics.features import frechet_distance
+from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import score_clip
 from tests.builders import called, cases, refused
 
 run = partial(called, app)
@@ -427,6 +432,86 @@ def test_page_begins_with_findings_and_table_and_marks_what_a_remark_concerns(pl
     line = page.split("share that moves like the recorded dancers")[1].split("</th>")[0]
     assert f'href="#note-{notes.index(limits) + 1}"' in line
     assert [one.split(" goes ")[0].split(" cannot ")[0] for one in findings(table)] == list(table.systems)
+
+
+# What the first sentence claims
+
+
+def with_difference(table: Evaluation, a: str, b: str, *numbers: float, songs: int = CLIPS) -> Evaluation:
+    """The table with another difference a - b in harmony: mean, low, high."""
+    others = [one for one in table.differences if (one.measure, {one.a, one.b}) != ("harmony", {a, b})]
+    return replace(table, differences=[*others, Difference("harmony", a, b, *numbers, songs)])
+
+
+@cases(
+    "a, numbers, songs, start",
+    (RECORDED, (0.02, -0.03, 0.07), 20, "Harmony says nothing on these data: over 20 songs the recorded dances have"),
+    (RECORDED, (0.5, 0.3, 0.7), 3, "3 songs are too few to say how the dances go with their music"),
+    (
+        WILD,
+        (-0.44, -0.9, 0.02),
+        7,
+        f"{WILD} may go with its music as the recorded dances do, or not: 7 songs are too few",
+    ),
+    (WILD, (-0.44, -0.7, -0.2), 3, f"{WILD} cannot be compared with the recorded dances: 3 common songs are too few"),
+    (WILD, (-0.01, -0.05, 0.02), 20, f"{WILD} cannot be told from the recorded dances by its harmony"),
+    (WILD, (-0.10, -0.15, -0.05), 20, f"{WILD} goes with its music less than the recorded dances"),
+    (WILD, (0.10, 0.05, 0.15), 20, f"{WILD} goes with its music more than the recorded dances"),
+)
+def test_a_finding_is_only_what_the_controls_and_the_number_of_songs_allow(
+    table: Evaluation, a: str, numbers: tuple[float, ...], songs: int, start: str
+) -> None:
+    b = OTHER_SONG if a == RECORDED else RECORDED
+    changed = with_difference(replace(table, systems=(WILD,)), a, b, *numbers, songs=songs)
+    assert next(findings(changed)).startswith(start)
+    turned = with_difference(changed, b, a, *(-number for number in (numbers[0], numbers[2], numbers[1])), songs=songs)
+    assert list(findings(turned)) == list(findings(changed))
+
+
+def flailing(motion: Motion, seed: int) -> Motion:
+    """A body whose joints go their own ways at random, about a tenth of a second each."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.15, motion.positions.shape)
+    return replace(motion, positions=motion.positions[:1] + gaussian_filter1d(noise, 2.0, axis=0) * 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [3, 20])
+def test_the_first_sentence_of_the_page_is_true_of_dances_that_are_known(tmp_path: Path, count: int) -> None:
+    songs = sorted(write_corpus(tmp_path / "songs", clips=count, seconds=SECONDS, fps=30.0, seed=4).glob("clip_*"))
+    motions = [load_motion(song / "motion.npz") for song in songs]
+    for place, (song, motion) in enumerate(zip(songs, motions, strict=True)):
+        held = np.repeat(motion.positions[100:101], motion.n_frames, axis=0)
+        dances = {"frozen": replace(motion, positions=held), "flailing": flailing(motion, place), "same": motion}
+        dances["other"] = motions[(place + 1) % count]
+        for name, dance in dances.items():
+            (tmp_path / name).mkdir(exist_ok=True)
+            save_motion(tmp_path / name / f"{song.name}.npz", dance)
+    systems = {name: tmp_path / name for name in dances}
+    evaluation = evaluate_dances(
+        EvaluationSettings(systems, tmp_path / "songs", tmp_path / "songs"), tmp_path / "table"
+    )
+    first = {name: next(findings(replace(evaluation, systems=(name,)))) for name in systems}
+    if count == 3:
+        assert {one.split(";")[0] for one in first.values()} == {
+            "3 songs are too few to say how the dances go with their music"
+        }
+        return
+    assert first.pop("same").startswith("same cannot be told from the recorded dances by its harmony")
+    assert [one.split(" (")[0] for one in first.values()] == [
+        f"{name} goes with its music less than the recorded dances" for name in first
+    ]
+
+
+def test_a_page_says_no_verdict_on_the_best_of_many_that_luck_explains(table: Evaluation) -> None:
+    (worst, best), options = table.extremes["on the beat"], table.options
+    assert (worst.dances, best.dances) == (2 * CLIPS, 2 * CLIPS)
+    clip, params = pair_clip(best.pair, options), HarmonyParams.recommended()
+    judgement = score_clip(clip, params).judgement
+    most = int(0.05 / judgement.p_harmony)  # dances among which it may be the best, and still be in time
+    shown = {looks: player_of([clip], params=params, looks=looks).page for looks in (1, most, most + 1)}
+    assert {looks: judgement.verdict in page for looks, page in shown.items()} == {1: True, most: True, most + 1: False}
+    luck = f"p = {judgement.p_harmony:.3f} is {(most + 1) * judgement.p_harmony:.2g} once corrected for so many."
+    assert f"No verdict: picked among {most + 1} dances. Its {luck}" in shown[most + 1]
 
 
 def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluation) -> None:

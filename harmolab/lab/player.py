@@ -26,6 +26,7 @@ from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
 
 # The movement of one dancer as a player's page holds it: positions, parts of the drawn person, and the camera.
@@ -178,6 +179,7 @@ PLAIN_FACTS: Mapping[str, str] = {
 }
 
 
+IN_TIME = 2  # the least level of a verdict that says that a dance is in time
 HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
@@ -294,6 +296,7 @@ def player_of(
     facts: Mapping[str, str] | None = None,
     params: HarmonyParams | None = None,
     command: str = "",
+    looks: int = 1,
 ) -> Player:
     """A player of a clip, or of two dances to the same music side by side, cut to what music and motions share.
 
@@ -304,6 +307,8 @@ def player_of(
     seconds : float, length; to the end of the music when left out
     title, facts, command : as in `Player`; left out, the facts are the verdict on each dance and its number
     params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
+    looks : int, dances among which a clip was picked by its harmony: the page says no verdict that does not hold for so
+        many (Bonferroni)
 
     Raises
     ------
@@ -326,7 +331,7 @@ def player_of(
             (each if is_whole else each.span(begins, length)).shared()
             for each in (replace(clip, beats=beats), replace(_alike(clip, first), beats=beats))
         )
-        dancers.append(_scored(original, picture, params))
+        dancers.append(_picked(_scored(original, picture, params), looks))
         spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
     if facts is None:
@@ -341,6 +346,21 @@ def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Danc
     motion, score = cast(Motion, picture.motion), score_clip(picture, params)
     is_same = cast(Motion, original.motion).fps == motion.fps
     return Dancer(picture.name, motion, score, None if is_same else score_clip(original, params))
+
+
+def _picked(dancer: Dancer, looks: int) -> Dancer:
+    """The dancer, without a verdict of being in time that may be the luck of the best of so many dances."""
+    judgement = (dancer.number or dancer.score).judgement
+    if looks < 2 or judgement is None or judgement.level < IN_TIME:
+        return dancer
+    p = judgement.p_harmony
+    luck = min(1.0, looks * p)
+    if luck <= ALPHA:
+        return dancer
+    return replace(
+        dancer,
+        instead=f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many.",
+    )
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
@@ -360,6 +380,8 @@ def _facts(dancer: Dancer) -> dict[str, str]:
     if score.judgement is None:
         return facts
     level = f"{score.judgement.level} of 4: {' '.join([score.judgement.verdict, *score.judgement.remarks])}"
+    if dancer.instead:
+        return {f"{dancer.name}: level": dancer.instead}
     return {f"{dancer.name}: level": level} | facts
 
 

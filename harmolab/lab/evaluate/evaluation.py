@@ -94,10 +94,11 @@ class Counts(NamedTuple):
 
 
 class Extreme(NamedTuple):
-    """The best or the worst dance of a system by harmony above chance."""
+    """The best or the worst dance of a system by harmony above chance, and the number of dances it was picked among."""
 
     pair: Pair
     harmony: float
+    dances: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +302,10 @@ def _evaluation(
     rank = partial(summary.ranks, differences, systems)
     ranks = {name: rank(name, better=summary.measure_of(name).better) for name in map(str, songs.columns)}
     extremes = {
-        name: tuple(Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+        name: tuple(
+            Extreme(by_key[key], harmony, int(collected.counts.loc[name]["harmony"].sum()))
+            for harmony, key in collected.extremes[name]
+        )
         for name in (*systems, RECORDED)
         if name in collected.extremes
     }

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from harmolab.files import PathLike, plain, write_text
 from harmolab.lab.evaluate import tables
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
-from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.findings import findings
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
@@ -96,25 +96,6 @@ def _marks(notes: Sequence[tables.Note], name: str) -> list[int]:
     return [number for number, note in enumerate(notes, 1) if name in note.about]
 
 
-def findings(evaluation: Evaluation) -> Iterator[str]:
-    """A sentence for each system: its harmony above chance beside that of the recorded dances, and its likeness."""
-    clear = {frozenset((one.a, one.b)): one.is_clear for one in evaluation.differences if one.measure == "harmony"}
-    recorded = evaluation.means.get((RECORDED, "harmony"))
-    for system in evaluation.systems:
-        mean = evaluation.means.get((system, "harmony"))
-        if mean is None or recorded is None:
-            yield f"{system}: no harmony above chance could be measured."
-            continue
-        if not clear.get(frozenset((system, RECORDED))):
-            relation = "cannot be told from the recorded dances by its harmony with the music"
-        else:
-            relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
-        likeness = evaluation.means.get((system, "likeness"))
-        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
-        numbers = f"{tables.number_text(mean.mean)} above chance, theirs {tables.number_text(recorded.mean)}"
-        yield f"{system} {relation} ({numbers}).{likely}"
-
-
 def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The texts of a number, of its interval or its sample sizes, and its rank."""
     low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
@@ -153,9 +134,10 @@ def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
 def _players(evaluation: Evaluation) -> Iterator[Shown]:
     """The best and the worst dance of each system and of the recorded ones."""
     for system, (worst, best) in evaluation.extremes.items():
-        yield _in_player(evaluation, best, f"{system}: best")
+        among = f" of {best.dances}" if best.dances > 1 else ""
+        yield _in_player(evaluation, best, f"{system}: best{among}")
         if worst.pair != best.pair:
-            yield _in_player(evaluation, worst, f"{system}: worst")
+            yield _in_player(evaluation, worst, f"{system}: worst{among}")
 
 
 def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
@@ -165,7 +147,8 @@ def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)
-        player = player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended())
+        params = HarmonyParams.recommended()
+        player = player_of([clip], seconds=seconds, title=title, params=params, looks=extreme.dances)
         return Shown(title, player.page, "")
     except (ValueError, OSError) as error:
         return Shown(title, "", str(error))

@@ -62,6 +62,13 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
     yield from _doubtful_inputs(evaluation)
+    if OTHER_SONG in evaluation.controls and counts[RECORDED].songs < FEWEST_SONGS:
+        yield Note(
+            f"The recorded dances are to {counts[RECORDED].songs} songs, too few to see which measures tell them from the "
+            f"same with another song: {FEWEST_SONGS} are needed.",
+            RECORDED,
+            OTHER_SONG,
+        )
     if deaf := list(_deaf_measures(evaluation)):
         yield Note(
             "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
