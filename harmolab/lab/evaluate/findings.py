@@ -47,8 +47,8 @@ def harmony_doubt(evaluation: Evaluation) -> str:
         return ""
     own, others = (number_text(evaluation.means[row, "harmony"].mean) for row in (RECORDED, OTHER_SONG))
     return (
-        f"Harmony says nothing on these data: over {songs} songs the recorded dances have {own} above chance with their "
-        f"own songs and {others} with other songs (95 % interval of the difference {_interval(control)})."
+        f"Harmony says nothing on these data: over {songs} songs the recorded dances have {own} above chance with "
+        f"their own songs and {others} with other songs (95 % interval of the difference {_interval(control)})."
     )
 
 
@@ -63,8 +63,8 @@ def _relation(evaluation: Evaluation, system: str) -> str:
     if max(-one.low, one.high) < ALIKE * control.mean:
         return "cannot be told from the recorded dances by its harmony with the music"
     return (
-        f"may go with its music as the recorded dances do, or not: {songs} songs are too few to tell, the 95 % interval "
-        f"of the difference is {_interval(one)}"
+        f"may go with its music as the recorded dances do, or not: {songs} songs are too few to tell, the 95 % "
+        f"interval of the difference is {_interval(one)}"
     )
 
 

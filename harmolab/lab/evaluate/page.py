@@ -12,6 +12,8 @@ from harmolab.files import PathLike, plain, write_text
 from harmolab.lab.evaluate import tables
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
 from harmolab.lab.evaluate.findings import findings
+from harmolab.lab.evaluate.latex import table_tex
+from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
@@ -39,7 +41,7 @@ class Shown(NamedTuple):
 
 
 def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
-    """Write table.csv, table.json, table.tex and index.html into a folder, each whole; nothing unless all can be made.
+    """Write index.html, methods.txt, table.csv, .json and .tex into a folder, each whole; nothing unless all are made.
 
     Returns
     -------
@@ -48,9 +50,10 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     content = plain(tables.table_content(evaluation))
     texts = {
         "index.html": evaluation_page(evaluation),
+        "methods.txt": f"{tables.methods_paragraph(evaluation)}\n\n{tables.full_methods(evaluation)}\n",
         "table.csv": tables.table_csv(evaluation),
         "table.json": json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-        "table.tex": tables.table_tex(evaluation),
+        "table.tex": table_tex(evaluation),
     }
     paths = {name: Path(out) / name for name in texts}
     for name, text in texts.items():
@@ -61,15 +64,16 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
 def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
     records = tables.table_records(evaluation)
-    panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
+    drawn = (*DRAWN, *(name for name in evaluation.measures if name not in MEASURES))
+    panels = [_panel(evaluation, name) for name in drawn if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
-    notes, groups = list(tables.table_notes(evaluation)), (evaluation.measures, evaluation.set_measures)
+    notes = list(tables.table_notes(evaluation))
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
         findings=list(findings(evaluation)),
         records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
-        groups=[[_line(records, name, notes) for name in names] for names in groups],
+        groups=[(title, [_line(records, name, notes) for name in names]) for title, names in _groups(evaluation)],
         wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
         differences=list(_differences(evaluation)),
@@ -78,10 +82,21 @@ def evaluation_page(evaluation: Evaluation) -> str:
         shown_seconds=SHOWN_SECONDS,
         notes=notes,
         methods=tables.methods_paragraph(evaluation),
+        full_methods=tables.full_methods(evaluation).split("\n\n"),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
         version=version("harmolab"),
     )
+
+
+def _groups(evaluation: Evaluation) -> Iterator[tuple[str, Sequence[str]]]:
+    """Title and measures of each part of the table: our own of single dances and of sets, then those of protocols."""
+    columns = (*evaluation.measures, *evaluation.set_measures)
+    yield "", [name for name in evaluation.measures if name in MEASURES]
+    yield "", [name for name in evaluation.set_measures if " " not in name]
+    for protocol in evaluation.settings.protocols:
+        title = f"by the published code of {protocol}, its faults included: means over dances"
+        yield title, [name for name in columns if name.startswith(f"{protocol} ")]
 
 
 def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]) -> dict[str, Any]:
