@@ -795,7 +795,15 @@ def test_the_page_fits_its_window_and_asks_for_nothing(
     page.frames[1].wait_for_function("window.harmolabPlayer", timeout=20_000)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.evaluate("[...document.images].every(one => one.naturalWidth > 0)")
+    edges = page.eval_on_selector_all("td.control", "cells => cells.map(one => one.getBoundingClientRect().right)")
+    assert len(edges) > 3 * 20 and max(edges) <= width  # no control is out of sight
     assert faults == []
+
+
+@pytest.mark.slow
+def test_the_page_is_the_same_to_the_byte_each_time(table: Evaluation) -> None:
+    one = replace(table, extremes={"on the beat": table.extremes["on the beat"][1:] * 2})
+    assert evaluation_page.evaluation_page(one) == evaluation_page.evaluation_page(one)
 
 
 @pytest.mark.slow

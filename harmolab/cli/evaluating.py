@@ -123,9 +123,10 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
 
 
 def _print(evaluation: Evaluation) -> None:
-    """The most important measures, as many systems beside one another as fit, the remarks, and what was left out."""
+    """The most important measures, as many systems beside one another as fit, findings, remarks, what was left out."""
     from rich.console import Console
 
+    from harmolab.lab.evaluate.findings import findings
     from harmolab.lab.evaluate.tables import table_notes, table_records
 
     records = table_records(evaluation)
@@ -133,8 +134,8 @@ def _print(evaluation: Evaluation) -> None:
     names = [name for name in (*evaluation.measures, *evaluation.set_measures) if name in KEY or " " in name]
     for first in range(0, len(records), beside):
         _print_table(records[first : first + beside], names)
-    for remark in table_notes(evaluation):
-        typer.echo(printable(remark))
+    for sentence in (*findings(evaluation), *table_notes(evaluation)):
+        typer.echo(printable(sentence))
     left_out = [*evaluation.errors, *evaluation.unpaired]
     for one in left_out[:NAMED]:
         note(f"left out: {one.file}: {one.reason}")

@@ -3,6 +3,7 @@
 import base64
 import io
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -485,7 +486,29 @@ def coded_sound(audio: Audio, duration: float) -> dict[str, Any]:
     with soundfile.SoundFile(stream, "w", rate, 1, format="OGG", subtype="VORBIS") as file:
         for first in range(0, samples.size, BLOCK):
             file.write(samples[first : first + BLOCK])
-    return {"rate": rate, "ogg": base64.b64encode(stream.getvalue()).decode()}
+    return {"rate": rate, "ogg": base64.b64encode(_numbered(stream.getvalue())).decode()}
+
+
+def _numbered(stream: bytes) -> bytes:
+    """An Ogg stream with 1 in place of its number, which libsndfile draws at random: the same sound, the same bytes.
+
+    Each page has the number at byte 14, its checksum at 22, and the lengths of its parts from 27 on (RFC 3533).
+    """
+    pages, start = bytearray(stream), 0
+    while start < len(pages):
+        body = start + 27 + pages[start + 26]
+        end = body + sum(pages[start + 27 : body])
+        pages[start + 14 : start + 18] = (1).to_bytes(4, "little")
+        pages[start + 22 : start + 26] = bytes(4)
+        pages[start + 22 : start + 26] = _checksum(bytes(pages[start:end])).to_bytes(4, "little")
+        start = end
+    return bytes(pages)
+
+
+def _checksum(page: bytes) -> int:
+    """The checksum of an Ogg page: zlib's from 0, with the bits of each byte and of the sum in the other order."""
+    mirrored = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+    return int(f"{zlib.crc32(page.translate(mirrored), 0xFFFFFFFF) ^ 0xFFFFFFFF:032b}"[::-1], 2)
 
 
 # A page to begin with, made of what comes with harmolab: one dance twice, in time with its music and late.

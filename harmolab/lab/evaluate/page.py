@@ -47,7 +47,7 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     -------
     name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
     """
-    content = plain(tables.table_content(evaluation))
+    content = plain({**tables.table_content(evaluation), "findings": list(findings(evaluation))})
     texts = {
         "index.html": evaluation_page(evaluation),
         "methods.txt": f"{tables.methods_paragraph(evaluation)}\n\n{tables.full_methods(evaluation)}\n",

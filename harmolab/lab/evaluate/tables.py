@@ -192,12 +192,10 @@ def _published_notes(evaluation: Evaluation) -> Iterator[Note]:
         sizes = [one.n for (row, name), one in evaluation.sets.items() if name in distances and row != RECORDED]
         if sizes and min(sizes) < FEW:
             sides = [one for (row, name), one in evaluation.sets.items() if name in distances and row == RECORDED]
-            truth = (
-                f" That of the recorded dances is between {sides[0].n} and {sides[0].n_recorded:g}." if sides else ""
-            )
+            truth = f" Their own is between {sides[0].n} and {sides[0].n_recorded:g} of them." if sides else ""
             yield Note(
                 f"FID of {protocol} rests on {min(sizes)} dances at the least and keeps the bias of small samples, as "
-                f"published: it compares only with that of as many dances, beside as many recorded ones.{truth}",
+                f"published: it compares only with that of as many dances, beside as many recorded dances.{truth}",
                 *distances,
             )
     yield from _constant_notes(evaluation)
