@@ -65,13 +65,13 @@ def table_tex(evaluation: Evaluation) -> str:
 
 def _heads(evaluation: Evaluation) -> dict[str, dict[str, str]]:
     """Groups of columns that were measured -> column -> heading in LaTeX: two of our own, then those of protocols."""
-    there = (*evaluation.measures, *evaluation.set_measures)
+    columns = (*evaluation.measures, *evaluation.set_measures)
     heads: dict[str, dict[str, str]] = {
-        group: {name: head for name, head in columns.items() if name in there}
-        for group, columns in (("music", MUSIC_COLUMNS), ("body", BODY_COLUMNS))
+        group: {name: head for name, head in own.items() if name in columns}
+        for group, own in (("music", MUSIC_COLUMNS), ("body", BODY_COLUMNS))
     }
     for protocol in evaluation.settings.protocols:
-        names = [name.partition(" ")[2] for name in there if name.startswith(f"{protocol} ")]
+        names = [name.partition(" ")[2] for name in columns if name.startswith(f"{protocol} ")]
         ordered = sorted(names, key=lambda name: (*PUBLISHED_COLUMNS, name).index(name))
         heads[protocol] = {f"{protocol} {name}": _subscript(name) for name in ordered}
     return heads

@@ -354,7 +354,7 @@ class Protocol:
     notes : tuple of str
         Conventions and known faults, a sentence each.
     missing : str
-        A sentence on numbers that the paper prints and nobody can reproduce; "" where there are none.
+        A sentence on numbers that the paper prints and that cannot be reproduced; "" where there are none.
     clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
         takes none

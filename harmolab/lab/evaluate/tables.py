@@ -61,45 +61,9 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
     yield from _doubtful_inputs(evaluation)
-    if OTHER_SONG in evaluation.controls and counts[RECORDED].songs < FEWEST_SONGS:
-        yield Note(
-            f"The recorded dances are to {counts[RECORDED].songs} songs, too few to see which measures tell them from "
-            f"the same with another song: {FEWEST_SONGS} are needed.",
-            RECORDED,
-            OTHER_SONG,
-        )
-    if deaf := list(deaf_measures(evaluation)):
-        yield Note(
-            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
-            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
-            *deaf,
-        )
-    if still := list(_won_by_a_held_pose(evaluation)):
-        yield Note(
-            "By these measures a held pose is better than the recorded dances, so that alone they say nothing about "
-            f"dancing: {'; '.join(measure_of(name).words for name in still)}.",
-            *still,
-        )
+    yield from _control_notes(evaluation)
     yield from _published_notes(evaluation)
-    for name in FEATURES:
-        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
-            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
-    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
-    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
-    if distances and min(one.n for one in distances) < FEW:
-        yield Note(
-            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
-            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
-            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
-            "Chance stays too: below "
-            f"about {FEW} dances small differences mean nothing.",
-            *frechet,
-        )
-    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
-        yield Note(
-            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
-            *below,
-        )
+    yield from _distance_notes(evaluation)
     for row in evaluation.systems:
         if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
             yield Note(
@@ -123,6 +87,53 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     yield from _assumptions(evaluation)
     if evaluation.errors:
         yield Note(f"{len(evaluation.errors)} dances could not be measured and are in no number.")
+
+
+def _control_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on measures in which the controls do not stand where they must."""
+    songs = evaluation.counts[RECORDED].songs
+    if OTHER_SONG in evaluation.controls and songs < FEWEST_SONGS:
+        yield Note(
+            f"The recorded dances are to {songs} songs, too few to see which measures tell them from "
+            f"the same with another song: {FEWEST_SONGS} are needed.",
+            RECORDED,
+            OTHER_SONG,
+        )
+    if deaf := list(deaf_measures(evaluation)):
+        yield Note(
+            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
+            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
+            *deaf,
+        )
+    if still := list(_won_by_a_held_pose(evaluation)):
+        yield Note(
+            "By these measures a held pose is better than the recorded dances, so that alone they say nothing about "
+            f"dancing: {'; '.join(measure_of(name).words for name in still)}.",
+            *still,
+        )
+
+
+def _distance_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on Fréchet distances that are missing, of few dances, or below 0."""
+    for name in FEATURES:
+        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
+            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
+    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
+    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
+    if distances and min(one.n for one in distances) < FEW:
+        yield Note(
+            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
+            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
+            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
+            "Chance stays too: below "
+            f"about {FEW} dances small differences mean nothing.",
+            *frechet,
+        )
+    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
+        yield Note(
+            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
+            *below,
+        )
 
 
 def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
