@@ -45,10 +45,9 @@ def harmony_doubt(evaluation: Evaluation) -> str:
         return f"{words} too few to say how the dances go with their music; {FEWEST_SONGS} are needed at the least."
     if control.low > 0:
         return ""
-    own, others = (number_text(evaluation.means[row, "harmony"].mean) for row in (RECORDED, OTHER_SONG))
     return (
-        f"Harmony says nothing on these data: over {songs} songs the recorded dances have {own} above chance with "
-        f"their own songs and {others} with other songs (95 % interval of the difference {_interval(control)})."
+        "Harmony says nothing on these data: the recorded dances are not clearly more in harmony with their own songs "
+        f"than with others (difference {number_text(control.mean)}, 95 % interval {_interval(control)}, {songs} songs)."
     )
 
 

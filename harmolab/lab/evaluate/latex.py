@@ -120,7 +120,7 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
     others = ((head, _songs_of(evaluation, name)) for name, head in heads.items())
     fewer = [f"{head}: {text}" for head, text in others if text not in ("", songs)]
     few = f" ({'; '.join(fewer)})" if fewer else ""
-    protocols, version_text = evaluation.settings.protocols, latex_text(version("harmolab"))
+    protocols = [one for one in evaluation.settings.protocols if any(name.startswith(f"{one} ") for name in heads)]
     parts = [
         f"Means over {songs} songs{few} with 95\\,\\% intervals by resampling "
         "songs. Bold: better than another system, the interval of the paired difference excluding 0, and none better. "
@@ -137,7 +137,7 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
         parts.append(f"{DEAF}: does not tell recorded dances from the same with another song.")
     if any(constant_features(evaluation, name) for name in heads):
         parts.append(f"{CONSTANT}: meaningless, of features that are constant in the reference.")
-    return " ".join([*parts, f"Computed with harmolab {version_text}."])
+    return " ".join([*parts, f"Computed with harmolab {latex_text(version('harmolab'))}."])
 
 
 def _songs_of(evaluation: Evaluation, measure: str) -> str:
