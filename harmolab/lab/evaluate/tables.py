@@ -218,7 +218,7 @@ def _constant_notes(evaluation: Evaluation) -> Iterator[Note]:
     for name in evaluation.set_measures:
         if places := constant_features(evaluation, name):
             rows = tuple(row for row in evaluation.rows if evaluation.sets.get((row, name), NO_NUMBER).constant)
-            columns.setdefault((name[-1], tuple(places), rows), []).append(name)
+            columns.setdefault((name[-1], places, rows), []).append(name)
     for (letter, places, rows), names in columns.items():
         kind, count = ("kinetic", KINETIC) if letter == "k" else ("geometric", len(GEOMETRIC_FEATURES))
         numbered = (GEOMETRIC_FEATURES[one] if kind == "geometric" else f"number {one + 1}" for one in places)
@@ -230,9 +230,11 @@ def _constant_notes(evaluation: Evaluation) -> Iterator[Note]:
         )
 
 
-def constant_features(evaluation: Evaluation, name: str) -> list[int]:
+def constant_features(evaluation: Evaluation, name: str) -> tuple[int, ...]:
     """The places of the features behind a number of sets that are constant in the reference and not in a row of it."""
-    return sorted({place for (_, each), one in evaluation.sets.items() if each == name for place in one.constant})
+    return tuple(
+        sorted({place for (_, each), one in evaluation.sets.items() if each == name for place in one.constant})
+    )
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
@@ -251,23 +253,25 @@ def methods_paragraph(evaluation: Evaluation) -> str:
     dances = number_range(counts[row].dances for row in evaluation.systems)
     rates = number_range(float(rate) for row in evaluation.rows for rate in evaluation.facts[row]["fps"])
     number = len(evaluation.systems)
+    beats = sum((evaluation.facts[row]["beats"] for row in (*evaluation.systems, RECORDED)), Counter[str]())
     published = (
-        f" Columns of {', '.join(protocols)} follow these published codes, with their faults and the bias of small "
-        "samples, as means over dances."
+        f" Columns of {', '.join(protocols)} follow these published codes, faults and small-sample bias included, as "
+        "means over dances."
     )
     return (
         f"{'The system' if number == 1 else f'Each of {number} systems'} has {dances} dances; beside them stand "
         f"{counts[RECORDED].dances} recorded dances, these with another song, and a held pose ({rates} frames per "
-        "second). Harmony above chance is the percentile rank of the music beats among all moments of the movement's "
-        "shape (0: chance, 1: the most there is). Harmony h and hit rate (reaction delay "
+        f"second). Music beats were annotated for {beats['annotated']} dances and tracked for {beats['tracked']}. "
+        "Harmony above chance is the percentile rank of the music beats among all moments of the movement's shape (0: "
+        "chance, 1: the most). Harmony h and hit rate (reaction delay "
         f"{HarmonyParams.paper().reaction_delay:g} s) stand beside what as many beats at random moments reach. Beat "
         "alignment has the widths of AIST++ in seconds. Fréchet distances are from the recorded dances, in their "
-        "units, less the estimated bias of small samples. Likeness is the share of dances in which thirteen measures "
-        f"of movement lie within the limits of recorded dancers.{published if protocols else ''} Intervals are 95 %, "
-        f"from {settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for small samples "
-        "(Hesterberg 2015); dances to one song, and seeds, are averaged before. Differences are paired by song; a rank "
-        f"needs an interval that excludes 0 over {FEWEST_SONGS} songs or more, and is not corrected for the number of "
-        f"comparisons. Computed with harmolab {version('harmolab')}."
+        "units, less the estimated bias of small samples. Likeness is the share of dances whose thirteen measures of "
+        f"movement lie within the limits of recorded dancers.{published if protocols else ''} Intervals are 95 %, from "
+        f"{settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for small samples (Hesterberg "
+        "2015); dances to one song, and seeds, are averaged before. Differences are paired by song; ranks need an "
+        f"interval that excludes 0 over {FEWEST_SONGS} songs, uncorrected for the number of comparisons. Computed with "
+        f"harmolab {version('harmolab')}."
     )
 
 
@@ -371,8 +375,8 @@ def _protocols(evaluation: Evaluation) -> Iterator[str]:
 
 
 NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
-# Below so much, so many digits; rounding must not lead over the edge.
 HUGE = 1e6  # from here on a power of ten stands for the digits
+# Below so much, so many digits; rounding must not lead over the edge.
 _DIGITS = ((0.00005, 2), (0.00995, 4), (0.0995, 3), (9.995, 2), (99.95, 1))
 
 
