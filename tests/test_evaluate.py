@@ -477,6 +477,14 @@ def test_a_finding_is_only_what_the_controls_and_the_number_of_songs_allow(
     assert list(findings(turned)) == list(findings(changed))
 
 
+def test_a_finding_says_of_how_many_songs_a_likeness_is(table: Evaluation) -> None:
+    mean = table.means[WILD, "likeness"]._replace(mean=1.0, songs=3)
+    (finding,) = findings(replace(table, systems=(WILD,), means={**table.means, (WILD, "likeness"): mean}))
+    assert finding.endswith(
+        "100% of its dances to the 3 of 7 songs where that can be judged move like recorded dancers."
+    )
+
+
 def flailing(motion: Motion, seed: int) -> Motion:
     """A body whose joints go their own ways at random, about a tenth of a second each."""
     noise = np.random.default_rng(seed).normal(0.0, 0.15, motion.positions.shape)

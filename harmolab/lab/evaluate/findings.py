@@ -21,8 +21,7 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
     if doubt := harmony_doubt(evaluation):
         yield doubt
     for system in evaluation.systems:
-        likeness = evaluation.means.get((system, "likeness"))
-        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
+        likely = _likeness(evaluation, system)
         mean, recorded = (evaluation.means.get((row, "harmony")) for row in (system, RECORDED))
         if mean is None or recorded is None:
             yield f"{system}: no harmony above chance could be measured.{likely}"
@@ -30,6 +29,16 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
         numbers = f"{number_text(mean.mean)} above chance, that of the recorded dances {number_text(recorded.mean)}"
         relation = "" if doubt else _relation(evaluation, system)
         yield f"{system} {relation} ({numbers}).{likely}" if relation else f"{system}: harmony {numbers}.{likely}"
+
+
+def _likeness(evaluation: Evaluation, system: str) -> str:
+    """A sentence on the likeness of a system to recorded dancers, with a blank before it; "" without one."""
+    mean = evaluation.means.get((system, "likeness"))
+    if mean is None:
+        return ""
+    songs = evaluation.counts[system].songs
+    judged = "" if mean.songs == songs else f" to the {mean.songs} of {songs} songs where that can be judged"
+    return f" {mean.mean:.0%} of its dances{judged} move like recorded dancers."
 
 
 def harmony_doubt(evaluation: Evaluation) -> str:
