@@ -77,7 +77,7 @@ def test_a_folder_like_aist_evaluates_with_one_command(aist: Path, tmp_path: Pat
     assert harmony["frozen pose"] == 0
     content = json.loads((out / "table.json").read_text("utf-8"))
     said = f"Assumptions in reading recorded (dances): {NEUTRAL} (6)."
-    assert said in content["methods"] and said in content["notes"]
+    assert said in content["methods_in_full"] and said in content["notes"]
     assert said in " ".join(result.output.split())
     assert NEUTRAL in (out / "index.html").read_text("utf-8").replace("&#39;", "'")
 

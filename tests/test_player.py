@@ -21,7 +21,7 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.lab.player import HEIGHT, Dancer, Player, blind_page, player_of
+from harmolab.lab.player import HEIGHT, Dancer, Player, blind_page, coded_sound, player_of
 from harmolab.lab.report.templates import framed
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import save_motion
@@ -105,6 +105,10 @@ def test_sound_is_where_it_was(clip: Clip) -> None:
     assert (rate, samples.size) == (clip.audio.sample_rate, given.size)
     assert delay_of(samples, given) == 0
     assert np.corrcoef(samples, given)[0, 1] > 0.95
+
+
+def test_the_same_sound_is_the_same_bytes(clip: Clip) -> None:
+    assert coded_sound(clip.audio, 3.0) == coded_sound(clip.audio, 3.0)
 
 
 @pytest.mark.parametrize("seconds", [1.0, 3.0])

@@ -536,7 +536,7 @@ def test_filler_frames_are_remarked():
 def test_edge_has_neither_features_nor_distances():
     assert EDGE.features(walker(1)) == {}
     assert EDGE.sets({}, {}) == {}
-    assert any("issues 11, 27 and 46" in note for note in EDGE.notes)
+    assert "issues 11, 27 and 46" in EDGE.missing
 
 
 def test_versions_of_the_published_features_are_named():

@@ -161,8 +161,10 @@ def write_evaluate_row(name: str, table: Path) -> None:
     dances = clips[[column for column in (*NAMES, *MEASURES) if column in clips]]
     folders = {key: Path(settings[key]).name for key in ("music", "reference")}
     systems = " ".join(f"--system {system}={Path(folder).name}" for system, folder in settings["systems"].items())
-    options = {key: settings[key] for key in ("protocol", "fps", "scale", "resamples", "seed")}
-    given = " ".join(f"--{key} {value}" for key, value in options.items() if value not in (None, ""))
+    options = {key: settings[key] for key in ("protocols", "fps", "scale", "resamples", "seed")}
+    single = {key: value for key, value in options.items() if key != "protocols" and value is not None}
+    named = [f"--protocol {name}" for name in options["protocols"]]
+    given = " ".join([*named, *(f"--{key} {value}" for key, value in single.items())])
     command = f"harmolab evaluate {systems} --music {folders['music']} --reference {folders['reference']} {given}"
     write_row(
         name, "evaluate", f"{command} --out table", dances, "%.6g", settings=options,

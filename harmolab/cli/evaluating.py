@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,7 +31,9 @@ def evaluate(
     generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
     system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
     pairs: Path | None = None,
-    protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
+    protocol: Annotated[
+        list[str] | None, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))
+    ] = None,
     fps: common.Fps = None,
     scale: common.Scale = None,
     smpl: common.Smpl = None,
@@ -73,7 +76,7 @@ def evaluate(
     generated : Folder of generated dances; one subfolder a seed.
     system : Another system to compare; can be repeated.
     pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
-    protocol : Also the numbers of a published code: aist++, edge, bailando.
+    protocol : Also the numbers of a published code: aist++, edge, bailando; can be repeated.
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
@@ -83,7 +86,7 @@ def evaluate(
     with plain_errors():
         common.check_pages("--out")
         settings = _settings(
-            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
+            generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (), fps=fps,
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
@@ -120,17 +123,19 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
 
 
 def _print(evaluation: Evaluation) -> None:
-    """The most important measures, as many systems beside one another as fit, the remarks, and what was left out."""
+    """The most important measures, as many systems beside one another as fit, findings, remarks, what was left out."""
     from rich.console import Console
 
+    from harmolab.lab.evaluate.findings import findings
     from harmolab.lab.evaluate.tables import table_notes, table_records
 
     records = table_records(evaluation)
     beside = max(1, (Console().width - NAME_WIDTH) // CELL_WIDTH)
+    names = [name for name in (*evaluation.measures, *evaluation.set_measures) if name in KEY or " " in name]
     for first in range(0, len(records), beside):
-        _print_table(records[first : first + beside])
-    for remark in table_notes(evaluation):
-        typer.echo(printable(remark))
+        _print_table(records[first : first + beside], names)
+    for sentence in (*findings(evaluation), *table_notes(evaluation)):
+        typer.echo(printable(sentence))
     left_out = [*evaluation.errors, *evaluation.unpaired]
     for one in left_out[:NAMED]:
         note(f"left out: {one.file}: {one.reason}")
@@ -138,19 +143,19 @@ def _print(evaluation: Evaluation) -> None:
         note(f"left out: {len(left_out) - NAMED} more files, in table.json")
 
 
-def _print_table(records: list[dict[str, Any]]) -> None:
-    """A table with a column a record."""
+def _print_table(records: list[dict[str, Any]], measures: Sequence[str]) -> None:
+    """A table with a column a record, and a line a measure."""
     from rich.markup import escape
     from rich.table import Column
 
     from harmolab.lab.evaluate.tables import number_text
 
-    names = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
+    systems = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
     rows = [[count, *(str(record[count]) for record in records)] for count in ("dances", "songs", "seeds")]
-    for name in (name for name in KEY if name in records[0]):
+    for name in measures:
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
         rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])
-    common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
+    common.print_table([Column(no_wrap=True), *systems], rows, "means over songs (rank), by columns of table.csv")
 
 
 # `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.

@@ -36,7 +36,7 @@ class EvaluationSettings:
     music : folder of songs
     reference : folder of recorded dances
     pairs : file of a list of pairs, or None
-    protocol : str, name of a protocol, "" for none
+    protocols : names of protocols (`harmolab.lab.PROTOCOLS`)
     fps, scale, smpl, up : as in `RowOptions`
     pose_net : weights of a pose network, or None for the shipped one
     resamples, seed : of the intervals
@@ -46,7 +46,7 @@ class EvaluationSettings:
     music: PathLike
     reference: PathLike
     pairs: PathLike | None = None
-    protocol: str = ""
+    protocols: Sequence[str] = ()
     fps: float | None = None
     scale: float | None = None
     pose_net: PathLike | None = None
@@ -65,8 +65,9 @@ class EvaluationSettings:
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
         ReadingOptions(up=self.up)  # an error for another axis
-        if self.protocol:
-            protocol_of(self.protocol)
+        object.__setattr__(self, "protocols", tuple(dict.fromkeys(self.protocols)))
+        for name in self.protocols:
+            protocol_of(name)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
@@ -94,10 +95,11 @@ class Counts(NamedTuple):
 
 
 class Extreme(NamedTuple):
-    """The best or the worst dance of a system by harmony above chance."""
+    """The best or the worst dance of a system by harmony above chance, and the number of dances it was picked among."""
 
     pair: Pair
     harmony: float
+    dances: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,8 @@ class Evaluation:
     controls : names of the controls that there are
     songs : DataFrame by system and song, means of every measure over dances and seeds; by group of songs where there
         are more than `MOST_SONGS`
-    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
+    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them; the means of the
+        columns of a protocol are those of `dance_means`, its sets those of `protocol_sets`
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
     facts : system -> each of `harmolab.lab.evaluate.sets.FACTS` -> how many dances have which value
@@ -145,11 +148,9 @@ class Evaluation:
     def measures(self) -> tuple[str, ...]:
         """The measures of single dances that anything was measured of, in the order of the table."""
         measured = dict.fromkeys(measure for _, measure in self.means)
-        protocol = f"{self.settings.protocol} "
-        return (
-            *(name for name in MEASURES if name in measured),
-            *(name for name in measured if self.settings.protocol and name.startswith(protocol)),
-        )
+        protocols = self.settings.protocols
+        published = (name for protocol in protocols for name in measured if name.startswith(f"{protocol} "))
+        return (*(name for name in MEASURES if name in measured), *published)
 
     @property
     def set_measures(self) -> tuple[str, ...]:
@@ -192,8 +193,8 @@ def evaluate_dances(
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
-    same = {name: getattr(settings, name) for name in ("fps", "scale", "protocol", "smpl", "up")}
-    options = RowOptions(pose_net=_pose_net(settings), **same)
+    same = {name: getattr(settings, name) for name in ("fps", "scale", "smpl", "up")}
+    options = RowOptions(pose_net=_pose_net(settings), protocols=tuple(settings.protocols), **same)
     _check_rates(pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
     if resume:
@@ -296,18 +297,24 @@ def _evaluation(
     interval = partial(summary.song_interval, count=settings.resamples, seed=settings.seed)
     differences = summary.system_differences(songs, names, interval=interval)
     sets = set_numbers(collected.features, seed=settings.seed)
-    if settings.protocol:
-        sets |= protocol_sets(collected.features, settings.protocol)
+    for name in settings.protocols:
+        sets |= protocol_sets(collected.features, name)
+    published = [name for name in map(str, songs.columns) if name.partition(" ")[0] in settings.protocols]
+    means = summary.system_means(songs, interval=interval)
+    means |= summary.dance_means(collected.sums, collected.counts, published, interval=interval)
     rank = partial(summary.ranks, differences, systems)
     ranks = {name: rank(name, better=summary.measure_of(name).better) for name in map(str, songs.columns)}
     extremes = {
-        name: tuple(Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+        name: tuple(
+            Extreme(by_key[key], harmony, int(collected.counts.loc[name]["harmony"].sum()))
+            for harmony, key in collected.extremes[name]
+        )
         for name in (*systems, RECORDED)
         if name in collected.extremes
     }
     return Evaluation(
         settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
-        summary.system_means(songs, interval=interval), differences, sets, ranks, counts, collected.facts, extremes,
+        means, differences, sets, ranks, counts, collected.facts, extremes,
         tuple(dict.fromkeys(unpaired)), errors,
     )  # fmt: skip
 

@@ -353,6 +353,8 @@ class Protocol:
         there: `remarks` says so.
     notes : tuple of str
         Conventions and known faults, a sentence each.
+    missing : str
+        A sentence on numbers that the paper prints and that cannot be reproduced; "" where there are none.
     clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
         takes none
@@ -374,6 +376,7 @@ class Protocol:
     music_beats: MusicBeats | None = None
     features: Callable[[Motion], dict[str, FloatArray]] = _nothing
     sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]] = _nothing
+    missing: str = ""
 
     def remarks(self, motion: Motion, scores: Mapping[str, float]) -> tuple[str, ...]:
         """Sentences on one dance: another frame rate, other joints, filler frames, numbers that are NaN.
@@ -401,7 +404,9 @@ _UNDEFINED: Mapping[str, str] = {
     "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
 }
 _FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
-_MEANS = "Published means are over dances; here a song counts once, however many dances there are to it."
+_MEANS = "Means are over dances, as published, however many there are to a song."
+# 1 where more is better, -1 where less is. Diversity has neither: papers wish for more, which flailing has.
+BETTER: Mapping[str, int] = MappingProxyType({"BeatAlign": 1, "BAS": 1, "PFC": -1, "FID_k": -1, "FID_g": -1})
 _MUSIC_BEATS = (
     "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
     "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
@@ -417,6 +422,8 @@ _OF_SETS = (
     "Div_k and Div_g are mean distances between dances, of features standardised by the reference.",
     "Published tables take all motions of AIST++ for the reference, training included; here it is the one of the "
     "table. Fewer than two dances on a side give NaN.",
+    "The recorded dances' own line, the ground truth, is of those to the systems' songs against all of them; where "
+    "these are the same dances, FID is that between halves of the songs.",
     "Versions differ: FID_g and Div_g in the paper of AIST++ are of earlier geometric features, with one more fault; "
     "copies in which the bracket is mended have other FID_k and Div_k.",
 )
@@ -460,9 +467,10 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "The code takes z for up; motions here have y up, and axes are taken accordingly.",
                 "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
                 "here all count.",
-                "No code for beat alignment, FID or diversity is public (issues 11, 27 and 46), so there is none here.",
             ),
             _pfc,
+            missing="Its paper also prints beat alignment and diversity (Dist_k, Dist_g); no code for them is public "
+            "(issues 11, 27 and 46), so they cannot be reproduced and are not here.",
         ),
         "bailando": Protocol(
             "Li Siyao et al. 2022, lisiyao21/Bailando",

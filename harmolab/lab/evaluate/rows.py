@@ -43,14 +43,14 @@ class RowOptions:
     fps : float or None, hertz, of files that hold no rate
     scale, smpl : as in `harmolab.readers.motion.load_motion`; `smpl` for files of SMPL parameters only
     up : str, the axis that points up in files that leave it open, "" to have it guessed
-    protocol : str, name in `harmolab.lab.evaluate.published.PROTOCOLS`, "" for none
+    protocols : names in `harmolab.lab.evaluate.published.PROTOCOLS`
     pose_net : Path or None, weights of the pose network; None leaves its features out
     limits : LikenessLimits of the recorded dancers; the shipped ones when left out
     """
 
     fps: float | None = None
     scale: float | None = None
-    protocol: str = ""
+    protocols: tuple[str, ...] = ()
     pose_net: Path | None = None
     limits: LikenessLimits | None = None
     smpl: PathLike | None = None
@@ -68,8 +68,8 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
         ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in
-        short, on how the motion was read), remarks (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high
-        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocol;
+        short, on how the motion was read), remarks (of the protocols); `MEASURES`; p_value, harmony_low, harmony_high
+        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocols;
         f_NAME_000 and so on, the features of the dance by name. NaN for what this motion does not have.
 
     Raises
@@ -91,9 +91,12 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
     numbers = dance_numbers(dance, NUMBERS)
     features = motion_features(motion, options.pose_net)
-    if options.protocol:
-        own, vectors, about["remarks"] = protocol_numbers(clip, pair, options.protocol)
+    remarks = []
+    for name in options.protocols:
+        own, vectors, remark = protocol_numbers(clip, pair, name)
         numbers, features = numbers | own, features | vectors
+        remarks += [f"{name}: {remark}"] if remark else []
+    about |= {"remarks": " ".join(remarks)} if options.protocols else {}
     return about | numbers | feature_cells(features)
 
 
