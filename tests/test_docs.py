@@ -404,12 +404,14 @@ def test_every_direct_dependency_is_pinned_within_its_bounds():
     assert [str(one) for one, version in found.items() if not one.specifier.contains(version)] == []
 
 
-def test_hints_install_extras_from_a_copy_and_by_no_name_on_an_index():
-    pages = [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
+def test_hints_name_packages_that_an_index_has_and_all_of_them():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
     texts = {path: path.read_text("utf-8") for path in (*pages, *(ROOT / "harmolab").rglob("*.py")) if path.is_file()}
-    assert [path.name for path, text in texts.items() if re.search(r"\bharmolab\[[a-z]", text)] == []
-    named = {extra for text in texts.values() for extra in re.findall(r"pip install '\.\[([a-z0-9]+)\]'", text)}
-    assert {"train", "cluster", "c3d"} <= named <= set(project()["optional-dependencies"])
+    assert [path.name for path, text in texts.items() if re.search(r"harmolab\[[a-z]|pip install '\.\[", text)] == []
+    extras = project()["optional-dependencies"]
+    for path in ("harmolab/cli/training.py", "docs/tutorial_train.md", "docs/dancing.md"):
+        hint = re.search(r"pip install (lightning[-\w ]+)", (ROOT / path).read_text("utf-8"))
+        assert hint and set(hint[1].split()) == {Requirement(line).name for line in extras["train"]}, path
 
 
 def test_scoring_does_not_depend_on_torch_or_jupyter():

@@ -23,11 +23,12 @@ from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate import page as evaluation_page
 from harmolab.lab.evaluate import published as protocols
 from harmolab.lab.evaluate import sets as collecting
-from harmolab.lab.evaluate.engine import part_rows, run_rows, write_part
+from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.measured import MEASURES, beat_numbers
 from harmolab.lab.evaluate.page import findings, write_evaluation
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, Song, folder_pairs, song_of, songs_in
+from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, set_numbers, written_parts
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
@@ -92,8 +93,8 @@ def table(planted: Path) -> Evaluation:
 @pytest.mark.slow
 def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r"this needs pyarrow; .*run: pip install '\.\[cluster\]'"):
-        evaluate_dances(settings(planted), planted / "nothing")
+    with pytest.raises(ValueError, match=r'need dask; install it by: pip install "dask\[distributed\]"'):
+        evaluate_dances(settings(planted), planted / "nothing", jobs=2)
     assert not (planted / "nothing").exists()
 
 

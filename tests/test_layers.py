@@ -54,7 +54,8 @@ LIBRARIES = {
     ),
     "pandas": ("lab", "cli"),
     "jinja2": ("lab.report",),
-    **dict.fromkeys(("dask", "distributed", "pyarrow"), ("lab.evaluate.engine",)),
+    **dict.fromkeys(("dask", "distributed"), ("lab.evaluate.engine",)),
+    "pyarrow": ("lab.evaluate.parts",),
 }
 HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask", "distributed", "pyarrow"}
 LONGEST_FUNCTION = 60

@@ -131,8 +131,7 @@ Up = Annotated[
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
-    int | None,
-    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without the extra `cluster`).", min=0),
+    int | None, typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without Dask).", min=0)
 ]
 Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
@@ -144,7 +143,7 @@ Force = Annotated[
 def processes(jobs: int | None) -> int:
     """The number of processes of `Jobs`."""
     if jobs is None:
-        jobs = (os.cpu_count() or 1) if find_spec("distributed") and find_spec("pyarrow") else 0
+        jobs = (os.cpu_count() or 1) if find_spec("distributed") else 0
     return jobs
 
 

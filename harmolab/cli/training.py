@@ -12,7 +12,7 @@ import typer
 from harmolab.cli.common import completed, is_told
 from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
-TRAIN_HINT = "in a copy of harmolab, run: pip install '.[train]'"
+TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors tensorboardX torch"
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
