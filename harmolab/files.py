@@ -20,13 +20,14 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from numpy.typing import NDArray
 
 PathLike = str | os.PathLike[str]
@@ -302,6 +303,35 @@ def keep_arrays(name: str, arrays: Arrays) -> None:
             np.savez(file, allow_pickle=False, **arrays)
     except OSError:
         return
+
+
+def cached_once(name: str, needed: Sequence[str], make: Callable[[], Arrays]) -> Arrays:
+    """Arrays kept under a name, else those of `make`, which are kept: of several processes one makes them, others wait.
+
+    Parameters
+    ----------
+    name : str, hexadecimal
+    needed : names of arrays; a file without one of them is none
+    make : function() -> arrays
+    """
+    with _alone(name):
+        arrays = cached_arrays(name)
+        if arrays is None or any(one not in arrays for one in needed):
+            arrays = make()
+            keep_arrays(name, arrays)
+        return arrays
+
+
+@contextmanager
+def _alone(name: str) -> Iterator[None]:
+    """One process at a time for a name, or another that begins alike; all at once where there is no cache to write."""
+    folder = cache_folder()
+    with ExitStack() as stack:
+        if folder is not None:
+            with suppress(OSError):
+                folder.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(FileLock(folder / f"{name[:2]}.lock"))
+        yield
 
 
 # Small tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between.
