@@ -45,7 +45,8 @@ INSIDE = {
     },
 }
 LIBRARIES = {
-    "torch": ("systems", "soft_score", "lab.harmonise", "musician"),
+    "torch": ("systems", "soft_score", "lab.harmonise", "lab.evaluate.torch_metric", "musician"),
+    "torchmetrics": ("lab.evaluate.metric", "lab.evaluate.torch_metric"),
     "matplotlib": ("lab.figures",),
     "ipywidgets": ("lab.labs",),
     "anywidget": ("lab.labs",),

@@ -36,6 +36,7 @@ def evaluate(
     smpl: common.Smpl = None,
     up: common.Up = None,
     pose_net: Path | None = None,
+    save_reference: Path | None = None,
     resamples: Annotated[int, typer.Option(min=100)] = 4000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
@@ -68,20 +69,25 @@ def evaluate(
     ----------
     music : Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats beside a song holds its
         beats, else they are tracked.
-    reference : Folder of recorded dances, the controls of the table.
+    reference : Folder of recorded dances, the controls of the table; or a file of --save-reference; or synthetic, for
+        the one that comes with harmolab.
     out : Folder for the table: csv, json, LaTeX and an HTML page.
     generated : Folder of generated dances; one subfolder a seed.
     system : Another system to compare; can be repeated.
     pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
     protocol : Also the numbers of a published code: aist++, edge, bailando.
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
+    save_reference : Also write the measured recorded dances into one file (npz), for --reference and for
+        `harmolab.evaluate`: numbers and names, no movement.
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
     """
-    from harmolab.lab.evaluate.evaluation import evaluate_dances
+    from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
 
     with plain_errors():
         common.check_pages("--out")
+        if save_reference is not None:
+            common.check_out(save_reference, "a reference", (".npz",))
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
@@ -93,6 +99,9 @@ def evaluate(
         from harmolab.lab.evaluate.page import write_evaluation
 
         paths = write_evaluation(out, evaluation)
+        if save_reference is not None:
+            write_reference(save_reference, evaluation, out)
+            paths |= {save_reference.name: save_reference}
     _print(evaluation)
     for path in paths.values():
         wrote(path)

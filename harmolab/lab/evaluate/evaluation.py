@@ -1,5 +1,6 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,9 +16,17 @@ import pandas as pd
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import pairing, summary
 from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
-from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.measured import MEASURES, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.reference import (
+    Reference,
+    is_saved,
+    load_reference,
+    measured_reference,
+    save_reference,
+    weights_digest,
+)
 from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_file, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.readers.motion_file import ReadingOptions
@@ -34,7 +43,7 @@ class EvaluationSettings:
     ----------
     systems : name -> folder of its dances (str or path, as all that follow; they are kept as Paths)
     music : folder of songs
-    reference : folder of recorded dances
+    reference : folder of recorded dances, or file of a `Reference`, or "synthetic" for the one that comes with harmolab
     pairs : file of a list of pairs, or None
     protocol : str, name of a protocol, "" for none
     fps, scale, smpl, up : as in `RowOptions`
@@ -70,7 +79,7 @@ class EvaluationSettings:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """All files and folders that are read."""
+        """All files and folders that are read; "synthetic" is none of them."""
         more = (self.pairs, self.pose_net, self.smpl)
         paths = (*self.systems.values(), self.music, self.reference, *more)
         return tuple(Path(path) for path in paths if path is not None)
@@ -188,6 +197,7 @@ def evaluate_dances(
     check_table_folder(out, settings, force=force)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
+    saved = saved_reference(settings)
     pairs, unpaired = evaluation_pairs(settings)
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
@@ -195,7 +205,8 @@ def evaluate_dances(
     same = {name: getattr(settings, name) for name in ("fps", "scale", "protocol", "smpl", "up")}
     options = RowOptions(pose_net=_pose_net(settings), **same)
     _check_rates(pairs, options)
-    options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
+    limits = recorded_limits(recorded, options, progress=progress) if saved is None else saved.limits
+    options = replace(options, limits=limits)
     if resume:
         _check_limits(out / ROWS, settings, options)
     tasks = (*(pair for pair in pairs if pair.kind != RECORDED), *control_pairs(recorded))
@@ -207,8 +218,42 @@ def evaluate_dances(
         scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
         progress=progress,
     )  # fmt: skip
-    collected = collect(written_parts(parts, out / CLIPS, tasks))
-    return _evaluation(settings, options, tasks, collected, unpaired)
+    controls = () if saved is None else (saved.for_pose_net(weights_digest(options.pose_net)).rows,)
+    collected = collect(itertools.chain(controls, written_parts(parts, out / CLIPS, tasks)))
+    return _evaluation(settings, options, (*tasks, *(saved.pairs if saved else ())), collected, unpaired)
+
+
+def saved_reference(settings: EvaluationSettings) -> Reference | None:
+    """The reference that settings name; None for a folder of recorded dances.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_reference`; and where it lacks the numbers of the protocol.
+    """
+    if not is_saved(settings.reference):
+        return None
+    reference = load_reference(settings.reference)
+    if settings.protocol and reference.protocol != plain(settings.protocol):
+        raise ValueError(
+            f"{settings.reference}: has no numbers of the protocol {settings.protocol}; save it anew with --protocol"
+        )
+    return reference
+
+
+def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> None:
+    """Write the recorded dances of an evaluation that was measured into `out` as a `Reference`, into one file.
+
+    Raises
+    ------
+    ValueError
+        Its recorded dances come out of such a file themselves.
+    """
+    settings, options = evaluation.settings, evaluation.options
+    if is_saved(settings.reference):
+        raise ValueError(f"{settings.reference}: is a saved reference already; name a folder of recorded dances")
+    rows = Path(out) / ROWS
+    save_reference(path, measured_reference(rows, options.limits, settings.protocol, options.pose_net))
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
@@ -240,14 +285,15 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
 def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
     """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
     songs = pairing.songs_in(settings.music)
-    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    has_folder = not is_saved(settings.reference)
+    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)] if has_folder else []
     if settings.pairs is None:
         parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
     else:
         default = next(iter(settings.systems), "generated")
         parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
     pairs = tuple(pair for part in parts for pair in part.pairs)
-    if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
+    if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
@@ -255,15 +301,12 @@ def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
     """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
-    if find_spec("torch") is None:
-        return None
-    if settings.pose_net is not None:
+    if settings.pose_net is not None and find_spec("torch") is not None:
         from harmolab.systems.training.pose_network import load_pose_net
 
         load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
         return Path(settings.pose_net)
-    spec = find_spec("harmolab.systems.harmogan")
-    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
+    return shipped_pose_net()
 
 
 def _check_rates(pairs: Sequence[Pair], options: RowOptions) -> None:
