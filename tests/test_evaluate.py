@@ -122,18 +122,6 @@ def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> 
     assert next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG}).songs == CLIPS
 
 
-@pytest.mark.slow
-def test_the_python_of_the_tutorial_runs_as_it_stands(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder := planted / "tutorial").mkdir()
-    (folder / "try").symlink_to(planted / "recorded")
-    (folder / "ours").symlink_to(planted / "on" / "seed1")
-    monkeypatch.chdir(folder)
-    tutorial = (Path(__file__).resolve().parents[1] / "docs" / "tutorial_model.md").read_text("utf-8")
-    exec(re.search(r"## In Python\n\n```python\n(.*?)```", tutorial, flags=re.DOTALL)[1], {})
-    assert (folder / "table" / "index.html").is_file()
-    assert json.loads((folder / "table" / "evaluation.json").read_text())["settings"]["music"] == "try"
-
-
 def test_paths_given_as_text_are_the_same_settings(planted: Path) -> None:
     paths = settings(planted, pairs=planted / "pairs.csv", smpl=planted / "body.npz")
     systems = {name: str(folder) for name, folder in paths.systems.items()}
