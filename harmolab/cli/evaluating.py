@@ -19,15 +19,16 @@ KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
     *("mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness", "fid_kinetic", "fid_geometric", "fid_pose"),
 )
+NEEDED = {"music": "songs", "reference": "recorded dances"}
 NAMED = 5  # files left out that are named in the terminal
 NAME_WIDTH, CELL_WIDTH = 26, 11  # letters in the terminal for the measures, and for each system beside them
 
 
 def evaluate(
-    music: Annotated[Path, typer.Option()],
-    reference: Annotated[Path, typer.Option()],
     out: Annotated[Path, typer.Option()],
     generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
+    music: Annotated[Path | None, typer.Option(show_default="needed, but with --merge")] = None,
+    reference: Annotated[Path | None, typer.Option(show_default="needed, but with --merge")] = None,
     system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
     pairs: Path | None = None,
     protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
@@ -37,6 +38,8 @@ def evaluate(
     up: common.Up = None,
     pose_net: Path | None = None,
     save_reference: Path | None = None,
+    shard: Annotated[str, typer.Option(metavar="I/N")] = "",
+    merge: Path | None = None,
     resamples: Annotated[int, typer.Option(min=100)] = 4000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
@@ -79,23 +82,34 @@ def evaluate(
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
     save_reference : Also write the measured recorded dances into one file (npz), for --reference and for
         `harmolab.evaluate`: numbers and names, no movement.
+    shard : Measure one of N parts into --out, such as 2/4, and make no table: for several machines.
+    merge : Make the table from the folder that holds the folders of all shards: the same to the last bit.
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
     """
     from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
+    from harmolab.lab.evaluate.shards import Shard, measure_shard, merge_shards
 
     with plain_errors():
         common.check_pages("--out")
         if save_reference is not None:
             common.check_out(save_reference, "a reference", (".npz",))
-        settings = _settings(
-            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
-            scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
-        )  # fmt: skip
-        evaluation = evaluate_dances(
-            settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
-            progress=progress,
-        )  # fmt: skip
+        if merge is None:
+            settings = _settings(
+                generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
+                scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
+            )  # fmt: skip
+            run: dict[str, Any] = {"jobs": common.processes(jobs), "scheduler": scheduler, "resume": resume}
+            run |= {"force": force, "progress": progress}
+        elif shard or any((generated, system, music, reference, pairs, save_reference)):
+            raise ValueError("--merge takes dances and settings from the shards; name --out and no other folder")
+        if shard:
+            count = measure_shard(settings, out, part := Shard.of(shard), **run)
+            typer.echo(f"shard {part}: {count} rows; when all are there: harmolab evaluate --merge {out.parent}")
+            return
+        evaluation = (
+            merge_shards(merge, out, force=force, progress=progress) if merge else evaluate_dances(settings, out, **run)
+        )
         from harmolab.lab.evaluate.page import write_evaluation
 
         paths = write_evaluation(out, evaluation)
@@ -113,10 +127,13 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
     Raises
     ------
     ValueError
-        A system has no name, no folder, or the name of another.
+        A system has no name, no folder, or the name of another; or songs or recorded dances are missing.
     """
     from harmolab.lab.evaluate.evaluation import EvaluationSettings
 
+    for name in ("music", "reference"):
+        if others[name] is None:
+            raise ValueError(f"--{name} is missing: the folder of the {NEEDED[name]}")
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:
         name, mark, folder = text.partition("=")

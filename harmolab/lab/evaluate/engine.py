@@ -182,6 +182,36 @@ def run_rows(
     return read_rows(out)
 
 
+def adopt_rows(
+    tasks: Sequence[Task],
+    rows: Iterable[Row],
+    out: PathLike,
+    *,
+    settings: Mapping[str, Any],
+    of: Mapping[Path, Mapping[str, Any]],
+) -> Iterator[pd.DataFrame]:
+    """The table of rows that runs elsewhere have measured, written as `run_rows` would have done in one run.
+
+    Parameters
+    ----------
+    tasks, out, settings : as in `run_rows`; a run in `out` is replaced
+    rows : the row of each task, in their order, with "key" and "error" first
+    of : folder of each run that they come from -> its manifest
+
+    Raises
+    ------
+    ValueError
+        A run was begun with other settings or versions; names the folder and what differs.
+    """
+    out, manifest = Path(out), _manifest(tasks, settings)
+    common = {name: manifest[name] for name in ("format", "settings", "versions")}
+    for folder, other in of.items():
+        _check_same(folder / MANIFEST, {name: other.get(name) for name in common}, common)
+    with _open_folder(out, manifest, resume=False, force=True):
+        write_parts(out, PART_ROWS, enumerate(rows))
+    return read_rows(out)
+
+
 def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, Any]:
     """All that the rows of a run follow from; ValueError unless the keys increase from task to task."""
     digest, last = hashlib.sha256(), None

@@ -2,7 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -92,6 +92,7 @@ class EvaluationSettings:
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
+Keep = Callable[[Pair], bool]
 
 
 class Counts(NamedTuple):
@@ -195,10 +196,35 @@ def evaluate_dances(
     check_engine_installed(jobs, scheduler)
     out = Path(out)
     check_table_folder(out, settings, force=force)
-    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
-        read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
+    check_unfinished(out, resume=resume, force=force)
+    plan = planned(settings, progress=progress)
+    if resume:
+        _check_limits(out / ROWS, settings, plan.options)
+    write_mark(out, settings)
+    parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
+    return finished(settings, plan, parts, out)
+
+
+class Plan(NamedTuple):
+    """All that an evaluation measures, before it is measured.
+
+    `tasks` are the pairs of all rows, in the order of the table, `saved` the reference whose rows are measured already,
+    `unpaired` the files that have no part in the table.
+    """
+
+    options: RowOptions
+    tasks: tuple[Pair, ...]
+    saved: Reference | None
+    unpaired: tuple[Unpaired, ...]
+
+
+def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, progress: Progress = silent) -> Plan:
+    """The plan of an evaluation; of its tasks those that `keep` is true of, so that a shard does not hold the others.
+
+    Errors as `evaluate_dances`.
+    """
     saved = saved_reference(settings)
-    pairs, unpaired = evaluation_pairs(settings)
+    pairs, unpaired = evaluation_pairs(settings, keep=keep)
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
@@ -207,20 +233,40 @@ def evaluate_dances(
     _check_rates(pairs, options)
     limits = recorded_limits(recorded, options, progress=progress) if saved is None else saved.limits
     options = replace(options, limits=limits)
-    if resume:
-        _check_limits(out / ROWS, settings, options)
-    tasks = (*(pair for pair in pairs if pair.kind != RECORDED), *control_pairs(recorded))
+    controls = (pair for pair in control_pairs(recorded) if keep(pair))
+    return Plan(options, (*(pair for pair in pairs if pair.kind != RECORDED), *controls), saved, unpaired)
+
+
+def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
+    """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
+    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
+        read_rows(out / ROWS)
+
+
+def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
+    """Make the folder of an evaluation, and write its settings there."""
     out.mkdir(parents=True, exist_ok=True)
-    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict(), **more}
     write_json(out / MARK, about)
-    parts = run_rows(
-        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
-        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
-        progress=progress,
+
+
+def measured_parts(
+    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int, scheduler: str, resume: bool, progress: Progress
+) -> Iterator[pd.DataFrame]:
+    """The rows of some tasks of a plan, by `run_rows`."""
+    return run_rows(
+        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
+        stamp=attrgetter("stamp"), progress=progress,
     )  # fmt: skip
-    controls = () if saved is None else (saved.for_pose_net(weights_digest(options.pose_net)).rows,)
+
+
+def finished(settings: EvaluationSettings, plan: Plan, parts: Iterable[pd.DataFrame], out: Path) -> Evaluation:
+    """The evaluation that rows come to, which are written to clips.csv on the way."""
+    saved, tasks = plan.saved, plan.tasks
+    controls = () if saved is None else (saved.for_pose_net(weights_digest(plan.options.pose_net)).rows,)
     collected = collect(itertools.chain(controls, written_parts(parts, out / CLIPS, tasks)))
-    return _evaluation(settings, options, (*tasks, *(saved.pairs if saved else ())), collected, unpaired)
+    return _evaluation(settings, plan.options, (*tasks, *(saved.pairs if saved else ())), collected, plan.unpaired)
 
 
 def saved_reference(settings: EvaluationSettings) -> Reference | None:
@@ -282,16 +328,20 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
         raise ValueError(f"{out.parent}: no such folder")
 
 
-def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
-    """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
+def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: True) -> Pairing:
+    """The dances of all systems that `keep` is true of, and the recorded ones, with their songs.
+
+    Errors as `evaluate_dances`.
+    """
     songs = pairing.songs_in(settings.music)
     has_folder = not is_saved(settings.reference)
     parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)] if has_folder else []
     if settings.pairs is None:
-        parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+        folders = (pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items())
+        parts += [Pairing(tuple(filter(keep, part.pairs)), part.unpaired) for part in folders]
     else:
         default = next(iter(settings.systems), "generated")
-        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
+        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default, keep=keep))
     pairs = tuple(pair for part in parts for pair in part.pairs)
     if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
