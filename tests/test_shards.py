@@ -13,7 +13,7 @@ import pytest
 from harmolab import files
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
-from harmolab.lab.evaluate import engine
+from harmolab.lab.evaluate import evaluation, shards
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances
 from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import listed_pairs
@@ -44,7 +44,8 @@ def sharded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     np.savez(second, positions=load_motion(second).positions, fps=30.0)
     (root / "shards").mkdir()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "PART_ROWS", 4)
+        for module in (evaluation, shards):
+            patch.setattr(module, "PART_DANCES", 4)
         write_evaluation(root / "one", evaluate_dances(settings(root), root / "one"))
         for number in range(1, COUNT + 1):
             measure_shard(settings(root), root / "shards" / f"s{number}", Shard(number, COUNT))

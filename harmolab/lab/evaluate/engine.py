@@ -188,13 +188,14 @@ def adopt_rows(
     out: PathLike,
     *,
     settings: Mapping[str, Any],
+    part_rows: int,
     of: Mapping[Path, Mapping[str, Any]],
 ) -> Iterator[pd.DataFrame]:
     """The table of rows that runs elsewhere have measured, written as `run_rows` would have done in one run.
 
     Parameters
     ----------
-    tasks, out, settings : as in `run_rows`; a run in `out` is replaced
+    tasks, out, settings, part_rows : as in `run_rows`; a run in `out` is replaced
     rows : the row of each task, in their order, with "key" and "error" first
     of : folder of each run that they come from -> its manifest
 
@@ -208,7 +209,7 @@ def adopt_rows(
     for folder, other in of.items():
         _check_same(folder / MANIFEST, {name: other.get(name) for name in common}, common)
     with _open_folder(out, manifest, resume=False, force=True):
-        write_parts(out, PART_ROWS, enumerate(rows))
+        write_parts(out, part_rows, enumerate(rows))
     return read_rows(out)
 
 

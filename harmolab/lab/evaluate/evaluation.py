@@ -92,6 +92,7 @@ class EvaluationSettings:
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
+PART_DANCES = 256  # rows of a part: a row has some 200 numbers, and the part that grows is held
 Keep = Callable[[Pair], bool]
 
 
@@ -257,7 +258,7 @@ def measured_parts(
     return run_rows(
         sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
-        stamp=attrgetter("stamp"), progress=progress,
+        stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip
 
 

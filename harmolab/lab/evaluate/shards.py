@@ -15,6 +15,7 @@ from harmolab.files import PathLike, Progress, read_json, reading, silent
 from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_engine_installed, read_manifest
 from harmolab.lab.evaluate.evaluation import (
     MARK,
+    PART_DANCES,
     ROWS,
     Evaluation,
     EvaluationSettings,
@@ -109,7 +110,7 @@ def merge_shards(folder: PathLike, out: PathLike, *, force: bool = False, progre
     rows = heapq.merge(*(_rows(path, about["rows"]) for path, about in manifests.items()), key=itemgetter(KEY))
     write_mark(out, settings)
     counted = progress(_same(tasks, rows, Path(folder)), "merged")
-    parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), of=manifests)
+    parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES, of=manifests)
     return finished(settings, plan, parts, out)
 
 
