@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,16 +20,15 @@ KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
     *("mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness", "fid_kinetic", "fid_geometric", "fid_pose"),
 )
-NEEDED = {"music": "songs", "reference": "recorded dances"}
 NAMED = 5  # files left out that are named in the terminal
 NAME_WIDTH, CELL_WIDTH = 26, 11  # letters in the terminal for the measures, and for each system beside them
 
 
 def evaluate(
+    music: Annotated[Path, typer.Option()],
+    reference: Annotated[Path, typer.Option()],
     out: Annotated[Path, typer.Option()],
     generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
-    music: Annotated[Path | None, typer.Option(show_default="needed, but with --merge")] = None,
-    reference: Annotated[Path | None, typer.Option(show_default="needed, but with --merge")] = None,
     system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
     pairs: Path | None = None,
     protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
@@ -39,7 +39,6 @@ def evaluate(
     pose_net: Path | None = None,
     save_reference: Path | None = None,
     shard: Annotated[str, typer.Option(metavar="I/N")] = "",
-    merge: Path | None = None,
     resamples: Annotated[int, typer.Option(min=100)] = 4000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
@@ -51,7 +50,7 @@ def evaluate(
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
-    every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
+    every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.
@@ -82,40 +81,59 @@ def evaluate(
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
     save_reference : Also write the measured recorded dances into one file (npz), for --reference and for
         `harmolab.evaluate`: numbers and names, no movement.
-    shard : Measure one of N parts into --out, such as 2/4, and make no table: for several machines.
-    merge : Make the table from the folder that holds the folders of all shards: the same to the last bit.
+    shard : Measure one of N parts into --out, such as 2/4, and make no table: `harmolab evaluate merge` does.
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
     """
     from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
-    from harmolab.lab.evaluate.shards import Shard, measure_shard, merge_shards
+    from harmolab.lab.evaluate.shards import Shard, measure_shard
 
     with plain_errors():
         common.check_pages("--out")
         if save_reference is not None:
             common.check_out(save_reference, "a reference", (".npz",))
-        if merge is None:
-            settings = _settings(
-                generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
-                scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
-            )  # fmt: skip
-            run: dict[str, Any] = {"jobs": common.processes(jobs), "scheduler": scheduler, "resume": resume}
-            run |= {"force": force, "progress": progress}
-        elif shard or any((generated, system, music, reference, pairs, save_reference)):
-            raise ValueError("--merge takes dances and settings from the shards; name --out and no other folder")
-        if shard:
-            count = measure_shard(settings, out, part := Shard.of(shard), **run)
-            typer.echo(f"shard {part}: {count} rows; when all are there: harmolab evaluate --merge {out.parent}")
+        settings = _settings(
+            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
+            scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
+        )  # fmt: skip
+        measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
+        evaluation = measure(
+            settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
+            progress=progress,
+        )  # fmt: skip
+        if isinstance(evaluation, int):
+            typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
             return
-        evaluation = (
-            merge_shards(merge, out, force=force, progress=progress) if merge else evaluate_dances(settings, out, **run)
-        )
-        from harmolab.lab.evaluate.page import write_evaluation
-
-        paths = write_evaluation(out, evaluation)
         if save_reference is not None:
             write_reference(save_reference, evaluation, out)
-            paths |= {save_reference.name: save_reference}
+            wrote(save_reference)
+        _write(out, evaluation)
+
+
+def merge(shards: list[Path], out: Annotated[Path, typer.Option()], force: common.Force = False) -> None:
+    """The table of all shards of an evaluation: to the last bit that of one run.
+
+    Dances, songs and recorded dances are looked up where the shards had them.
+
+    Example: `harmolab evaluate merge shards/* --out table`
+
+    Parameters
+    ----------
+    shards : Folders of all shards, each of which `harmolab evaluate --shard` has filled.
+    out : Folder for the table.
+    """
+    from harmolab.lab.evaluate.shards import merge_shards
+
+    with plain_errors():
+        common.check_pages("--out")
+        _write(out, merge_shards(shards, out, force=force, progress=progress))
+
+
+def _write(out: Path, evaluation: Evaluation) -> None:
+    """Write the files of a table, and print what is most important."""
+    from harmolab.lab.evaluate.page import write_evaluation
+
+    paths = write_evaluation(out, evaluation)
     _print(evaluation)
     for path in paths.values():
         wrote(path)
@@ -127,13 +145,10 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
     Raises
     ------
     ValueError
-        A system has no name, no folder, or the name of another; or songs or recorded dances are missing.
+        A system has no name, no folder, or the name of another.
     """
     from harmolab.lab.evaluate.evaluation import EvaluationSettings
 
-    for name in ("music", "reference"):
-        if others[name] is None:
-            raise ValueError(f"--{name} is missing: the folder of the {NEEDED[name]}")
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:
         name, mark, folder = text.partition("=")
@@ -179,7 +194,7 @@ def _print_table(records: list[dict[str, Any]]) -> None:
     common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
 
 
-# `harmolab compare` and `harmolab learn`: scores over a corpus.
+# `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.
 
 
 def compare(
@@ -205,9 +220,9 @@ def compare(
     band anew on music that begins anywhere. The row "discriminant" is trained on lagged music itself, and stands in no
     verdict. Below stands how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
 
-    Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
+    Example: `harmolab data synth demo --clips 70 && harmolab evaluate compare demo`
 
-    Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
+    Example of a large corpus, called again after it was cut off: `harmolab evaluate compare demo --out rows --resume`
 
     Parameters
     ----------
@@ -277,7 +292,7 @@ def print_comparison(summary: dict[str, Any]) -> None:
 def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     """Learn each dance's bar pattern, for `harmolab score --pattern`.
 
-    Example: `harmolab learn recordings --out patterns.json`
+    Example: `harmolab data learn recordings --out patterns.json`
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harmolab.files import PathLike, atomic_write, plain, reading
+from harmolab.files import WRITTEN_BY, PathLike, atomic_write, plain, reading
 from harmolab.lab.evaluate.engine import ERROR, KEY, read_rows
 from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED, Pair
 from harmolab.lab.evaluate.sets import feature_names
@@ -118,7 +118,8 @@ def save_reference(path: PathLike, reference: Reference) -> None:
     content = np.frombuffer(json.dumps(plain(about), ensure_ascii=False).encode(), np.uint8)
     with atomic_write(path) as part, part.open("wb") as file:
         numbers = rows[numeric].to_numpy(np.float64)
-        np.savez_compressed(file, allow_pickle=False, about=content, numbers=numbers)
+        own = {WRITTEN_BY.replace(" ", "_"): np.array(True)}
+        np.savez_compressed(file, allow_pickle=False, about=content, numbers=numbers, **own)
 
 
 def is_saved(path: PathLike) -> bool:

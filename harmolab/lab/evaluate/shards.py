@@ -6,7 +6,7 @@ A dance belongs to a shard by a hash of its name, so a shard needs nothing of th
 import hashlib
 import heapq
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,12 +86,14 @@ def measure_shard(
     return len(plan.tasks)
 
 
-def merge_shards(folder: PathLike, out: PathLike, *, force: bool = False, progress: Progress = silent) -> Evaluation:
+def merge_shards(
+    folders: Sequence[PathLike], out: PathLike, *, force: bool = False, progress: Progress = silent
+) -> Evaluation:
     """The evaluation that shards come to, to the last bit that of one run.
 
     Parameters
     ----------
-    folder : holds the folder of each shard
+    folders : of all shards
     out : folder of the table, as in `evaluate_dances`
     force, progress : as there
 
@@ -100,8 +102,9 @@ def merge_shards(folder: PathLike, out: PathLike, *, force: bool = False, progre
     FileNotFoundError, ValueError
         A shard is missing, unfinished or of other settings, or the folders of dances have changed; names it.
     """
-    shards = _shards(Path(folder))
-    settings = _common_settings(Path(folder), shards)
+    shards = {Path(folder): _mark(Path(folder) / MARK) for folder in folders}
+    _check_complete(shards)
+    settings = _common_settings(shards)
     out = Path(out)
     check_table_folder(out, settings, force=force)
     plan = planned(settings, progress=progress)
@@ -109,28 +112,23 @@ def merge_shards(folder: PathLike, out: PathLike, *, force: bool = False, progre
     tasks = sorted(plan.tasks, key=lambda pair: pair.key)
     rows = heapq.merge(*(_rows(path, about["rows"]) for path, about in manifests.items()), key=itemgetter(KEY))
     write_mark(out, settings)
-    counted = progress(_same(tasks, rows, Path(folder)), "merged")
+    counted = progress(_same(tasks, rows), "merged")
     parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES, of=manifests)
     return finished(settings, plan, parts, out)
 
 
-def _shards(folder: Path) -> dict[Path, Mapping[str, Any]]:
-    """Folder of a shard -> what stands in its mark; ValueError unless all are there, each once."""
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder")
-    marks = {path.parent: _mark(path) for path in sorted(folder.glob(f"*/{MARK}"))}
-    shards = {path: about for path, about in marks.items() if "shard" in about}
-    if not shards:
-        raise ValueError(f"{folder}: holds no folder of a shard; measure them by --shard 1/4 and so on")
+def _check_complete(shards: Mapping[Path, Mapping[str, Any]]) -> None:
+    """ValueError unless these are all shards of an evaluation, each once and finished."""
+    if strange := [path for path, about in shards.items() if "shard" not in about]:
+        raise ValueError(f"{strange[0]}: is no shard; measure one by --shard 1/4 and so on")
     numbers = [Shard.of(about["shard"]) for about in shards.values()]
-    count = numbers[0].total
-    if {each.total for each in numbers} != {count} or len(set(numbers)) < len(numbers):
-        raise ValueError(f"{folder}: its shards are not parts of one evaluation: {', '.join(map(str, numbers))}")
-    if missing := sorted({*range(1, count + 1)} - {each.number for each in numbers}):
-        raise ValueError(f"{folder}: shards are missing: {', '.join(f'{number}/{count}' for number in missing[:10])}")
+    total = numbers[0].total
+    if {each.total for each in numbers} != {total} or len(set(numbers)) < len(numbers):
+        raise ValueError(f"these shards are not parts of one evaluation: {', '.join(map(str, numbers))}")
+    if missing := sorted({*range(1, total + 1)} - {each.number for each in numbers}):
+        raise ValueError(f"shards are missing: {', '.join(f'{number}/{total}' for number in missing[:10])}")
     if unfinished := [path for path, about in shards.items() if about.get("rows") is None]:
         raise ValueError(f"{unfinished[0]}: is not finished; go on with it by --resume")
-    return shards
 
 
 def _mark(path: Path) -> Mapping[str, Any]:
@@ -141,7 +139,7 @@ def _mark(path: Path) -> Mapping[str, Any]:
         return about
 
 
-def _common_settings(folder: Path, shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSettings:
+def _common_settings(shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSettings:
     first, *others = shards.items()
     for path, about in others:
         if (name := next((key for key in ("version", "settings") if about[key] != first[1][key]), None)) is not None:
@@ -166,12 +164,12 @@ def _place(name: str) -> int:
     return FEATURES.index(kind) + 1 if kind in FEATURES else len(FEATURES) + 1 if kind else 0
 
 
-def _same(tasks: Iterable[Pair], rows: Iterator[Row], folder: Path) -> Iterator[Row]:
+def _same(tasks: Iterable[Pair], rows: Iterator[Row]) -> Iterator[Row]:
     """The rows, each checked to be that of its task."""
     for task in tasks:
         row = next(rows, None)
         if row is None or row[KEY] != task.key:
-            raise ValueError(f"{folder}: the dances or songs have changed since its shards were measured ({task.key})")
+            raise ValueError(f"the dances or songs have changed since the shards were measured ({task.key})")
         yield row
     if next(rows, None) is not None:
-        raise ValueError(f"{folder}: the dances or songs have changed since its shards were measured")
+        raise ValueError("the dances or songs have changed since the shards were measured")

@@ -195,24 +195,27 @@ MODE = {
 RATES = {None: "as recorded", 60.0: "60", 30.0: "30", 25.0: "25", 15.0: "15", 10.0: "10"}
 POSITION_SMOOTHINGS = {0.0: "not at all", **{step / 20: f"{step / 20:.2f} s" for step in range(1, 7)}}
 LAG = Slider("expect the dance later by", "lag", -0.4, 0.4, 0.02, "s")
+LAMBDA1 = Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD")
+LAMBDA2 = Slider("ignore small movements", "λ2", 0.0, 15.0, 0.1, "SD")
+DETECTOR = Menu(
+    "movements are",
+    "detector",
+    {
+        "turns": "turns of the speed (fast and slow)",
+        "valleys": "slowest moments",
+        "peaks": "fastest moments",
+        "direction": "changes of direction",
+    },
+)
 CONTROLS: Mapping[str, Slider | Menu] = {
     "mode": Menu("way to score", "mode", MODE),
-    "detector": Menu(
-        "movements are",
-        "detector",
-        {
-            "turns": "turns of the speed (fast and slow)",
-            "valleys": "slowest moments",
-            "peaks": "fastest moments",
-            "direction": "changes of direction",
-        },
-    ),
+    "detector": DETECTOR,
     "matching": Menu(
         "one movement may serve", "matching", {"many": "several music beats", "nearest": "one music beat, in turn"}
     ),
     "delay": Slider("together means within", "T_delay", 0.0, 0.5, 0.01, "s"),
-    "lambda1": Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD"),
-    "lambda2": Slider("ignore small movements", "λ2", 0.0, 6.0, 0.1, "SD"),
+    "lambda1": LAMBDA1,
+    "lambda2": LAMBDA2,
     "beta": Slider("weigh missed beats", "β", 0.25, 4.0, 0.25, "×"),
     "lag": LAG,
     "normalisation": Menu(
@@ -274,6 +277,7 @@ SCRIPT = "\n".join(
     [f"const READS = {json.dumps(dict(READS))};", *((FOLDER / f"{name}.js").read_text("utf-8") for name in PARTS)]
 )
 STYLE = (FOLDER / "lab.css").read_text("utf-8")
+LEAST_RANGE = 2.0  # standard deviations to which a slider of a λ goes at least
 HEIGHT = 1100  # pixels of the frame, until its page sets it
 
 
@@ -503,6 +507,13 @@ class Stage:
             If the clip has no motion.
         """
         return cls(*music_and_motion(clip), pattern, clip.source)
+
+
+def last_lambda(heights: FloatArray, slider: Slider) -> Slider:
+    """The slider of a λ that ends where no beat is left: one step past the largest height in standard deviations."""
+    spread = float(heights.std()) if heights.size else 0.0
+    last = slider.step * np.ceil(float(heights.max()) / spread / slider.step) if spread > 0 else slider.high
+    return replace(slider, high=float(np.clip(round(last + slider.step, 6), LEAST_RANGE, slider.high)))
 
 
 def middle_lambda(music: BeatTrack) -> float:

@@ -57,6 +57,8 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
 def scoring_content(stage: live.Stage) -> live.LabContent:
     """The scoring lab of a stage."""
     controls = live.lab_controls("scoring")
+    controls |= {"lambda1": live.last_lambda(stage.music.strengths, live.LAMBDA1)}
+    controls |= {"lambda2": live.last_lambda(_largest_steps(stage), live.LAMBDA2)}
     late = min(0.4, round(15 / stage.music.tempo / 0.01) * 0.02) if len(stage.music) > 1 else 0.24
     about, presets = live.lab_texts("scoring", late=round(late, 2), loud=live.middle_lambda(stage.music))
     return live.LabContent(
@@ -85,6 +87,15 @@ def lags() -> list[float]:
     """Values of the lag's slider, seconds."""
     count = round((live.LAG.high - live.LAG.low) / live.LAG.step)
     return [round(live.LAG.low + step * live.LAG.step, 6) for step in range(count + 1)]
+
+
+def _largest_steps(stage: live.Stage) -> FloatArray:
+    """The steps of strength (Eq. 12) of the detector whose largest stands out most."""
+    tracks = [
+        visual_beats(stage.motion, params=live.lab_params("paper", detector=name)) for name in live.DETECTOR.options
+    ]
+    steps = [np.abs(np.diff(track.strengths)) for track in tracks if len(track) > 1]
+    return max(steps, key=lambda step: step.max() / max(step.std(), 1e-12), default=np.zeros(0))
 
 
 def _shape(stage: live.Stage) -> dict[str, Any]:

@@ -10,7 +10,7 @@ const signed = value => (value === null ? "–" : (value > 0 ? "+" : "") + value
 const BOARDS = {
   scoring: (numbers, settings) => settings.mode === "recommended"
     ? [["level", `${numbers.level} of 4`], ["above chance", signed(numbers.above)], ["p in time", fixed(numbers.p_time, 3)], ["p in place", fixed(numbers.p_place, 3)], ["lag", numbers.late === null ? "–" : `${numbers.late.toFixed(0)} ms`]]
-    : [["harmony h", fixed(numbers.harmony, 2)], ["music beats met", `${numbers.hits}/${numbers.beats}`], ["chance", fixed(numbers.chance, 2)], ["above chance", signed(numbers.above)], ["p", fixed(numbers.p, 3)]],
+    : [["harmony h", fixed(numbers.harmony, 2)], ["music beats met", `${numbers.hits}/${numbers.beats}`], ["chance", fixed(numbers.chance, 2)], ["above chance", numbers.chance > 0.995 ? "–" : signed(numbers.above)], ["p", fixed(numbers.p, 3)]],
   saliency: numbers => [["music beats noticed", `${numbers.music}/${numbers.beats}`], ["movements noticed", `${numbers.dance}/${numbers.movements}`]],
   detector: (numbers, _, data) => [["visual beats", numbers.beats], ["music beats", numbers.music], ["visual beats a second", numbers.rate.toFixed(1)], ["median distance to the music", numbers.distance === null ? "–" : `${(1000 * numbers.distance).toFixed(0)} ms`],
     ...(data.evidence.planted ? [[`planted rests found within ${numbers.near} ms`, `${numbers.found}/${numbers.planted}`]] : [])],
@@ -41,7 +41,9 @@ function sliderRow(data, control, set) {
     output.textContent = text(value);
     input.setAttribute("aria-valuetext", text(value));
   };
-  return { row: element("label", {}, element("span", {}, `${label} `, element("i", {}, symbol)), output, input), input, show };
+  const paper = data.modes.paper[name], hasMark = name in data.start && paper >= low && paper <= high;
+  const mark = hasMark ? [element("span", { class: "paper", style: `--at: ${(paper - low) / (high - low)}` }, `paper ${text(paper)}`)] : [];
+  return { row: element("label", {}, element("span", {}, `${label} `, element("i", {}, symbol)), output, input, ...mark), input, show };
 }
 
 function menuRow(control, set) {

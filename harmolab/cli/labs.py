@@ -1,0 +1,63 @@
+"""`harmolab lab`: the sliders of the score on a dance of one's own, as a page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harmolab.cli import common
+from harmolab.cli.playing import open_page
+from harmolab.cli.screen import plain_errors, waiting, wrote
+from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
+
+LONGEST = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
+
+
+@common.with_options
+def lab(
+    context: typer.Context,
+    song: common.Song,
+    motion: common.Dance = None,
+    out: Path | None = None,
+    offset: common.Offset = None,
+    start: common.Start = None,
+    seconds: common.Seconds = None,
+    no_open: Annotated[bool, typer.Option("--no-open")] = False,
+    *,
+    judged: common.JudgeOptions,
+    read: common.FileOptions,
+) -> None:
+    """Sliders for λ1, λ2, T_delay, β and lag on your own dance: a page that shows what each does to the score.
+
+    The page asks for no network and no Python. A mark below each slider is the paper's value. Without --seconds it
+    shows the first minute.
+
+    Example: `harmolab lab song.mp3 dance.bvh --offset 12.4 --out lab.html`
+
+    Example: `harmolab lab phone_video.mp4`
+
+    Parameters
+    ----------
+    out : The page to write, .html (default: DANCE_lab.html in this folder).
+    no_open : Write the page, and do not open it.
+    """
+    from harmolab.lab.labs.one_clip import scoring_lab
+    from harmolab.verdict.judge import score_clip
+
+    with plain_errors():
+        files = sources(context, song, motion, judged)
+        out = out or Path(f"{common.plain_name(files.motion)}_lab.html")
+        common.check_out(out, "the lab", common.PAGES)
+        common.check_output(context, out)
+        params = judged.params(files.dance)
+        clip = clip_of(files, offset=offset, **read.keywords)
+        note_lengths(clip, files.song)
+        begin = max(clip.offset, 0.0) if start is None else start
+        clip = clip.span(begin, min(seconds or LONGEST, clip.audio.duration - begin))
+        if files.is_video:
+            check_signs(files, clip, [score_clip(clip, params)])
+        with waiting("making the lab"):
+            scoring_lab(clip, pattern=params.pattern).save(out)
+    wrote(out)
+    if not no_open:
+        open_page(out)

@@ -1,0 +1,61 @@
+"""`harmolab lab`: the sliders on a dance of one's own."""
+
+import json
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harmolab.beats.visual import visual_beats
+from harmolab.cli import app
+from harmolab.lab.labs import live, one_clip
+from harmolab.score import audio_mask
+from tests.builders import complaint, done, planted_dance, write_dance, write_song
+
+succeed, refusal = partial(done, app), partial(complaint, app)
+
+
+@pytest.fixture
+def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    monkeypatch.chdir(tmp_path)
+    clip = planted_dance(seconds=20.0)
+    return write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+
+
+def data_of(page: Path) -> dict:
+    text = page.read_text("utf-8").partition('getElementById("lab"), ')[2]
+    return json.JSONDecoder().raw_decode(text)[0]
+
+
+@pytest.mark.slow
+def test_a_lab_of_a_dance_is_a_page_of_the_seconds_that_were_asked_for(pair: tuple[Path, Path]):
+    assert "wrote " in succeed("lab", *pair, "--start", 2, "--seconds", 8, "--no-open").stdout
+    (page,) = Path().glob("*_lab.html")
+    data = data_of(page)
+    assert (data["kind"], data["evidence"]["duration"]) == ("scoring", pytest.approx(8.0, abs=0.1))
+    assert {"lambda1", "lambda2", "delay", "beta", "lag"} <= data["start"].keys()
+    assert data["start"]["delay"] == data["modes"]["paper"]["delay"] == 0.25
+    assert not re.findall(r"""(?:src|href)=["'](?:https?:)?//""", page.read_text("utf-8"))
+
+
+def test_a_lab_spares_its_inputs_and_is_a_page(pair: tuple[Path, Path]):
+    assert "the lab is written as .html, .htm" in refusal("lab", *pair, "--out", "x.pdf", "--no-open")
+    assert "no such file" in refusal("lab", "none.wav", pair[1], "--no-open")
+
+
+def test_the_sliders_of_the_thresholds_end_where_nothing_is_left():
+    stage = live.Stage.of(planted_dance(seconds=20.0))
+    controls = one_clip.scoring_content(stage).controls
+    strengths = stage.music.strengths / stage.music.strengths.max()
+    ends = {name: controls[name].high for name in ("lambda1", "lambda2")}
+    assert not audio_mask(strengths, threshold=ends["lambda1"]).any()
+    assert ends["lambda1"] == 2.0 or audio_mask(strengths, threshold=ends["lambda1"] - 0.3).any()
+    steps = np.abs(np.diff(visual_beats(stage.motion, params=live.lab_params("paper")).strengths))
+    assert 2.0 <= ends["lambda2"] <= 15.0 and steps.max() / steps.std() < ends["lambda2"]
+
+
+def test_a_track_of_equal_or_no_strengths_keeps_the_slider():
+    for heights in (np.ones(5), np.zeros(0)):
+        assert live.last_lambda(heights, live.LAMBDA1) == live.LAMBDA1
