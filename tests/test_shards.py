@@ -1,4 +1,4 @@
-"""`harmolab evaluate --shard` and `harmolab evaluate merge`: one table from several runs, to the last bit that of one."""
+"""`harmolab evaluate --shard` and `evaluate merge`: one table from several runs, to the last bit that of one."""
 
 import json
 import re
