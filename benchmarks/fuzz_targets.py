@@ -21,6 +21,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare.windows import dance_patterns
 from harmolab.lab.evaluate.engine import read_rows, run_rows
 from harmolab.lab.evaluate.pairing import listed_pairs
+from harmolab.lab.evaluate.reference import SHIPPED, load_reference
 from harmolab.lab.listening.answers import (
     SimulatedRater,
     answer_files,
@@ -279,6 +280,8 @@ def _evaluations() -> Iterator[Target]:
     files = dict.fromkeys(("dances/a.npz", "dances/b.bvh", "songs/tune.wav", "songs/other tune.wav"), b"")
     files["pairs.csv"] = "\n".join(lines).encode()
     yield Target("pairs.csv", "evaluate", files, ("pairs.csv",), _pairs)
+    files = {"reference.npz": SHIPPED.read_bytes()}
+    yield Target("reference.npz", "evaluate", files, ("reference.npz",), _reference)
     files = _made(lambda folder: run_rows(Numbers(ROWS), square, folder / "rows", jobs=0))
     full = tuple(name for name, content in files.items() if content)  # a lock is empty
     yield Target("rows", "evaluate", files, full, _rows)
@@ -287,6 +290,11 @@ def _evaluations() -> Iterator[Target]:
 
 def _pairs(folder: Path) -> list[np.ndarray]:
     listed_pairs(folder / "pairs.csv", folder, {"ours": folder / "dances"}, default="ours")
+    return []
+
+
+def _reference(folder: Path) -> list[np.ndarray]:
+    assert load_reference(folder / "reference.npz").pairs
     return []
 
 

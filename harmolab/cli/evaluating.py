@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -39,6 +40,8 @@ def evaluate(
     smpl: common.Smpl = None,
     up: common.Up = None,
     pose_net: Path | None = None,
+    save_reference: Path | None = None,
+    shard: Annotated[str, typer.Option(metavar="I/N")] = "",
     resamples: Annotated[int, typer.Option(min=100)] = 4000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
@@ -71,31 +74,69 @@ def evaluate(
     ----------
     music : Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats beside a song holds its
         beats, else they are tracked.
-    reference : Folder of recorded dances, the controls of the table.
+    reference : Folder of recorded dances, the controls of the table; or a file of --save-reference; or synthetic, for
+        the one that comes with harmolab.
     out : Folder for the table: csv, json, LaTeX and an HTML page.
     generated : Folder of generated dances; one subfolder a seed.
     system : Another system to compare; can be repeated.
     pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
     protocol : Also the numbers of a published code: aist++, edge, bailando; can be repeated.
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
+    save_reference : Also write the measured recorded dances into one file (npz), for --reference and for
+        `harmolab.evaluate`: numbers and names, no movement.
+    shard : Measure one of N parts into --out, such as 2/4, and make no table: `harmolab evaluate merge` does.
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
     """
-    from harmolab.lab.evaluate.evaluation import evaluate_dances
+    from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
+    from harmolab.lab.evaluate.shards import Shard, measure_shard
 
     with plain_errors():
         common.check_pages("--out")
+        if save_reference is not None:
+            common.check_out(save_reference, "a reference", (".npz",))
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (), fps=fps,
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
-        evaluation = evaluate_dances(
+        measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
+        evaluation = measure(
             settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
             progress=progress,
         )  # fmt: skip
-        from harmolab.lab.evaluate.page import write_evaluation
+        if isinstance(evaluation, int):
+            typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
+            return
+        if save_reference is not None:
+            write_reference(save_reference, evaluation, out)
+            wrote(save_reference)
+        _write(out, evaluation)
 
-        paths = write_evaluation(out, evaluation)
+
+def merge(shards: list[Path], out: Annotated[Path, typer.Option()], force: common.Force = False) -> None:
+    """The table of all shards of an evaluation: to the last bit that of one run.
+
+    Dances, songs and recorded dances are looked up where the shards had them.
+
+    Example: `harmolab evaluate merge shards/* --out table`
+
+    Parameters
+    ----------
+    shards : Folders of all shards, each of which `harmolab evaluate --shard` has filled.
+    out : Folder for the table.
+    """
+    from harmolab.lab.evaluate.shards import merge_shards
+
+    with plain_errors():
+        common.check_pages("--out")
+        _write(out, merge_shards(shards, out, force=force, progress=progress))
+
+
+def _write(out: Path, evaluation: Evaluation) -> None:
+    """Write the files of a table, and print what is most important."""
+    from harmolab.lab.evaluate.page import write_evaluation
+
+    paths = write_evaluation(out, evaluation)
     _print(evaluation)
     for path in paths.values():
         wrote(path)

@@ -1,7 +1,8 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
+import itertools
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -15,9 +16,17 @@ import pandas as pd
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import pairing, summary
 from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
-from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.measured import MEASURES, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.reference import (
+    Reference,
+    is_saved,
+    load_reference,
+    measured_reference,
+    save_reference,
+    weights_digest,
+)
 from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_file, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.readers.motion_file import ReadingOptions
@@ -34,7 +43,7 @@ class EvaluationSettings:
     ----------
     systems : name -> folder of its dances (str or path, as all that follow; they are kept as Paths)
     music : folder of songs
-    reference : folder of recorded dances
+    reference : folder of recorded dances, or file of a `Reference`, or "synthetic" for the one that comes with harmolab
     pairs : file of a list of pairs, or None
     protocols : names of protocols (`harmolab.lab.PROTOCOLS`)
     fps, scale, smpl, up : as in `RowOptions`
@@ -71,7 +80,7 @@ class EvaluationSettings:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """All files and folders that are read."""
+        """All files and folders that are read; "synthetic" is none of them."""
         more = (self.pairs, self.pose_net, self.smpl)
         paths = (*self.systems.values(), self.music, self.reference, *more)
         return tuple(Path(path) for path in paths if path is not None)
@@ -84,6 +93,8 @@ class EvaluationSettings:
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
+PART_DANCES = 256  # rows of a part: a row has some 200 numbers, and the part that grows is held
+Keep = Callable[[Pair], bool]
 
 
 class Counts(NamedTuple):
@@ -187,29 +198,110 @@ def evaluate_dances(
     check_engine_installed(jobs, scheduler)
     out = Path(out)
     check_table_folder(out, settings, force=force)
-    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
-        read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
-    pairs, unpaired = evaluation_pairs(settings)
+    check_unfinished(out, resume=resume, force=force)
+    plan = planned(settings, progress=progress)
+    if resume:
+        _check_limits(out / ROWS, settings, plan.options)
+    write_mark(out, settings)
+    parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
+    return finished(settings, plan, parts, out)
+
+
+class Plan(NamedTuple):
+    """All that an evaluation measures, before it is measured.
+
+    `tasks` are the pairs of all rows, in the order of the table, `saved` the reference whose rows are measured already,
+    `unpaired` the files that have no part in the table.
+    """
+
+    options: RowOptions
+    tasks: tuple[Pair, ...]
+    saved: Reference | None
+    unpaired: tuple[Unpaired, ...]
+
+
+def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, progress: Progress = silent) -> Plan:
+    """The plan of an evaluation; of its tasks those that `keep` is true of, so that a shard does not hold the others.
+
+    Errors as `evaluate_dances`.
+    """
+    saved = saved_reference(settings)
+    pairs, unpaired = evaluation_pairs(settings, keep=keep)
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
     same = {name: getattr(settings, name) for name in ("fps", "scale", "smpl", "up")}
     options = RowOptions(pose_net=_pose_net(settings), protocols=tuple(settings.protocols), **same)
     _check_rates(pairs, options)
-    options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
-    if resume:
-        _check_limits(out / ROWS, settings, options)
-    tasks = (*(pair for pair in pairs if pair.kind != RECORDED), *control_pairs(recorded))
+    limits = recorded_limits(recorded, options, progress=progress) if saved is None else saved.limits
+    options = replace(options, limits=limits)
+    controls = (pair for pair in control_pairs(recorded) if keep(pair))
+    return Plan(options, (*(pair for pair in pairs if pair.kind != RECORDED), *controls), saved, unpaired)
+
+
+def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
+    """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
+    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
+        read_rows(out / ROWS)
+
+
+def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
+    """Make the folder of an evaluation, and write its settings there."""
     out.mkdir(parents=True, exist_ok=True)
-    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict(), **more}
     write_json(out / MARK, about)
-    parts = run_rows(
-        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
-        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
-        progress=progress,
+
+
+def measured_parts(
+    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int, scheduler: str, resume: bool, progress: Progress
+) -> Iterator[pd.DataFrame]:
+    """The rows of some tasks of a plan, by `run_rows`."""
+    return run_rows(
+        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
+        stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip
-    collected = collect(written_parts(parts, out / CLIPS, tasks))
-    return _evaluation(settings, options, tasks, collected, unpaired)
+
+
+def finished(settings: EvaluationSettings, plan: Plan, parts: Iterable[pd.DataFrame], out: Path) -> Evaluation:
+    """The evaluation that rows come to, which are written to clips.csv on the way."""
+    saved, tasks = plan.saved, plan.tasks
+    controls = () if saved is None else (saved.for_pose_net(weights_digest(plan.options.pose_net)).rows,)
+    collected = collect(itertools.chain(controls, written_parts(parts, out / CLIPS, tasks)))
+    return _evaluation(settings, plan.options, (*tasks, *(saved.pairs if saved else ())), collected, plan.unpaired)
+
+
+def saved_reference(settings: EvaluationSettings) -> Reference | None:
+    """The reference that settings name; None for a folder of recorded dances.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_reference`; and where it lacks the numbers of the protocol.
+    """
+    if not is_saved(settings.reference):
+        return None
+    reference = load_reference(settings.reference)
+    if settings.protocol and reference.protocol != plain(settings.protocol):
+        raise ValueError(
+            f"{settings.reference}: has no numbers of the protocol {settings.protocol}; save it anew with --protocol"
+        )
+    return reference
+
+
+def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> None:
+    """Write the recorded dances of an evaluation that was measured into `out` as a `Reference`, into one file.
+
+    Raises
+    ------
+    ValueError
+        Its recorded dances come out of such a file themselves.
+    """
+    settings, options = evaluation.settings, evaluation.options
+    if is_saved(settings.reference):
+        raise ValueError(f"{settings.reference}: is a saved reference already; name a folder of recorded dances")
+    rows = Path(out) / ROWS
+    save_reference(path, measured_reference(rows, options.limits, settings.protocol, options.pose_net))
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
@@ -238,17 +330,22 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
         raise ValueError(f"{out.parent}: no such folder")
 
 
-def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
-    """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
+def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: True) -> Pairing:
+    """The dances of all systems that `keep` is true of, and the recorded ones, with their songs.
+
+    Errors as `evaluate_dances`.
+    """
     songs = pairing.songs_in(settings.music)
-    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    has_folder = not is_saved(settings.reference)
+    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)] if has_folder else []
     if settings.pairs is None:
-        parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+        folders = (pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items())
+        parts += [Pairing(tuple(filter(keep, part.pairs)), part.unpaired) for part in folders]
     else:
         default = next(iter(settings.systems), "generated")
-        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
+        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default, keep=keep))
     pairs = tuple(pair for part in parts for pair in part.pairs)
-    if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
+    if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
@@ -256,15 +353,12 @@ def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
     """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
-    if find_spec("torch") is None:
-        return None
-    if settings.pose_net is not None:
+    if settings.pose_net is not None and find_spec("torch") is not None:
         from harmolab.systems.training.pose_network import load_pose_net
 
         load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
         return Path(settings.pose_net)
-    spec = find_spec("harmolab.systems.harmogan")
-    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
+    return shipped_pose_net()
 
 
 def _check_rates(pairs: Sequence[Pair], options: RowOptions) -> None:

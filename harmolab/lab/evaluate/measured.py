@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, cast
@@ -325,6 +326,14 @@ def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str
             continue
     pose = pose_features(motion, pose_net) if pose_net is not None and "pose" in kinds else None
     return features if pose is None else features | {"pose": pose}
+
+
+def shipped_pose_net() -> Path | None:
+    """The weights of the pose network that comes with harmolab; None without torch."""
+    spec = find_spec("harmolab.systems.harmogan")
+    if find_spec("torch") is None or spec is None or spec.origin is None:
+        return None
+    return Path(spec.origin).parent / "weights" / "pose_net"
 
 
 def pose_features(motion: Motion, weights: Path) -> FloatArray | None:

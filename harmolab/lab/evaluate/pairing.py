@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harmolab.data.recordings import find_audio, natural, recording_files
-from harmolab.files import PathLike, read_columns, reading
+from harmolab.files import PathLike, column_lines, reading
 from harmolab.readers.keypoints import FRAME_ENDS
 
 SONGS = (".wav", ".flac", ".ogg", ".mp3")
@@ -177,8 +177,9 @@ def is_motion(path: Path) -> bool:
 
 
 def listed_pairs(
-    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, PathLike], *, default: str = GENERATED
-) -> Pairing:
+    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, PathLike], *, default: str = GENERATED,
+    keep: Callable[[Pair], bool] = lambda pair: True,
+) -> Pairing:  # fmt: skip
     """The pairs of a CSV file with the columns motion and music, and perhaps system and seed.
 
     Paths are relative to the folder of the system and to that of the songs, else to the folder of the CSV file. Motions
@@ -190,6 +191,7 @@ def listed_pairs(
     songs_folder : str or path, or None
     systems : name -> folder of the systems that have one
     default : str, the system where there is no such column, or nothing in it
+    keep : function of a Pair; those that it is false of are left out as the list is read, line by line
 
     Raises
     ------
@@ -197,14 +199,13 @@ def listed_pairs(
         Both name the file; ValueError also where none of its pairs is there, or one stands in it twice.
     """
     folders = {name: Path(folder) for name, folder in systems.items()}
-    with reading(table, "a list of pairs") as file:
-        columns = read_columns(file, ("motion", "music"))
-        count = len(columns["motion"])
-        names = [name or default for name in columns.get("system", [""] * count)]
-        seeds = columns.get("seed", [""] * count)
+    with reading(table, "a list of pairs", max_bytes=None) as file:
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
-        for motion, music, system, seed in zip(columns["motion"], columns["music"], names, seeds, strict=True):
+        is_empty = True
+        for line in column_lines(file, ("motion", "music")):
+            motion, music, seed = line["motion"], line["music"], line.get("seed", "")
+            system = line.get("system") or default
             dance = _first_there(motion, (folders.get(system), file.parent))
             song = _first_there(music, (None if songs_folder is None else Path(songs_folder), file.parent))
             if dance is None or song is None:
@@ -212,10 +213,13 @@ def listed_pairs(
                 unpaired.append(Unpaired(Path(motion), f"{missing}: no such file"))
                 continue
             pair = Pair(system, seed, _song_name(song), dance, song)
+            is_empty = False
+            if not keep(pair):
+                continue
             if pair.key in pairs:
                 raise ValueError(f"names {motion} with {music} twice for one system and seed")
             pairs[pair.key] = pair
-        if not pairs:
+        if is_empty:
             raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
     return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), folders)))
 

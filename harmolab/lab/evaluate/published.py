@@ -6,6 +6,7 @@ Written from the definitions, to put a number beside one that a paper printed. `
 in seconds and without the faults. Published codes compute partly in single precision; all here is double.
 """
 
+import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +21,10 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import argrelextrema
 
-from harmolab.beats.audio import HOP, librosa_beats
+from harmolab.beats.audio import CACHE_VERSION, HOP, librosa_beats
 from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_joints, skeleton_part
+from harmolab.files import Arrays, cached_once
+from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.metrics.beats import beat_align
 from harmolab.metrics.features import (
     AIST_FPS,
@@ -259,6 +262,7 @@ FRAME_RATES = (10.0, 250.0)  # hertz, of motions on the frames of which beats ar
 MOST_FRAMES = 54_000  # of a song: 15 minutes at 60 a second take 5 GB, which Bailando's way of tracking holds at once
 TRACKS_KEPT = 2  # songs of which a process holds the beats, as dances to one song come in a row
 OTHER_TEMPO = 120.0  # beats per minute, librosa's own, for songs that are not of AIST
+_TRACK = ("times", "strengths", "fps", "duration")  # what is kept of published beats
 _AIST_SONG = re.compile(r"(?:^|_)m(BR|PO|LO|MH|LH|WA|KR|JS|JB|HO)(\d)(?=_|$)")
 
 
@@ -311,14 +315,25 @@ def published_music_and_motion(
         )
     if (frames := round(clip.audio.duration * fps)) > MOST_FRAMES:
         raise ValueError(f"{music} has {frames} frames, more than the {MOST_FRAMES} that are tracked at once; cut it")
-    beats = _song_beats(music, music.stat().st_mtime_ns, song, fps, music_beats)
+    beats = _song_beats(music, input_stamp(music), song, fps, music_beats)
     return music_and_motion(replace(clip, beats=beats))
 
 
 @lru_cache(maxsize=TRACKS_KEPT)
-def _song_beats(music: Path, _: int, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
-    """The beats of a song; the second argument, its time of change, keeps them up to date."""
-    return music_beats(load_sound(music, sample_rate=HOP * fps), song)
+def _song_beats(music: Path, stamp: str, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
+    """The beats of a song, from the cache where they were tracked before, in whichever process: see `cached_once`.
+
+    `stamp` changes with the file.
+    """
+    about = f"{CACHE_VERSION} {music.resolve()} {stamp} {song} {fps} {music_beats.__qualname__}"
+
+    def tracked() -> Arrays:
+        track = music_beats(load_sound(music, sample_rate=HOP * fps), song)
+        return {name: np.asarray(getattr(track, name)) for name in _TRACK}
+
+    arrays = cached_once(hashlib.sha256(about.encode()).hexdigest()[:40], _TRACK, tracked)
+    times, strengths, rate, duration = (arrays[name] for name in _TRACK)
+    return BeatTrack(times, strengths, float(rate), float(duration))
 
 
 def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.clips import song_beats
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
@@ -84,7 +85,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
-        "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
+        "skeleton": skeleton_digest(motion.skeleton),
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions),
     }  # fmt: skip
@@ -98,6 +99,11 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         remarks += [f"{name}: {remark}"] if remark else []
     about |= {"remarks": " ".join(remarks)} if options.protocols else {}
     return about | numbers | feature_cells(features)
+
+
+def skeleton_digest(skeleton: Skeleton) -> str:
+    """A text that is another one for other names of joints."""
+    return hashlib.sha256(" ".join(skeleton.joints).encode()).hexdigest()[:8]
 
 
 def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float], dict[str, FloatArray], str]:
