@@ -30,6 +30,8 @@ def evaluate(
     generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
     system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
     pairs: Path | None = None,
+    slice_stride: Annotated[float | None, typer.Option(metavar="SECONDS", min=0.0)] = None,
+    seed_frames: Annotated[list[str] | None, typer.Option(metavar="[NAME=]FRAMES")] = None,
     protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
     fps: common.Fps = None,
     scale: common.Scale = None,
@@ -42,12 +44,20 @@ def evaluate(
     scheduler: common.Scheduler = "",
     resume: common.Resume = False,
     force: common.Force = False,
+    allow_missing: Annotated[bool, typer.Option("--allow-missing")] = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
     every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
+
+    Where in its song a dance begins, the column offset of --pairs says, the number of a slice (`mBR0_slice7.pkl` with
+    --slice-stride 0.5: 3.5 s), or a file of harmolab; a dance of which nothing says it is taken to begin with the song,
+    and the table says so. EDGE's test.py begins anywhere, and does not write where.
+
+    A dance that cannot be read, is of another unit or axis, or goes with no song is in no number; it is named, and the
+    exit code is 1, or 0 with --allow-missing.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.
@@ -61,6 +71,9 @@ def evaluate(
     `mBR0.wav` and so on, and `motions` the pickles of AIST++, `gBR_sBM_cAll_d04_mBR0_ch01.pkl` and so on, at 60 frames
     a second; `generated` has the same names, or `mBR0.pkl`.
 
+    FACT's dances without the two seconds that it is given: `harmolab evaluate outputs --seed-frames 120 --fps 60
+    --music songs --reference motions --out table`
+
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
 
@@ -72,11 +85,16 @@ def evaluate(
     out : Folder for the table: csv, json, LaTeX and an HTML page.
     generated : Folder of generated dances; one subfolder a seed.
     system : Another system to compare; can be repeated.
-    pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
+    pairs : CSV with the columns motion, music and perhaps system, seed, offset (seconds into the song at which the
+        file begins), in place of names.
+    slice_stride : Seconds between the starts of two slices of a song, for files named by their slice.
+    seed_frames : Frames at the start of each dance that the system was given, left out: 120 for FACT. With a name, of
+        that system; can be repeated.
     protocol : Also the numbers of a published code: aist++, edge, bailando.
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
+    allow_missing : Exit code 0 though some dances could not be measured.
     """
     from harmolab.lab.evaluate.evaluation import evaluate_dances
 
@@ -85,6 +103,7 @@ def evaluate(
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
+            slice_stride=slice_stride, seed_frames=_seed_frames(seed_frames or []),
         )  # fmt: skip
         evaluation = evaluate_dances(
             settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
@@ -96,6 +115,22 @@ def evaluate(
     _print(evaluation)
     for path in paths.values():
         wrote(path)
+    if evaluation.missing and not allow_missing:
+        note(f"{evaluation.missing} dances were not measured: exit code 1; --allow-missing makes it 0")
+        raise typer.Exit(1)
+
+
+def _seed_frames(texts: list[str]) -> int | dict[str, int]:
+    """The frames of all systems, or by system; ValueError for what is neither."""
+    frames: dict[str, int] = {}
+    for text in texts:
+        name, mark, number = text.rpartition("=")
+        if not number.isdecimal() or (mark and not name.strip()):
+            raise ValueError(f"--seed-frames {text}: write a number of frames, or NAME=FRAMES, such as 120 or fact=120")
+        frames[name.strip()] = int(number)
+    if "" in frames and len(texts) > 1:
+        raise ValueError("--seed-frames: write one number for all systems, or one with a name for each")
+    return frames.get("", frames)
 
 
 def _settings(generated: Path | None, systems: list[str], **others: object) -> EvaluationSettings:
@@ -127,8 +162,9 @@ def _print(evaluation: Evaluation) -> None:
 
     records = table_records(evaluation)
     beside = max(1, (Console().width - NAME_WIDTH) // CELL_WIDTH)
+    measured = {name: counts.text for name, counts in evaluation.counts.items()}
     for first in range(0, len(records), beside):
-        _print_table(records[first : first + beside])
+        _print_table(records[first : first + beside], measured)
     for remark in table_notes(evaluation):
         typer.echo(printable(remark))
     left_out = [*evaluation.errors, *evaluation.unpaired]
@@ -138,15 +174,16 @@ def _print(evaluation: Evaluation) -> None:
         note(f"left out: {len(left_out) - NAMED} more files, in table.json")
 
 
-def _print_table(records: list[dict[str, Any]]) -> None:
-    """A table with a column a record."""
+def _print_table(records: list[dict[str, Any]], measured: dict[str, str]) -> None:
+    """A table with a column a record; `measured` are the numbers of dances by system, as text."""
     from rich.markup import escape
     from rich.table import Column
 
     from harmolab.lab.evaluate.tables import number_text
 
     names = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
-    rows = [[count, *(str(record[count]) for record in records)] for count in ("dances", "songs", "seeds")]
+    rows = [["dances", *(measured[record["system"]] for record in records)]]
+    rows += [[count, *(str(record[count]) for record in records)] for count in ("songs", "seeds")]
     for name in (name for name in KEY if name in records[0]):
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
         rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])

@@ -1,7 +1,7 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -14,7 +14,14 @@ import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import pairing, summary
-from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
+from harmolab.lab.evaluate.engine import (
+    MANIFEST,
+    check_engine_installed,
+    check_free,
+    read_manifest,
+    read_rows,
+    run_rows,
+)
 from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
@@ -40,6 +47,9 @@ class EvaluationSettings:
     fps, scale, smpl, up : as in `RowOptions`
     pose_net : weights of a pose network, or None for the shipped one
     resamples, seed : of the intervals
+    slice_stride : seconds between two slices of a song, for dances that are named by their slice, or None
+    seed_frames : frames at the start of each dance that its system was given, and that are left out; of all systems, or
+        by the name of a system
     """
 
     systems: Mapping[str, PathLike]
@@ -54,6 +64,8 @@ class EvaluationSettings:
     seed: int = 0
     smpl: PathLike | None = None
     up: str = ""
+    slice_stride: float | None = None
+    seed_frames: int | Mapping[str, int] = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "systems", {name: Path(folder) for name, folder in self.systems.items()})
@@ -67,6 +79,10 @@ class EvaluationSettings:
         ReadingOptions(up=self.up)  # an error for another axis
         if self.protocol:
             protocol_of(self.protocol)
+
+    def seed_frames_of(self, system: str) -> int:
+        """The frames at the start of a system's dances that are left out."""
+        return self.seed_frames if isinstance(self.seed_frames, int) else self.seed_frames.get(system, 0)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
@@ -86,11 +102,20 @@ CLIPS, ROWS = "clips.csv", "rows"
 
 
 class Counts(NamedTuple):
-    """Numbers of the dances of a system that were measured, of their songs, and of their seeds."""
+    """Numbers of the dances of a system that were measured, of their songs, of their seeds, and of the dances in all.
+
+    `total` counts also the dances that cannot be read or have a fault, and those that go with no song.
+    """
 
     dances: int
     songs: int
     seeds: int
+    total: int
+
+    @property
+    def text(self) -> str:
+        """The number of dances, "22 of 40" where some were not measured."""
+        return f"{self.dances}" if self.dances == self.total else f"{self.dances} of {self.total}"
 
 
 class Extreme(NamedTuple):
@@ -142,6 +167,12 @@ class Evaluation:
         return (*self.systems, *self.controls)
 
     @property
+    def missing(self) -> int:
+        """Number of dances of the systems, and of recorded ones, that were not measured."""
+        counts = (self.counts[name] for name in (*self.systems, RECORDED))
+        return sum(one.total - one.dances for one in counts)
+
+    @property
     def measures(self) -> tuple[str, ...]:
         """The measures of single dances that anything was measured of, in the order of the table."""
         measured = dict.fromkeys(measure for _, measure in self.means)
@@ -186,6 +217,7 @@ def evaluate_dances(
     check_engine_installed(jobs, scheduler)
     out = Path(out)
     check_table_folder(out, settings, force=force)
+    check_free(out / ROWS)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
     pairs, unpaired = evaluation_pairs(settings)
@@ -240,17 +272,33 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
 def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
     """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
     songs = pairing.songs_in(settings.music)
-    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    in_folder = partial(pairing.folder_pairs, songs=songs, slice_stride=settings.slice_stride)
+    parts = [in_folder(RECORDED, settings.reference, kind=RECORDED)]
     if settings.pairs is None:
-        parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+        parts += [in_folder(name, folder) for name, folder in settings.systems.items()]
     else:
-        default = next(iter(settings.systems), "generated")
-        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
-    pairs = tuple(pair for part in parts for pair in part.pairs)
+        default, stride = next(iter(settings.systems), "generated"), settings.slice_stride
+        parts.append(
+            pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default, slice_stride=stride)
+        )
+    pairs = tuple(_without_seed(settings, pair) for part in parts for pair in part.pairs)
+    _check_seeds(settings, {pair.system for pair in pairs})
     if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
+
+
+def _without_seed(settings: EvaluationSettings, pair: Pair) -> Pair:
+    """The pair with the frames that its system was given; a recorded dance has none."""
+    return pair if pair.kind == RECORDED else replace(pair, seed_frames=settings.seed_frames_of(pair.system))
+
+
+def _check_seeds(settings: EvaluationSettings, systems: Collection[str]) -> None:
+    """ValueError for seed frames of a system that is not there."""
+    named = {} if isinstance(settings.seed_frames, int) else settings.seed_frames
+    if unknown := [name for name in named if name not in systems]:
+        raise ValueError(f"--seed-frames {unknown[0]}={named[unknown[0]]}: no system is called {unknown[0]!r}")
 
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
@@ -286,8 +334,9 @@ def _evaluation(
     by_key = {pair.key: pair for pair in tasks}
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
     errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
-    names = tuple(dict.fromkeys(pair.system for pair in tasks))
-    counts = {name: _counts(name, tasks, collected.errors) for name in names}
+    names, unpaired = tuple(dict.fromkeys(pair.system for pair in tasks)), tuple(dict.fromkeys(unpaired))
+    unmatched = Counter(one.system for one in unpaired)
+    counts = {name: _counts(name, tasks, collected.errors, unmatched[name]) for name in names}
     if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
@@ -308,10 +357,13 @@ def _evaluation(
     return Evaluation(
         settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
         summary.system_means(songs, interval=interval), differences, sets, ranks, counts, collected.facts, extremes,
-        tuple(dict.fromkeys(unpaired)), errors,
+        unpaired, errors,
     )  # fmt: skip
 
 
-def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
-    measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
-    return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
+def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str], unmatched: int) -> Counts:
+    """The counts of a system of which so many dances go with no song."""
+    own = [pair for pair in tasks if pair.system == system]
+    measured = [pair for pair in own if pair.key not in errors]
+    songs, seeds = {pair.song for pair in measured}, {pair.seed for pair in measured}
+    return Counts(len(measured), len(songs), len(seeds), len(own) + unmatched)
