@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -33,7 +34,7 @@ def evaluate(
     slice_stride: Annotated[float | None, typer.Option(metavar="SECONDS", min=0.0)] = None,
     seed_frames: Annotated[list[str] | None, typer.Option(metavar="[NAME=]FRAMES")] = None,
     protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
-    fps: common.Fps = None,
+    fps: Annotated[list[str] | None, typer.Option(metavar="[NAME=]RATE")] = None,
     scale: common.Scale = None,
     smpl: common.Smpl = None,
     up: common.Up = None,
@@ -87,6 +88,7 @@ def evaluate(
     system : Another system to compare; can be repeated.
     pairs : CSV with the columns motion, music and perhaps system, seed, offset (seconds into the song at which the
         file begins), in place of names.
+    fps : Frame rate of files that hold none. With a name, of that system's or of `recorded`; can be repeated.
     slice_stride : Seconds between the starts of two slices of a song, for files named by their slice.
     seed_frames : Frames at the start of each dance that the system was given, left out: 120 for FACT. With a name, of
         that system; can be repeated.
@@ -101,9 +103,10 @@ def evaluate(
     with plain_errors():
         common.check_pages("--out")
         settings = _settings(
-            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
+            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol,
+            fps=_by_system("fps", fps or []),
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
-            slice_stride=slice_stride, seed_frames=_seed_frames(seed_frames or []),
+            slice_stride=slice_stride, seed_frames=_by_system("seed-frames", seed_frames or [], whole=True) or 0,
         )  # fmt: skip
         evaluation = evaluate_dances(
             settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
@@ -120,17 +123,21 @@ def evaluate(
         raise typer.Exit(1)
 
 
-def _seed_frames(texts: list[str]) -> int | dict[str, int]:
-    """The frames of all systems, or by system; ValueError for what is neither."""
-    frames: dict[str, int] = {}
+def _by_system(option: str, texts: list[str], *, whole: bool = False) -> Any:
+    """The number of all systems, or those by system; None without texts. ValueError for a text that is neither."""
+    numbers: dict[str, float] = {}
     for text in texts:
-        name, mark, number = text.rpartition("=")
-        if not number.isdecimal() or (mark and not name.strip()):
-            raise ValueError(f"--seed-frames {text}: write a number of frames, or NAME=FRAMES, such as 120 or fact=120")
-        frames[name.strip()] = int(number)
-    if "" in frames and len(texts) > 1:
-        raise ValueError("--seed-frames: write one number for all systems, or one with a name for each")
-    return frames.get("", frames)
+        name, _, number = text.rpartition("=")
+        try:
+            numbers[name.strip()] = int(number) if whole else float(number)
+        except ValueError:
+            kind = "a whole number" if whole else "a number"
+            raise ValueError(f"--{option} {text}: write {kind}, or NAME= and {kind} for one system") from None
+        if not 0 <= numbers[name.strip()] < math.inf:
+            raise ValueError(f"--{option} must be a finite number, not negative, got {text}")
+    if "" in numbers and len(texts) > 1:
+        raise ValueError(f"--{option}: write one number for all systems, or one with a name for each")
+    return numbers.get("", numbers) if texts else None
 
 
 def _settings(generated: Path | None, systems: list[str], **others: object) -> EvaluationSettings:

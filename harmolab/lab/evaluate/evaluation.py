@@ -44,7 +44,8 @@ class EvaluationSettings:
     reference : folder of recorded dances
     pairs : file of a list of pairs, or None
     protocol : str, name of a protocol, "" for none
-    fps, scale, smpl, up : as in `RowOptions`
+    fps : as in `RowOptions`; of all files, or by the name of a system
+    scale, smpl, up : as in `RowOptions`
     pose_net : weights of a pose network, or None for the shipped one
     resamples, seed : of the intervals
     slice_stride : seconds between two slices of a song, for dances that are named by their slice, or None
@@ -57,7 +58,7 @@ class EvaluationSettings:
     reference: PathLike
     pairs: PathLike | None = None
     protocol: str = ""
-    fps: float | None = None
+    fps: float | Mapping[str, float] | None = None
     scale: float | None = None
     pose_net: PathLike | None = None
     resamples: int = summary.RESAMPLES
@@ -83,6 +84,10 @@ class EvaluationSettings:
     def seed_frames_of(self, system: str) -> int:
         """The frames at the start of a system's dances that are left out."""
         return self.seed_frames if isinstance(self.seed_frames, int) else self.seed_frames.get(system, 0)
+
+    def fps_of(self, system: str) -> float | None:
+        """The frame rate of a system's files that hold none; None where it was not passed."""
+        return self.fps.get(system) if isinstance(self.fps, Mapping) else self.fps
 
     @property
     def inputs(self) -> tuple[Path, ...]:
@@ -224,7 +229,7 @@ def evaluate_dances(
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
-    same = {name: getattr(settings, name) for name in ("fps", "scale", "protocol", "smpl", "up")}
+    same = {name: getattr(settings, name) for name in ("scale", "protocol", "smpl", "up")}
     options = RowOptions(pose_net=_pose_net(settings), **same)
     _check_rates(pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
@@ -281,24 +286,25 @@ def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
         parts.append(
             pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default, slice_stride=stride)
         )
-    pairs = tuple(_without_seed(settings, pair) for part in parts for pair in part.pairs)
-    _check_seeds(settings, {pair.system for pair in pairs})
+    pairs = tuple(_with_answers(settings, pair) for part in parts for pair in part.pairs)
+    _check_names(settings, {pair.system for pair in pairs})
     if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
 
 
-def _without_seed(settings: EvaluationSettings, pair: Pair) -> Pair:
-    """The pair with the frames that its system was given; a recorded dance has none."""
-    return pair if pair.kind == RECORDED else replace(pair, seed_frames=settings.seed_frames_of(pair.system))
+def _with_answers(settings: EvaluationSettings, pair: Pair) -> Pair:
+    """The pair with its system's frame rate and with the frames that it was given; a recorded dance was given none."""
+    seed_frames = 0 if pair.kind == RECORDED else settings.seed_frames_of(pair.system)
+    return replace(pair, seed_frames=seed_frames, fps=settings.fps_of(pair.system))
 
 
-def _check_seeds(settings: EvaluationSettings, systems: Collection[str]) -> None:
-    """ValueError for seed frames of a system that is not there."""
-    named = {} if isinstance(settings.seed_frames, int) else settings.seed_frames
-    if unknown := [name for name in named if name not in systems]:
-        raise ValueError(f"--seed-frames {unknown[0]}={named[unknown[0]]}: no system is called {unknown[0]!r}")
+def _check_names(settings: EvaluationSettings, systems: Collection[str]) -> None:
+    """ValueError for a rate or a seed of a system that is not there."""
+    for option, value in (("fps", settings.fps), ("seed-frames", settings.seed_frames)):
+        if isinstance(value, Mapping) and (unknown := [name for name in value if name not in systems]):
+            raise ValueError(f"--{option} {unknown[0]}={value[unknown[0]]:g}: no system is called {unknown[0]!r}")
 
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:

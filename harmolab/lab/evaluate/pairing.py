@@ -59,6 +59,7 @@ class Pair:
         nor a slice says it
     begins : str, where the offset is from, `LISTED` or `SLICED`; "" without one
     seed_frames : int, frames at the start of the file that the system was given, and that are left out
+    fps : float or None, hertz, where the file holds no rate; None for that of all files
     """
 
     system: str
@@ -70,6 +71,7 @@ class Pair:
     offset: float | None = None
     begins: str = ""
     seed_frames: int = 0
+    fps: float | None = None
 
     @property
     def key(self) -> str:
@@ -78,8 +80,8 @@ class Pair:
 
     @property
     def stamp(self) -> str:
-        """A text that changes with the files of dance and song, and with the frames and the start of the dance."""
-        return f"{input_stamp(self.motion, self.music)} {self.offset} {self.seed_frames}"
+        """A text that changes with the files of dance and song, and with frames, rate and start of the dance."""
+        return f"{input_stamp(self.motion, self.music)} {self.offset} {self.seed_frames} {self.fps}"
 
 
 class Unpaired(NamedTuple):

@@ -192,8 +192,9 @@ def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
 
     Errors as `clip_row`.
     """
+    fps = options.fps if pair.fps is None else pair.fps
     file = read_any_motion(
-        pair.motion, fps=options.fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
+        pair.motion, fps=fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
     )
     if pair.seed_frames:
         file = _without_seed(pair, file)

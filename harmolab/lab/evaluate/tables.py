@@ -137,11 +137,11 @@ def _starts(evaluation: Evaluation) -> Iterator[Note]:
         return
     listed = ", ".join(f"{row} ({assumed[row]} of {evaluation.counts[row].dances})" for row in rows if assumed[row])
     edge = ", ".join(row for row in rows if begins[row][ASSUMED_OF_EDGE])
-    why = f" EDGE wrote those of {edge}: its test.py begins anywhere in the song, and does not say where."
+    of_edge = f" EDGE wrote those of {edge}: its test.py begins anywhere in the song, and does not say where."
     yield Note(
-        f"Taken to begin with their song, since nothing says where in it they begin: {listed}.{why if edge else ''} Of a dance that "
-        "begins elsewhere, harmony and the measures of beats say nothing: name its start in the column offset of "
-        "--pairs.",
+        f"Taken to begin with their song, since nothing says where in it they begin: {listed}."
+        f"{of_edge if edge else ''} Of a dance that begins elsewhere, harmony and the measures of beats say nothing: "
+        "name its start in the column offset of --pairs.",
         *(row for row in rows if assumed[row]),
     )
 
