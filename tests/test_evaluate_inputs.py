@@ -268,10 +268,12 @@ def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_motion(ours / "song77.npz", motion)
     save_motion(ours / "song0 song1.npz", motion)
     (ours / "loop").symlink_to(ours)
+    (ours / "about.json").write_text('{"epochs": 100}')  # no dance, and not missed
     (ours / "song9.npz").touch()
     return root
 
 
+NO_DANCE = ("is no motion file", "no dance goes with this song")
 REASONS = {
     "song2.npz": "the body extends over",
     "song3.npz": "the head is above the feet along z, and not along y",
@@ -294,7 +296,7 @@ def test_eleven_faults_are_each_named_and_are_in_no_number(faults: Path, tmp_pat
     assert result.exit_code == 1, result.output
     content = json.loads((tmp_path / "table" / "table.json").read_text("utf-8"))
     left_out = {Path(one["file"]).name: one["reason"] for one in content["errors"] + content["unpaired"]}
-    assert REASONS.keys() == {name for name in left_out if name not in {f"song{n}.wav" for n in range(10)}}
+    assert REASONS.keys() == {name for name, reason in left_out.items() if reason not in NO_DANCE}
     for name, reason in REASONS.items():
         assert reason in left_out[name]
     page = (tmp_path / "table" / "index.html").read_text("utf-8")
@@ -370,3 +372,79 @@ def test_a_second_run_beside_one_that_is_alive_is_not_told_to_begin_anew(faults:
             message = r"another process is at this run; wait until it ends, or stop it$"
             refused(message, evaluate_dances, replace(some, seed=2), tmp_path / "table", force=force)
     assert (tmp_path / "table" / "evaluation.json").read_bytes() == before
+
+
+# A row for the leaderboard
+
+
+@pytest.fixture(scope="module")
+def sound(faults: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a table of two dances, which are sound."""
+    out = tmp_path_factory.mktemp("sound") / "table"
+    inputs = ("--music", faults / "songs", "--reference", faults / "recorded", "--out", out, "--jobs", 0)
+    assert run("evaluate", "--system", f"ours={faults / 'recorded'}", *inputs, "--resamples", 100).exit_code == 0
+    return out
+
+
+def edited(path: Path, **changes: Any) -> None:
+    content = json.loads(path.read_text("utf-8"))
+    content["about"] |= changes
+    path.write_text(json.dumps(content), "utf-8")
+
+
+@pytest.mark.slow
+def test_a_row_can_be_made_of_a_table_and_is_checked_from_its_own_files(sound: Path, tmp_path: Path) -> None:
+    out = tmp_path / "row"
+    result = run("submit", sound, "--out", out)
+    assert result.exit_code == 0 and '"about" lacks title, by, data, licence, obtain' in result.output
+    assert {path.name for path in out.iterdir()} == {"README.md", "evidence.csv", "files.csv", "row.json"}
+    assert run("submit", out).exit_code == 1
+    edited(out / "row.json", **dict.fromkeys(("title", "by", "data", "licence", "obtain"), "text"))
+    complete = run("submit", out)
+    assert complete.exit_code == 0 and "nothing is missing" in complete.output
+    measured = json.loads((out / "row.json").read_text("utf-8"))["measured"]
+    table = pd.read_csv(sound / "table.csv").set_index("system")
+    assert measured["numbers"]["systems"]["ours"]["pfc"]["mean"] == pytest.approx(table.loc["ours", "pfc"], rel=1e-5)
+    songs = [path for path in pd.read_csv(out / "files.csv")["file"] if path.endswith(".wav")]
+    assert songs == ["song0.wav", "song1.wav"] and measured["versions"].keys() >= {"harmolab", "numpy", "scipy"}
+    assert measured["command"].startswith("harmolab evaluate --system ours=recorded --music songs --reference recorded")
+    assert str(sound.parent) not in "".join(path.read_text("utf-8") for path in out.iterdir())
+    again = run("submit", sound, "--out", out)  # what people wrote stays
+    assert again.exit_code == 0 and "nothing is missing" in again.output
+
+
+@pytest.mark.slow
+def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_path: Path) -> None:
+    out = tmp_path / "row"
+    run("submit", sound, "--out", out)
+    row, evidence = out / "row.json", out / "evidence.csv"
+    edited(row, **dict.fromkeys(("title", "by", "data", "licence"), "text"), obtain="from /home/me/data")
+    dances = pd.read_csv(evidence)
+    dances.assign(harmony=dances["harmony"] + 0.1, song=["song0"] * len(dances)).to_csv(evidence, index=False)
+    files = pd.read_csv(out / "files.csv")
+    files.iloc[1:].to_csv(out / "files.csv", index=False)
+    result = run("submit", out)
+    assert result.exit_code == 1
+    for fault in (
+        "numbers do not follow",
+        "digest of the data does not",
+        "are not the songs of",
+        "place on a disk (/h",
+    ):
+        assert fault in " ".join(result.output.split())
+    evidence.unlink()
+    assert "evidence.csv: no such file" in run("submit", out).stderr
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    assert "thesis.tex, which is no part of a row" in run("submit", sound, "--out", tmp_path / "mine").stderr
+
+
+def test_a_table_with_missing_dances_is_no_row(sound: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(sound, tmp_path / "table")
+    table = pd.read_csv(folder / "table.csv")
+    table.assign(total=table["total"] + (table["system"] == "ours")).to_csv(folder / "table.csv", index=False)
+    assert (
+        "1 dances could not be measured; a row is of whole sets"
+        in run("submit", folder, "--out", tmp_path / "row").stderr
+    )
+    assert not (tmp_path / "row").exists()

@@ -10,7 +10,7 @@ from harmolab.cli.beats import beats, tap
 from harmolab.cli.common import CheckedCommand
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
-from harmolab.cli.evaluating import compare, evaluate, learn
+from harmolab.cli.evaluating import compare, evaluate, learn, submit
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
@@ -30,7 +30,7 @@ app = typer.Typer(
 PANELS = {
     "Start here": (demo, score, explain, play, dance, render),
     "The music": (beats, tap),
-    "Many dances": (evaluate, compare, learn),
+    "Many dances": (evaluate, submit, compare, learn),
     "Movement": (pose, retime, convert),
     "Networks": (train, perform),
 }

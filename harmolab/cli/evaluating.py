@@ -197,6 +197,36 @@ def _print_table(records: list[dict[str, Any]], measured: dict[str, str]) -> Non
     common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
 
 
+def submit(folder: Path, out: Path | None = None) -> None:
+    """A row for the leaderboard: make its folder from a table, or check one.
+
+    The folder holds the measures of every dance, the means that are computed from them, command and versions, and the
+    hashes of all files; no motion and no sound. In its row.json you write what the data are. A check computes the
+    numbers anew from the folder's own tables and says what is missing: exit code 1 until nothing is.
+
+    Example: `harmolab submit table --out my_row`
+
+    Example: `harmolab submit my_row`
+
+    Parameters
+    ----------
+    folder : Folder that `harmolab evaluate --out` wrote; without --out the folder of a row, to be checked.
+    out : Folder to make of it.
+    """
+    from harmolab.lab.evaluate.submission import ROW, submission_faults, write_submission
+
+    with plain_errors():
+        if out is not None:
+            write_submission(folder, out)
+            wrote(out / ROW)
+        faults = submission_faults(out or folder)
+    for fault in faults:
+        typer.echo(printable(fault))
+    if not faults:
+        typer.echo("nothing is missing: the numbers follow from the files")
+    raise typer.Exit(int(bool(faults) and out is None))
+
+
 # `harmolab compare` and `harmolab learn`: scores over a corpus.
 
 

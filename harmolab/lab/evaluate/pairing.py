@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from harmolab.data.recordings import find_audio, natural, recording_files
-from harmolab.files import PathLike, read_columns, reading
+from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
+from harmolab.files import MissingFrameRate, PathLike, read_columns, reading
 from harmolab.readers.keypoints import FRAME_ENDS
 
 SONGS = (".wav", ".flac", ".ogg", ".mp3")
@@ -33,6 +33,7 @@ _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_s
 _SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a recording's name, then the song
 _SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
 COLUMNS = ("motion", "music", "system", "seed", "offset")  # of a list of pairs; the first two must be there
+NO_MOTION = "is no motion file"
 LISTED, SLICED = "listed", "slice"  # where the start of a dance is from: a list, the number of its slice
 MOST_SECONDS = 36_000.0  # ten hours: no dance begins later in its song
 
@@ -142,7 +143,7 @@ def folder_pairs(
     for seed, motion in _motions(Path(folder), unpaired, system):
         song = song_of(motion, songs)
         if isinstance(song, str):
-            unpaired.append(Unpaired(motion, song, system))
+            unpaired.append(Unpaired(motion, song, system) if _is_dance(motion) else Unpaired(motion, NO_MOTION))
         else:
             offset, begins = slice_start(motion, song, slice_stride)
             pairs.append(Pair(system, seed, song.name, motion, song.path, kind, offset, begins))
@@ -231,9 +232,9 @@ def _motions(folder: Path, unpaired: list[Unpaired], system: str = "") -> Iterat
         elif path.is_dir():
             inside = _entries(path)
             yield from ((path.name, motion) for motion in inside if is_motion(motion))
-            unpaired += [Unpaired(one, "is no motion file") for one in inside if not is_motion(one)]
+            unpaired += [Unpaired(one, NO_MOTION) for one in inside if not is_motion(one)]
         else:
-            unpaired.append(Unpaired(path, "is no motion file"))
+            unpaired.append(Unpaired(path, NO_MOTION))
 
 
 def _useless_link(path: Path) -> str:
@@ -245,6 +246,19 @@ def _useless_link(path: Path) -> str:
     if target == folder or target in folder.parents:
         return "is a link to a folder that it lies in"
     return f"is a link to {target.name}, which is there too" if target.parent == folder else ""
+
+
+def _is_dance(path: Path) -> bool:
+    """False for a JSON file that holds something else than a motion, as many do that lie in folders of dances."""
+    if path.is_dir() or path.suffix.lower() not in (".json", ".jsonl"):
+        return True
+    try:
+        read_any_motion(path)
+    except MissingFrameRate:
+        return True
+    except (ValueError, OSError):
+        return False
+    return True
 
 
 def is_motion(path: Path) -> bool:
