@@ -280,7 +280,7 @@ REASONS = {
     "song4.npz": "6 frames a second are too few for a dance",
     "song5.npz": "cannot be read as an .npz motion",
     "song6.npz": "NaN or infinity at frame 99",
-    "song7.npz": "1 names stand for several joints",
+    "song7.npz": "several joints have one name: ",
     "song8.npz": "the parents of its joints lead round in a circle",
     "song77.npz": "no song has its name, or a word of its name",
     "song0 song1.npz": "goes with 2 songs: song0.wav, song1.wav",

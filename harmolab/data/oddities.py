@@ -60,7 +60,7 @@ def faults_of(motion: Motion) -> tuple[Oddity, ...]:
 def _skeleton(motion: Motion) -> Iterator[Oddity]:
     names, parents = motion.skeleton.joints, motion.skeleton.parents
     if twins := sorted({name for name in names if names.count(name) > 1}):
-        yield Oddity(f"{len(twins)} names stand for several joints, such as {twins[0]!r}", "joints of one name", True)
+        yield Oddity(f"several joints have one name: {', '.join(map(repr, twins[:4]))}", "joints of one name", True)
     try:
         tree_order(parents)
     except ValueError:

@@ -1,5 +1,6 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -102,6 +103,7 @@ class EvaluationSettings:
         return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
 
 
+_ERROR = re.compile(r"^(?:ValueError|FileNotFoundError|MissingFrameRate): ")  # of this package: their words say all
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
 
@@ -339,7 +341,7 @@ def _evaluation(
     """The record of what was collected."""
     by_key = {pair.key: pair for pair in tasks}
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
-    errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
+    errors = tuple(dict.fromkeys(_failure(by_key[key].motion, reason) for key, reason in collected.errors.items()))
     names, unpaired = tuple(dict.fromkeys(pair.system for pair in tasks)), tuple(dict.fromkeys(unpaired))
     unmatched = Counter(one.system for one in unpaired)
     counts = {name: _counts(name, tasks, collected.errors, unmatched[name]) for name in names}
@@ -365,6 +367,11 @@ def _evaluation(
         summary.system_means(songs, interval=interval), differences, sets, ranks, counts, collected.facts, extremes,
         unpaired, errors,
     )  # fmt: skip
+
+
+def _failure(motion: Path, reason: str) -> Unpaired:
+    """A dance that was not measured, and the reason without its kind of error and without the name of the dance."""
+    return Unpaired(motion, _ERROR.sub("", reason).removeprefix(f"{motion}: "))
 
 
 def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str], unmatched: int) -> Counts:
