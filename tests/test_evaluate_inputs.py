@@ -79,7 +79,11 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         joints = smpl_joints(poses, way, root)
         edge_file(root / "edge" / f"2000_{number}_{name}_slice7.pkl", joints[210:840:2])
         seed = np.vstack([np.zeros((120, 72)), poses[120:]])  # a seed that stands still
-        fact_file(root / "fact" / f"{RECORDED_NAME.format('mJB4')}_{song}.npy", seed, way)
+        fact_file(
+            root / "fact" / f"{RECORDED_NAME.format('mJB4')}_{song}.npy",
+            seed,
+            np.vstack([np.repeat(way[120:121], 120, axis=0), way[120:]]),
+        )
         bailando_folder(root / "bailando" / f"{name}.json", joints[:720])
     return root
 
@@ -218,6 +222,18 @@ def test_rates_and_seeds_are_those_of_their_system(field: Path, tmp_path: Path) 
         inputs = ("--music", field / "songs", "--reference", field / "recorded", "--out", tmp_path / "x")
         result = run("evaluate", field / "fact", *inputs, option, text)
         assert result.exit_code == 2 and fault in result.stderr
+
+
+def test_the_seed_of_fact_is_remarked_on_until_it_is_left_out(field: Path, tmp_path: Path) -> None:
+    pair = evaluation_pairs(settings(field, "fact")).pairs[-1]
+    save_motion(tmp_path / "gBR_sBM_cAll_d04_mBR0_ch01_mHO1.npz", load_motion(pair.motion, fps=60.0))  # by its name
+    for motion in (pair.motion, tmp_path / "gBR_sBM_cAll_d04_mBR0_ch01_mHO1.npz"):
+        own = replace(pair, motion=motion)
+        row, without = (clip_row(one, RowOptions(fps=60.0)) for one in (own, replace(own, seed_frames=120)))
+        assert "seed, left in (--seed-frames 120 leaves them out)" in row["assumptions"]
+        assert "seed" not in without["assumptions"]
+        assert (row["offset"], without["offset"]) == (0.0, 2.0)
+        assert without["freezing"] < row["freezing"]  # the seed of the fixture stands still
 
 
 def test_a_dance_that_is_all_seed_is_refused(field: Path) -> None:
@@ -432,6 +448,8 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
         "place on a disk (/h",
     ):
         assert fault in " ".join(result.output.split())
+    dances.drop(columns="song").to_csv(evidence, index=False)
+    assert "row.json: " in run("submit", out).stderr
     evidence.unlink()
     assert "evidence.csv: no such file" in run("submit", out).stderr
     (tmp_path / "mine").mkdir()

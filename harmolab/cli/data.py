@@ -35,7 +35,7 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
     is_faulty = any(finding.is_faulty for finding in findings)
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
-        raise typer.Exit(is_faulty)
+        raise typer.Exit(int(is_faulty))
     headings = ("what", "kind", "frames", "rate", "joints", "seconds", "offset", "note")
     rows, notes = [], []
     for finding in findings:
@@ -45,7 +45,7 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
         notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
         notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
     print_table(headings, rows, str(path), *notes)
-    raise typer.Exit(is_faulty)
+    raise typer.Exit(int(is_faulty))
 
 
 def _short(name: str, root: Path) -> str:

@@ -13,10 +13,10 @@ from harmolab.data.oddities import (
     Oddity,
     beat_oddities,
     body_oddities,
-    frames_text,
     late_end,
     motion_oddities,
     sound_oddities,
+    span_oddities,
 )
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion
 from harmolab.files import MissingFrameRate, PathLike
@@ -211,7 +211,7 @@ def _recording(folder: Path) -> FileSummary:
         facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
     row = _motion_row(folder, motion)
     late = late_end(clip.offset, motion, clip.audio)
-    odd = (*_odd_span(folder, motion), *sound_oddities(clip.audio), *row.odd, *late)
+    odd = (*span_oddities(folder, motion), *sound_oddities(clip.audio), *row.odd, *late)
     return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
 
 
@@ -243,14 +243,3 @@ def _odd_hands(performance: performances.Performance) -> Iterator[str]:
             yield f"no point of the {group}"
         elif share < LEAST_DETECTED:
             yield f"all its points of the {group} are detected in {share:.0%} of the frames only"
-
-
-def _odd_span(folder: Path, motion: Motion) -> list[str]:
-    """One sentence where the length of a motion differs from its config.json; none where they agree."""
-    if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
-        return []
-    span = tang2018.load_config(folder / "config.json")
-    frames = span.end - span.start
-    short = frames - motion.n_frames
-    relation = "shorter" if short > 0 else "longer"
-    return [f"{frames_text(abs(short))} {relation} than config.json says ({frames})"] if short else []

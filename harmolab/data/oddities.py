@@ -5,11 +5,12 @@ joints that cannot be told apart. `harmolab evaluate` measures no such file.
 """
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from harmolab.body.skeletons import tree_order
-from harmolab.data.recordings import true_runs
+from harmolab.data.recordings import load_config, true_runs
 from harmolab.readers.motion_file import UPRIGHT, head_above_feet
 from harmolab.types import Audio, FloatArray, Motion
 
@@ -156,6 +157,18 @@ def late_end(offset: float, motion: Motion, audio: Audio) -> tuple[Oddity, ...]:
     beyond = offset + motion.duration - audio.duration
     sentence = f"the motion ends {beyond:.2f} s after the audio"
     return (Oddity(sentence, "ends after its song"),) if beyond > LATE_SECONDS else ()
+
+
+def span_oddities(folder: Path, motion: Motion) -> tuple[Oddity, ...]:
+    """One sentence where the length of a recorded motion of Tang et al. differs from its config.json."""
+    if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
+        return ()
+    span = load_config(folder / "config.json")
+    frames = span.end - span.start
+    short = frames - motion.n_frames
+    relation = "shorter" if short > 0 else "longer"
+    sentence = f"{frames_text(abs(short))} {relation} than config.json says ({frames})"
+    return (Oddity(sentence, "of another length than config.json says"),) if short else ()
 
 
 def frames_text(count: int) -> str:

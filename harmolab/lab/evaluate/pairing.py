@@ -201,6 +201,11 @@ def _song_behind_seed(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if number and number[1] == song.name]
 
 
+def is_named_by_seed(motion: Path) -> bool:
+    """True for a file that is named as FACT names its dances, by the recording of its seed and by its song."""
+    return _SEED_AND_SONG.search(motion.stem) is not None
+
+
 def _word_of_name(name: str, songs: Sequence[Song]) -> list[Song]:
     """The songs with most words, of those whose words stand in the name in a row."""
     sizes = {song: words.count(" ") for song in songs if (words := _words(song.name)).strip() and words in _words(name)}

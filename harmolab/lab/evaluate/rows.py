@@ -24,12 +24,14 @@ from harmolab.data.oddities import (
     late_end,
     motion_oddities,
     sound_oddities,
+    span_oddities,
 )
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
 from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER, Dance, dance_numbers, motion_features
 from harmolab.lab.evaluate.pairing import (
     FROZEN,
+    GENERATED,
     LISTED,
     OTHER_SONG,
     RECORDED,
@@ -38,6 +40,7 @@ from harmolab.lab.evaluate.pairing import (
     annotation_of,
     dance_of,
     input_stamp,
+    is_named_by_seed,
 )
 from harmolab.lab.evaluate.published import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
@@ -112,7 +115,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
         "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
-        "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions), "offset": clip.offset,
+        "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
         "begins": _begins(pair, file), "odd": brief_text(odd), "oddities": "; ".join(odd),
     }  # fmt: skip
     dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
@@ -162,6 +165,13 @@ def _clip(pair: Pair, motion: Motion) -> Clip:
         raise ValueError(f"{pair.motion} with {pair.music}: {error}") from None
 
 
+def _assumptions(pair: Pair, file: MotionFile) -> tuple[str, ...]:
+    """Assumptions in short; of a file that is named as FACT names its dances that its seed is in it, too."""
+    brief = tuple(one.brief for one in file.assumptions)
+    has_seed = is_named_by_seed(pair.motion) and pair.kind == GENERATED and not pair.seed_frames
+    return (*brief, FACT_SEED.brief) if has_seed and FACT_SEED.brief not in brief else brief
+
+
 def _begins(pair: Pair, file: MotionFile) -> str:
     """The source of a dance's start in its song, one of `BEGINS`."""
     if pair.begins:
@@ -176,7 +186,8 @@ def _oddities(pair: Pair, clip: Clip) -> tuple[Oddity, ...]:
     if clip.motion is None:
         return ()
     late = () if pair.kind == OTHER_SONG else late_end(clip.offset, clip.motion, clip.audio)
-    return (*motion_oddities(clip.motion), *late, *_song_oddities(pair.music, input_stamp(pair.music)))
+    span = () if pair.seed_frames else span_oddities(pair.motion, clip.motion)
+    return (*span, *motion_oddities(clip.motion), *late, *_song_oddities(pair.music, input_stamp(pair.music)))
 
 
 @lru_cache(maxsize=SONGS_KEPT)

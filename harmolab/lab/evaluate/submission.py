@@ -254,10 +254,11 @@ def submission_faults(folder: PathLike) -> list[str]:
         files = pd.read_csv(path, dtype=str)
         if list(files) != ["file", "sha256"]:
             raise ValueError(f"must have the columns file and sha256, got {list(files)}")
-    measured = content.get("measured")
-    if not isinstance(measured, dict):
-        return [f"{ROW}: holds nothing measured; make the row by harmolab submit TABLE --out FOLDER"]
-    return [*about_faults(content.get("about", {})), *_number_faults(measured, evidence, files), *_text_faults(folder)]
+    about, measured = content.get("about"), content.get("measured")
+    if not (isinstance(about, dict) and isinstance(measured, dict)):
+        return [f"{ROW}: lacks about or measured; make the row by harmolab submit TABLE --out FOLDER"]
+    with reading(folder / ROW, "a row of the leaderboard"):  # a setting or a column may be missing, or be no number
+        return [*about_faults(about), *_number_faults(measured, evidence, files), *_text_faults(folder)]
 
 
 def about_faults(about: Mapping[str, Any]) -> Iterator[str]:
@@ -268,11 +269,7 @@ def about_faults(about: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _number_faults(measured: Mapping[str, Any], evidence: pd.DataFrame, files: pd.DataFrame) -> Iterator[str]:
-    try:
-        follows = is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"])
-    except (KeyError, TypeError) as error:
-        yield f"{ROW}, {EVIDENCE}: {error} is missing, without which no number follows"
-        return
+    follows = is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"])
     if not follows:
         yield f"{ROW}: its numbers do not follow from {EVIDENCE}; make the row anew"
     if measured.get("digest") != digest_of(files):
