@@ -95,9 +95,9 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         of `BEGINS`, the source of that); fps, joints, skeleton (a hash of the joints' names), beats ("annotated" or
         "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in short, on how the
         motion was read), odd (in short, odd things in motion and song) and oddities (the same in sentences), remarks
-        (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high
-        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocol;
-        f_NAME_000 and so on, the features of the dance by name. NaN for what this motion does not have.
+        (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score,
+        p_value_dance of that by the dance's pattern; the numbers of the protocol; f_NAME_000 and so on, the features
+        of the dance by name. NaN for what this motion does not have.
 
     Raises
     ------
@@ -194,8 +194,8 @@ def _oddities(pair: Pair, clip: Clip) -> tuple[Oddity, ...]:
 def _song_oddities(music: Path, stamp: str) -> tuple[Oddity, ...]:
     """Odd things in a song, and in its beats where they are annotated."""
     song = _song(music, stamp)
-    annotated = annotation_of(music) is not None and song.beats is not None
-    return (*sound_oddities(song.audio), *(beat_oddities(song.beats.times) if annotated and song.beats else ()))
+    beats = None if annotation_of(music) is None else song.beats
+    return (*sound_oddities(song.audio), *(() if beats is None else beat_oddities(beats.times)))
 
 
 def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
