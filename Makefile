@@ -61,13 +61,13 @@ lab: $(STAMP) ## open JupyterLab on the first notebook
 report: $(STAMP) ## run the notebooks in the quick profile and write report/index.html
 	$(BIN)/python -m harmolab.lab.report.run --profile quick --out report --jobs $(JOBS)
 
-figures: $(STAMP) ## replace figures/ by a full run of the notebooks; FROM=tables: draw charts again from its csv
+figures: $(STAMP) ## full run of the notebooks into figures/; it goes on where it was; ONLY='07 19'; FROM=tables: from csv
 ifeq ($(FROM),tables)
 	PYTHONPATH=notebooks $(BIN)/python -m study.figures.redraw --folder figures
 else ifdef FROM
 	@echo "FROM=tables is all there is, not FROM=$(FROM)" >&2; exit 1
 else
-	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures
+	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures $(if $(ONLY),--only $(ONLY))
 endif
 
 docs: $(STAMP) ## build the site in site/, readable from disk; warnings are errors

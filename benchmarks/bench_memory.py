@@ -1,4 +1,4 @@
-"""Peak memory of `harmolab compare` grows with the clip, not with the corpus: two corpora, one eight times larger."""
+"""Peak memory of `harmolab evaluate compare` grows with the clip, not with the corpus: two, one eight times larger."""
 
 from __future__ import annotations
 

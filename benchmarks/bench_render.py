@@ -1,4 +1,4 @@
-"""Speed of `harmolab render` at 480p and 30 pictures a second, as times real time: drawing, coding, and both.
+"""Speed of `harmolab play` at 480p and 30 pictures a second, as times real time: drawing, coding, and both.
 
 One core's work: processor seconds of the whole process, which other programs on the machine do not lengthen. Drawn
 pictures are thrown away in the first row; in the second the same pictures are coded with their sound.

@@ -161,7 +161,7 @@ def _corpus(folder: Path, clips: int = 4) -> Path:
 
 
 def _patterns() -> Iterator[Target]:
-    """A file of `harmolab learn`."""
+    """A file of `harmolab data learn`."""
 
     def write(folder: Path) -> None:
         with tempfile.TemporaryDirectory() as name:

@@ -64,8 +64,9 @@ class BarPattern:
         return cls(1, (-1.0,), (0.0,), "assumed: movements end on the beat")
 
 
-# Shape speed through the half bar (4/4) or bar (3/4), learnt by `harmolab learn` on 6 s clips of recorded dancers whose
-# beats were annotated. Tango has none: unit by unit its fastest moment lies anywhere, so no curve carries over.
+# Shape speed through the half bar (4/4) or bar (3/4), learnt by `harmolab data learn` on 6 s clips of recorded
+# dancers whose beats were annotated. Tango has none: unit by unit its fastest moment lies anywhere, so no curve
+# carries over.
 DANCE_PATTERNS = MappingProxyType(
     {
         "cha-cha": BarPattern(2, (0.276, -0.098), (0.444, 0.005), "learnt on 41 clips of recorded cha-cha", "cha-cha"),
@@ -173,7 +174,8 @@ class HarmonyParams:
     def recommended(cls, pattern: BarPattern | None = None) -> "HarmonyParams":
         """In time, and where: what we advise.
 
-        ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab learn`, or one of `HOW_PATTERNS`.
+        ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab data learn`, or one of
+        `HOW_PATTERNS`.
         """
         detector: Literal["peaks", "valleys"] = "peaks" if pattern == HOW_PATTERNS["hit"] else "valleys"
         shape = replace(cls.valleys(), measure="shape", audio_threshold=0.0, beta=1.0, smoothing=0.0)

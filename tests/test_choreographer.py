@@ -32,7 +32,7 @@ from harmolab.systems.choreographer import generate
 from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.banks import FOLDER, REMARKS, puppets, shipped_bank
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
-from harmolab.systems.choreographer.form import HOP, Form, pace
+from harmolab.systems.choreographer.form import EASE, HOP, Form, pace
 from harmolab.systems.choreographer.generate import TOO_LITTLE, Choreographer, Choreography, repetition, warnings_of
 from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
 from harmolab.systems.choreographer.takes import Take, dancing_span, mirrored, nearest_dance, take_of
@@ -397,20 +397,20 @@ def test_silences_throughout_or_at_other_times_hold_nothing():
         assert not music.held.any() and music.lengths.size == 40
 
 
-def test_a_dance_slows_down_beat_by_beat_and_rests_at_its_end():
+def test_a_dance_slows_down_in_its_last_beat_and_rests_at_its_end():
     form = silent(99.0, 99.0)
-    music = heard(form, end=15.2)  # the last two beats, at 14 and 14.5 s, are danced as one
-    numbers = beat_numbers(music, np.array([13.5, 14.0, 15.0, 15.1, 15.2]))
-    np.testing.assert_allclose(numbers, [27, 28, 29, 29, 29])
-    assert music.places.tolist() == (np.arange(30) % 3).tolist()
-    fast = heard(form, end=7.0, period=0.35)  # 20 beats: the last five are danced as two, in the time of two and three
-    np.testing.assert_allclose(beat_numbers(fast, 0.35 * np.array([15, 17, 20])), [15, 16, 17])
+    music = heard(form, end=15.2)  # the last three beats, from 13.5 to 15 s, are danced as one
+    numbers = beat_numbers(music, np.array([13.5, 15.0, 15.1, 15.2]))
+    np.testing.assert_allclose(numbers, [27, 28, 28, 28])
+    assert music.places.tolist() == (np.arange(29) % 3).tolist()
+    fast = heard(form, end=7.0, period=0.35)  # 20 beats: the last four are danced as one
+    np.testing.assert_allclose(beat_numbers(fast, 0.35 * np.array([15, 16, 20])), [15, 16, 17])
     slow = heard(form, end=20.0, period=1.0)
     np.testing.assert_allclose(beat_numbers(slow, np.array([17.0, 18.0, 20.0])), [17, 18, 19])
 
 
 def test_a_short_dance_and_one_that_ends_in_silence_are_not_slowed_down():
-    for beats, eased in ((3, 0), (4, 1)):
+    for beats, eased in ((5, 0), (6, 2)):
         music = heard(silent(99.0, 99.0), end=0.5 * beats, count=beats)
         assert (beats - music.lengths.size) == eased
     music = heard(silent(8.0, 12.0), end=10.0, count=20)
@@ -957,7 +957,8 @@ def danced_from_others(recordings: Sequence[Recording]) -> pd.DataFrame:
 def seam_jerk(dance: Choreography, beats: BeatTrack) -> float:
     """Jerk in the beat around the seams of a dance over jerk around its other beats; NaN without seams, or beats.
 
-    `beats` are those of the music, on the audio time line. Those within a beat of the dance's ends do not count.
+    `beats` are those of the music, on the audio time line. Those within a beat of the dance's beginning or of the slow
+    beat at its end do not count.
     """
     positions, _, stride = sampled(dance.motion, STEP, steps=3)
     size = len(positions) - 3 * stride
@@ -966,7 +967,7 @@ def seam_jerk(dance: Choreography, beats: BeatTrack) -> float:
     times = (np.arange(size) + 1.5 * stride) * STEP / stride
     moments = beats.times - dance.start
     period = float(np.median(np.diff(moments)))
-    moments = moments[(moments > period) & (moments < dance.motion.duration - period)]
+    moments = moments[(moments > period) & (moments < dance.motion.duration - max(2 * period, EASE) - period)]
     seams = np.array([piece.start for piece in dance.pieces[1:]])
     around = np.array([values[np.abs(times - moment) <= period / 2].mean() for moment in moments])
     is_seam = (np.abs(np.subtract.outer(moments, seams)) < NEAR).any(axis=1)
@@ -1090,9 +1091,9 @@ def test_salsa_may_be_shown(data_root: Path):
     names = ("W_3", "W_20", "C_4", "C_8", "R_4", "T_8")  # 86 to 128 beats a minute
     songs = [load_recording(data_root / "beatlocked" / f"DANCE_{name}").clip for name in names]
     bank, rows = shipped_bank("salsa"), []
-    for clip in songs:
+    for clip, seed in itertools.product(songs, (0, 1)):
         beats = music_beats(clip)
-        rows.append(measured(bank.choreograph(clip.audio, beats, seconds=LONGEST, seed=0), beats, bank))
+        rows.append(measured(bank.choreograph(clip.audio, beats, seconds=LONGEST, seed=seed), beats, bank))
     table = pd.DataFrame(rows)
     mean = table.mean()
     assert mean["likeness"] == 1

@@ -555,7 +555,7 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
     (("--scale", "0.01"), "--scale is for the files of --from"),
     (("--harmonise", "0"), "--harmonise is a number of centimetres up to 30, got 0"),
     (("--harmonise", "nan"), "--harmonise must be a finite number"),
-    (("--pattern", "patterns.json"), "this movement knows no bar"),
+    (("--pattern", "."), "this movement knows no bar"),
     (("--one", "3"), "say how long the bars are with --dance"),
 )
 def test_what_the_choreographer_cannot_do_is_one_line_and_no_file(song: Path, options: tuple[str, ...], fault: str):

@@ -1,4 +1,4 @@
-"""`harmolab render` and `harmolab retime`: the right frames and sound, files that are in time, one line for faults."""
+"""`harmolab play` and `harmolab retime`: the right frames and sound, files that are in time, one line for faults."""
 
 import re
 from functools import partial
@@ -24,7 +24,7 @@ from harmolab.types import Clip
 from harmolab.verdict.judge import score_clip
 from tests.builders import cases, complaint, done, planted_dance, write_pair, write_song
 
-render, retime = (partial(done, app, command) for command in ("render", "retime"))
+render, retime = (partial(done, app, command) for command in ("play", "retime"))
 
 
 @pytest.fixture
@@ -99,12 +99,12 @@ def test_an_unreadable_video_to_draw_over_is_one_line(
 ):
     (tmp_path / "over.mp4").write_bytes(content)
     words = (*take, "--fps", 25, "--over", tmp_path / "over.mp4", "--no-marks", "--out", tmp_path / "x.mp4")
-    assert fault in complaint(app, "render", *words)
+    assert fault in complaint(app, "play", *words)
     assert not (tmp_path / "x.mp4").exists()
 
 
 def test_the_video_to_draw_over_is_not_written_over_and_keeps_its_rate(take: tuple[Path, Path], tmp_path: Path):
-    before, words = take[0].read_bytes(), ("render", *take, "--fps", 25, "--over", take[0], "--no-marks", "--out")
+    before, words = take[0].read_bytes(), ("play", *take, "--fps", 25, "--over", take[0], "--no-marks", "--out")
     assert "is an input here" in complaint(app, *words, take[0])
     assert take[0].read_bytes() == before
     assert "at its own frame rate; leave out --rate" in complaint(app, *words, tmp_path / "x.mp4", "--rate", 30)
@@ -136,11 +136,13 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
 
 @cases(
     "words, fault",
-    (("render", "--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
-    (("render", "--out", "x.mp4", "--over", "none.mp4"), "in space; over a video go points of its pictures"),
-    (("render", "--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
-    (("render", "--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
-    (("render", "--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
+    (("play", "--out", "x.avi"), "is written as .html, .htm, .mp4, .webm, .gif"),
+    (("play", "--out", "x.html", "--rate", "30"), "--rate is for a video, not for x.html"),
+    (("play", "--out", "x.mp4", "--other", "."), "--other is for a page, not for x.mp4"),
+    (("play", "--out", "x.mp4", "--over", "."), "in space; over a video go points of its pictures"),
+    (("play", "--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
+    (("play", "--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
+    (("play", "--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
     (("retime", "--out", "x.wav"), "written as .npz, .bvh, .mp4"),
     (("retime", "--out", "nowhere/x.npz"), "no such folder"),
     (("retime", "--out", "x.npz", "--strength", "2"), "strength must lie between 0 and 1"),

@@ -1,4 +1,4 @@
-"""`harmolab study`: trials from a corpus, asked without it, analysed; the key stays out of what is served."""
+"""`harmolab data study`: trials from a corpus, asked without it, analysed; the key stays out of what is served."""
 
 import json
 import re
@@ -32,7 +32,7 @@ run, succeed, refusal = (partial(call, app) for call in (called, done, complaint
 
 
 def made(corpus: Path, out: Path, *options: object) -> Path:
-    succeed("study", "make", corpus, out, "--n", N, "--seconds", 4, *options)
+    succeed("data", "study", "make", corpus, out, "--n", N, "--seconds", 4, *options)
     return out
 
 
@@ -96,12 +96,12 @@ def other_dances(corpus: Path, folder: Path, *, left_out: int = 0) -> Path:
 
 def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_path: Path):
     against = other_dances(corpus, tmp_path / "late", left_out=1)
-    words = ("study", "make", corpus, tmp_path / "duel", "--kind", "choice", "--against", against, "--n", N)
+    words = ("data", "study", "make", corpus, tmp_path / "duel", "--kind", "choice", "--against", against, "--n", N)
     assert f"left out: {against} holds no dance called clip_0001_cha-cha" in succeed(*words, "--seconds", 4).stderr
     key = read_key(tmp_path / "duel" / "key.json")
     assert {tuple(sorted(one.versions)) for one in key.trials.values()} == {("dances", "late")}
     assert {one.right for one in key.trials.values()} == {None}
-    result = run("study", "analyse", answered(tmp_path / "duel", 1.0, 1.0, prefers="late"), "--json")
+    result = run("data", "study", "analyse", answered(tmp_path / "duel", 1.0, 1.0, prefers="late"), "--json")
     tables = json.loads(result.stdout)
     assert "raters" not in tables
     assert [(row["version"], row["rate"]) for row in tables["versions"]] == [("dances over late", 0.0)]
@@ -121,27 +121,27 @@ def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path
     (("--n", 100), "only 14 clips"),
     (("--seconds", 100), "seconds must be between 2 and 60"),
     (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
-    (("--against", "x"), "--against compares two dances"),
-    (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
+    (("--against", "."), "--against compares two dances"),
+    (("--kind", "choice", "--against", "nowhere"), "nowhere: no such file or folder"),
     (("--kind", "rate"), "name the folder of the other: --against"),
 )
 def test_study_that_cannot_be_made_is_said_and_writes_nothing(
     corpus: Path, tmp_path: Path, options: tuple[object, ...], fault: str
 ):
-    assert fault in refusal("study", "make", corpus, tmp_path / "x", "--n", N, "--seconds", 4, *options)
+    assert fault in refusal("data", "study", "make", corpus, tmp_path / "x", "--n", N, "--seconds", 4, *options)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_study_with_answers_is_not_overwritten(corpus: Path, study: Path):
-    assert "holds a study already" in refusal("study", "make", corpus, study)
+    assert "holds a study already" in refusal("data", "study", "make", corpus, study)
 
 
 # ask
 
 
 def start(study: Path, rater: str) -> tuple[subprocess.Popen[str], str]:
-    """A running `harmolab study ask` and its address."""
-    command = [sys.executable, "-m", "harmolab.cli", "study", "ask", str(study), "--rater", rater, "--no-open"]
+    """A running `harmolab data study ask` and its address."""
+    command = [sys.executable, "-m", "harmolab.cli", "data", "study", "ask", str(study), "--rater", rater, "--no-open"]
     # A shell's background job ignores Ctrl-C, and hands that on to all that it starts.
     listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -184,17 +184,17 @@ def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_
     assert f"{N} of {N} trials answered by Ada" in output
     asked = [one.trial for one in answer_log(alone, "Ada").read().answers]
     assert asked == [trial.id for trial in read_trials(study / "trials.json").ordered_for("Ada").trials]
-    assert f"{N} of {N} trials answered" in run("study", "ask", alone, "--rater", "Ada").output
+    assert f"{N} of {N} trials answered" in run("data", "study", "ask", alone, "--rater", "Ada").output
 
 
 @cases("rater, fault", ("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name"))
 def test_rater_without_a_proper_name_is_refused(study: Path, rater: str, fault: str):
-    assert fault in refusal("study", "ask", study, "--rater", rater)
+    assert fault in refusal("data", "study", "ask", study, "--rater", rater)
 
 
 def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, tmp_path: Path):
     (tmp_path / "trials.json").write_bytes((study / "trials.json").read_bytes())
-    assert ".html: no such file" in refusal("study", "ask", tmp_path, "--rater", "Ada")
+    assert ".html: no such file" in refusal("data", "study", "ask", tmp_path, "--rater", "Ada")
 
 
 # analyse
@@ -203,7 +203,7 @@ def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, 
 @pytest.mark.slow
 def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus: Path, tmp_path: Path):
     folder = answered(made(corpus, tmp_path / "study"), 1.0, 1.0, 0.0)
-    result = succeed("study", "analyse", folder, "--out", tmp_path / "results", "--json")
+    result = succeed("data", "study", "analyse", folder, "--out", tmp_path / "results", "--json")
     summary = json.loads(result.stdout)
     assert summary["simulated"] is True
     rates = {row["rater"]: (row["n"], row["rate"]) for row in summary["raters"]}
@@ -218,7 +218,7 @@ def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus:
         assert len(table) == len(summary[name])
         assert table["simulated"].all()
     assert json.loads((tmp_path / "results" / "analysis.json").read_text()) == summary
-    assert run("study", "analyse", folder).output.count("simulated raters, no") == 4
+    assert run("data", "study", "analyse", folder).output.count("simulated raters, no") == 4
 
 
 def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
@@ -226,12 +226,12 @@ def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
     trials = read_trials(folder / "trials.json").ordered_for("Ada")
     for trial in trials.trials:
         answer_log(folder, "Ada").record(trials, trial.id, "harmonious")
-    assert "say --raters people or simulated" in refusal("study", "analyse", folder)
-    people = json.loads(run("study", "analyse", folder, "--raters", "people", "--json").stdout)
+    assert "say --raters people or simulated" in refusal("data", "study", "analyse", folder)
+    people = json.loads(run("data", "study", "analyse", folder, "--raters", "people", "--json").stdout)
     assert people["simulated"] is False
     assert [row["rater"] for row in people["raters"]] == ["Ada", "all"]
     assert people["raters"][0]["rate"] == 0.5
 
 
 def test_study_without_answers_says_so(study: Path):
-    assert "nobody has answered yet" in refusal("study", "analyse", study)
+    assert "nobody has answered yet" in refusal("data", "study", "analyse", study)

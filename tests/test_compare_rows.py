@@ -145,7 +145,7 @@ def test_recordings_in_memory_are_scored_where_they_are(corpus: Path, tmp_path: 
 
 @pytest.mark.slow
 def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
-    words = ("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--jobs", 0, "--json")
+    words = ("evaluate", "compare", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--jobs", 0, "--json")
     first = run(*words, "--out", tmp_path / "rows")
     assert first.exit_code == 0, first.output
     assert "left out: " in first.stderr
@@ -157,7 +157,7 @@ def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
 
 
 def test_compare_goes_on_with_named_rows_only(corpus: Path):
-    stopped = run("compare", corpus, "--resume")
+    stopped = run("evaluate", "compare", corpus, "--resume")
     assert (stopped.exit_code, stopped.stderr) == (
         2, "harmolab: --resume goes on with the rows in a folder; name it by --out\n"
     )  # fmt: skip

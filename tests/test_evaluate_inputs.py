@@ -408,12 +408,12 @@ def edited(path: Path, **changes: Any) -> None:
 @pytest.mark.slow
 def test_a_row_can_be_made_of_a_table_and_is_checked_from_its_own_files(sound: Path, tmp_path: Path) -> None:
     out = tmp_path / "row"
-    result = run("submit", sound, "--out", out)
+    result = run("evaluate", "submit", sound, "--out", out)
     assert result.exit_code == 0 and '"about" lacks title, by, data, licence, obtain' in result.output
     assert {path.name for path in out.iterdir()} == {"README.md", "evidence.csv", "files.csv", "row.json"}
-    assert run("submit", out).exit_code == 1
+    assert run("evaluate", "submit", out).exit_code == 1
     edited(out / "row.json", **dict.fromkeys(("title", "by", "data", "licence", "obtain"), "text"))
-    complete = run("submit", out)
+    complete = run("evaluate", "submit", out)
     assert complete.exit_code == 0 and "nothing is missing" in complete.output
     measured = json.loads((out / "row.json").read_text("utf-8"))["measured"]
     table = pd.read_csv(sound / "table.csv").set_index("system")
@@ -422,21 +422,21 @@ def test_a_row_can_be_made_of_a_table_and_is_checked_from_its_own_files(sound: P
     assert songs == ["song0.wav", "song1.wav"] and measured["versions"].keys() >= {"harmolab", "numpy", "scipy"}
     assert measured["command"].startswith("harmolab evaluate --system ours=recorded --music songs --reference recorded")
     assert str(sound.parent) not in "".join(path.read_text("utf-8") for path in out.iterdir())
-    again = run("submit", sound, "--out", out)  # what people wrote stays
+    again = run("evaluate", "submit", sound, "--out", out)  # what people wrote stays
     assert again.exit_code == 0 and "nothing is missing" in again.output
 
 
 @pytest.mark.slow
 def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_path: Path) -> None:
     out = tmp_path / "row"
-    run("submit", sound, "--out", out)
+    run("evaluate", "submit", sound, "--out", out)
     row, evidence = out / "row.json", out / "evidence.csv"
     edited(row, **dict.fromkeys(("title", "by", "data", "licence"), "text"), obtain="from /home/me/data")
     dances = pd.read_csv(evidence)
     dances.assign(harmony=dances["harmony"] + 0.1, song=["song0"] * len(dances)).to_csv(evidence, index=False)
     files = pd.read_csv(out / "files.csv")
     files.iloc[1:].to_csv(out / "files.csv", index=False)
-    result = run("submit", out)
+    result = run("evaluate", "submit", out)
     assert result.exit_code == 1
     for fault in (
         "numbers do not follow",
@@ -446,12 +446,14 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
     ):
         assert fault in " ".join(result.output.split())
     dances.drop(columns="song").to_csv(evidence, index=False)
-    assert "row.json: " in run("submit", out).stderr
+    assert "row.json: " in run("evaluate", "submit", out).stderr
     evidence.unlink()
-    assert "evidence.csv: no such file" in run("submit", out).stderr
+    assert "evidence.csv: no such file" in run("evaluate", "submit", out).stderr
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
-    assert "thesis.tex, which is no part of a row" in run("submit", sound, "--out", tmp_path / "mine").stderr
+    assert (
+        "thesis.tex, which is no part of a row" in run("evaluate", "submit", sound, "--out", tmp_path / "mine").stderr
+    )
 
 
 def test_a_table_with_missing_dances_is_no_row(sound: Path, tmp_path: Path) -> None:
@@ -460,6 +462,6 @@ def test_a_table_with_missing_dances_is_no_row(sound: Path, tmp_path: Path) -> N
     table.assign(total=table["total"] + (table["system"] == "ours")).to_csv(folder / "table.csv", index=False)
     assert (
         "1 dances could not be measured; a row is of whole sets"
-        in run("submit", folder, "--out", tmp_path / "row").stderr
+        in run("evaluate", "submit", folder, "--out", tmp_path / "row").stderr
     )
     assert not (tmp_path / "row").exists()

@@ -143,8 +143,8 @@ def test_score_says_in_one_line_what_was_assumed(aist: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("command", "more"),
-    [("explain", ("--out", "{}/x.html")), ("play", ("--out", "{}/x.html", "--seconds", 2)),
-     ("render", ("--out", "{}/x.mp4", "--seconds", 1, "--height", 120, "--no-marks"))],
+    [("score", ("--why", "{}/x.html")), ("play", ("--out", "{}/x.html", "--seconds", 2)),
+     ("play", ("--out", "{}/x.mp4", "--seconds", 1, "--height", 120, "--no-marks"))],
 )  # fmt: skip
 def test_other_commands_say_it_too(aist: Path, tmp_path: Path, command: str, more: tuple[object, ...]) -> None:
     recorded = next((aist / "motions").glob("*_mBR0_ch01.pkl"))

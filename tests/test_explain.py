@@ -147,13 +147,18 @@ def long_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return song_and_dance(tmp_path_factory.mktemp("long"), planted_dance(seconds=20.0))
 
 
-explained = partial(done, app, "explain")
-unexplained = partial(complaint, app, "explain")
+explained = partial(done, app, "score", "--why", "page.html")
+unexplained = partial(complaint, app, "score", "--why", "page.html")
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
 
 
 def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path], tmp_path: Path):
-    short = explained(*long_files, "--offset", 0).stdout.splitlines()
-    result = explained(*long_files, "--offset", 0, "--out", tmp_path / "page.html", "--verbose")
+    *short, written = explained(*long_files, "--offset", 0).stdout.splitlines()
+    result = explained(*long_files, "--offset", 0, "--verbose")
     assert result.stdout.splitlines()[: len(short)] == short
     verdict, *remarks, placement = short
     music, *words = result.stdout.splitlines()[len(short) :]
@@ -162,7 +167,7 @@ def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path]
     assert len(remarks) <= 3 and remarks[0].startswith("How sure: harmony above chance ")
     assert placement == "Your dance begins at 0.00 s of the song, as you said."
     assert any(line.startswith("Harmony above chance is ") for line in words)
-    assert words[-1] == f"wrote {tmp_path / 'page.html'}"
+    assert words[-1] == written == "wrote page.html"
     page = (tmp_path / "page.html").read_text("utf-8")
     assert verdict in page
     assert all(remark in html.unescape(page) for remark in remarks)
@@ -177,7 +182,7 @@ def test_json_holds_the_same(long_files: tuple[Path, Path]):
 
 
 def test_few_beats_give_no_number_and_no_milliseconds_on_the_page_either(files: tuple[Path, Path], tmp_path: Path):
-    result = explained(*files, "--offset", 0, "--out", tmp_path / "page.html")
+    result = explained(*files, "--offset", 0)
     assert result.stdout.startswith("Cannot tell: ")
     assert "ms" not in result.stdout.split()
     assert "above chance" not in result.stdout
@@ -203,8 +208,9 @@ def test_joints_can_be_chosen(files: tuple[Path, Path], planted_clip: Clip):
 
 @cases(
     "options, told",
-    (("--out", "page.pdf"), "the page is written as .html, .htm"),
-    (("--out", "/nowhere/page.html"), "/nowhere: no such folder"),
+    (("--why", "page.pdf"), "the page is written as .html, .htm"),
+    (("--why", "/nowhere/page.html"), "/nowhere: no such folder"),
+    (("--plot", "x.png"), "--plot goes without --why"),
     (("--search", "-1"), "dance.npz: search must lie between 0 and 600 s"),
     (("--offset", "1000"), "does not overlap"),
     (("--offset", "nan"), "--offset must be a finite number"),

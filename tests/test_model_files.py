@@ -1,4 +1,4 @@
-"""Files of the field's models: SMPL parameters, joints in space, HumanML3D vectors, markers; and `harmolab convert`.
+"""Files of the field's models: SMPL parameters, joints in space, HumanML3D vectors, markers; `harmolab data convert`.
 
 Each answer is worked out by hand or by a second implementation here, in loops, from the published definitions.
 """
@@ -740,12 +740,12 @@ def test_check_says_what_each_file_of_a_folder_is_and_how_it_was_read(tmp_path: 
 def test_convert_writes_what_it_read_and_says_how(tmp_path: Path):
     poses, way, expected = z_up_parameters()
     source = pickled(tmp_path / "edge.pkl", smpl_poses=poses, smpl_trans=way, full_pose=to_z_up(expected))
-    said = " ".join(done(app, "convert", source, tmp_path / "dance.npz", "--fps", "30").stdout.split())
+    said = " ".join(done(app, "data", "convert", source, tmp_path / "dance.npz", "--fps", "30").stdout.split())
     assert "EDGE's joints, 12 frames of 24 joints at 30 a second read: joints of full_pose" in said
     assert "read: z up (as EDGE writes), turned to y up" in said
     motion = load_motion(tmp_path / "dance.npz")
     np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
-    done(app, "convert", tmp_path / "dance.npz", tmp_path / "dance.bvh")
+    done(app, "data", "convert", tmp_path / "dance.npz", tmp_path / "dance.bvh")
     back = load_motion(tmp_path / "dance.bvh")
     order = [back.skeleton.joints.index(name) for name in motion.skeleton.joints]
     np.testing.assert_allclose(back.positions[:, order], expected, atol=1e-3)
@@ -756,7 +756,7 @@ def test_convert_takes_a_body_and_an_axis(tmp_path: Path):
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     source = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way)
     options = ("--fps", "30", "--smpl", tmp_path / "smpl.npz", "--up", "y", "--joints", "left_hip, left_knee")
-    done(app, "convert", source, tmp_path / "out.npz", *options)
+    done(app, "data", "convert", source, tmp_path / "out.npz", *options)
     motion = load_motion(tmp_path / "out.npz")
     assert motion.skeleton.joints == ("left_hip", "left_knee")
     np.testing.assert_allclose(np.linalg.norm(np.diff(motion.positions, axis=1), axis=2), 0.4, atol=1e-9)
@@ -774,8 +774,8 @@ def test_convert_overwrites_nothing_unasked(tmp_path: Path):
         ((source, tmp_path / "out.npz"), "joints.npy: holds no frame rate; pass fps, such as --fps 25"),
         ((source, tmp_path / "none" / "out.npz", "--fps", "30"), "no such folder"),
     ):
-        assert fault in complaint(app, "convert", *arguments)
+        assert fault in complaint(app, "data", "convert", *arguments)
     assert taken.read_bytes() == b"of somebody else"
     assert not (tmp_path / "out.npz").exists()
-    done(app, "convert", source, taken, "--fps", "30", "--force")
+    done(app, "data", "convert", source, taken, "--fps", "30", "--force")
     assert load_motion(taken).n_frames == 12

@@ -76,7 +76,7 @@ def numbers(song: Path, motion: Path, *options: object) -> dict[str, dict[str, A
     page, bent = motion.with_suffix(".html"), motion.with_name("bent.npz")
     results = [
         run("score", song, motion, *options, "--json", "--mode", "recommended"),
-        run("explain", song, motion, *options, "--json"),
+        run("score", song, motion, *options, "--why", page.with_stem("why"), "--json"),
         run("play", song, motion, *options, "--out", page),
     ]
     assert [result.exit_code for result in results] == [0, 0, 0], [result.output for result in results]

@@ -362,12 +362,22 @@ def test_hands_without_a_body_are_shown_as_points(hands: Callable[..., Path], so
 
 def test_own_playing_is_explained(song: Path, takes: Path, tmp_path: Path):
     words = explain_playing(planted("piano").performance).words
-    asked = ("explain", song, takes / "piano", "--instrument", "piano")
-    result = called(app, *asked, "--out", tmp_path / "e.html")
+    asked = ("score", "--why", tmp_path / "e.html", song, takes / "piano", "--instrument", "piano")
+    result = called(app, *asked)
     assert result.stdout.splitlines() == [words.verdict, *words.sentences, f"wrote {tmp_path / 'e.html'}"]
     assert words.verdict in html.unescape((tmp_path / "e.html").read_text("utf-8"))
     assert json.loads(called(app, *asked, "--json").stdout)["verdict"] == words.verdict
-    by_sound = called(app, "explain", song, takes / "piano" / "motion.npz", "--instrument", "piano", "--json")
+    by_sound = called(
+        app,
+        "score",
+        "--why",
+        tmp_path / "e.html",
+        song,
+        takes / "piano" / "motion.npz",
+        "--instrument",
+        "piano",
+        "--json",
+    )
     assert json.loads(by_sound.stdout)["onsets"] > 0
     refused_option = called(app, *asked, "--dance", "waltz")
     assert refused_option.exit_code == 2 and "--dance is for dances" in refused_option.stderr

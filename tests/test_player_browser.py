@@ -356,7 +356,7 @@ def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromi
 
 # The person, and buttons and keys
 
-COMMAND = "harmolab render 'a song.mp3' dance.bvh --out dance.mp4"
+COMMAND = "harmolab play 'a song.mp3' dance.bvh --out dance.mp4"
 MIXAMO = Skeleton(
     (
         "mixamorig:Hips", "Spine", "Neck", "Head", "LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand",

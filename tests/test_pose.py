@@ -311,7 +311,7 @@ def test_the_oldest_readings_go_where_all_take_too_much_room(tmp_path: Path, mon
 
 
 def test_without_an_environment_the_error_says_what_fetches_it(tmp_path: Path):
-    refused("`harmolab pose --install` fetches it", read_pose, film(tmp_path / "take.mp4", waves(1.0)))
+    refused("`harmolab data pose --install` fetches it", read_pose, film(tmp_path / "take.mp4", waves(1.0)))
 
 
 # The environment
@@ -421,25 +421,25 @@ def run(*arguments: object, answer: str = "") -> Result:
 
 
 def test_without_a_terminal_nothing_is_fetched_and_the_line_says_how(installs: list[Path]):
-    result = run("pose", "--install")
+    result = run("data", "pose", "--install")
     assert result.exit_code == 2 and not installs
     assert "about 55 MB, 155 MB on disk, in " in result.stderr
-    assert "To agree: harmolab pose --install --yes" in result.stderr
+    assert "To agree: harmolab data pose --install --yes" in result.stderr
 
 
 def test_yes_fetches_without_a_question(installs: list[Path], cache: Path):
-    result = run("pose", "--install", "--yes")
+    result = run("data", "pose", "--install", "--yes")
     assert result.exit_code == 0 and len(installs) == 1
     assert f"MediaPipe lies in {installs[0]}" in result.stderr
-    assert "is there already" in run("pose", "--install").stdout
-    assert run("pose", "--remove").stdout == "removed\n"
+    assert "is there already" in run("data", "pose", "--install").stdout
+    assert run("data", "pose", "--remove").stdout == "removed\n"
     assert pose.pose_environment() is None
-    assert run("pose", "--remove").stdout == "there is nothing to remove\n"
+    assert run("data", "pose", "--remove").stdout == "there is nothing to remove\n"
 
 
 @cases("answer, count", ("y\n", 1), ("n\n", 0), ("\n", 0))
 def test_on_a_terminal_a_question_is_asked(installs: list[Path], terminal: None, answer: str, count: int):
-    result = run("pose", "--install", answer=answer)
+    result = run("data", "pose", "--install", answer=answer)
     assert "Fetch it now? (With no, the flow of the picture is used.) [y/N]" in result.stderr
     assert "After that no network is needed." in result.stderr
     assert len(installs) == count
@@ -467,20 +467,20 @@ def test_other_commands_ask_once_and_take_the_flow_after_a_no(
 
 def test_without_a_terminal_one_line_says_what_would_be_surer(installs: list[Path], video: Path):
     (line,) = offered(video).splitlines()
-    assert line.endswith("its dancer's body would be surer: `harmolab pose --install` fetches what finds it, once")
+    assert line.endswith("its dancer's body would be surer: `harmolab data pose --install` fetches what finds it, once")
     assert not installs
 
 
 def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], video: Path, tmp_path: Path):
     fault = complaint(app, "play", video, "--out", tmp_path / "x.html")
-    assert "of which no body is known to play; `harmolab pose --install` fetches what finds it" in fault
+    assert "of which no body is known to play; `harmolab data pose --install` fetches what finds it" in fault
 
 
 @cases(
     "arguments, words",
     ((), "pose takes a VIDEO, --install or --remove"),
     (("nothing.mp4",), "nothing.mp4: no such file"),
-    (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab convert` reads files of movement"),
+    (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab data convert` reads files of movement"),
     (("take.mp4", "--out", "x.gif"), "x.gif: a motion is written as .npz, .bvh"),
     (("text.mp4",), "text.mp4: cannot be read as video"),
 )
@@ -490,7 +490,7 @@ def test_mistakes_are_told_before_anything_is_fetched(
     monkeypatch.chdir(video.parent)
     (video.parent / "dance.bvh").write_text("HIERARCHY")
     (video.parent / "text.mp4").write_text("no video")
-    result = run("pose", *arguments, "--yes") if arguments else run("pose")
+    result = run("data", "pose", *arguments, "--yes") if arguments else run("data", "pose")
     assert result.exit_code == 2 and not installs
     assert words in result.stderr
 
@@ -503,7 +503,9 @@ def mediapipe() -> Path:
     """The folder of an environment that somebody made on this machine; none is fetched for a test."""
     named = os.environ.get("HARMOLAB_TEST_POSE")
     if named is None:
-        pytest.skip("no MediaPipe: HARMOLAB_TEST_POSE names the folder of an environment, of `harmolab pose --install`")
+        pytest.skip(
+            "no MediaPipe: HARMOLAB_TEST_POSE names the folder of an environment, `harmolab data pose --install`"
+        )
     return Path(named)
 
 

@@ -73,12 +73,14 @@ def run_of(
     return NotebookRun(Path(f"/planted/{stem}.ipynb"), node, 1.0, error)
 
 
-def write_picture(folder: Path, name: str, *, source: str, profile: str = "quick", inches: float = 4.0) -> bytes:
-    """A saved figure of notebook 03 and its entry in the manifest."""
+def write_picture(
+    folder: Path, name: str, *, source: str, profile: str = "quick", inches: float = 4.0, notebook: str = "03_beats"
+) -> bytes:
+    """A saved figure and its entry in the manifest."""
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(inches, 2.0))
     figure.savefig(folder / f"{name}.png")
-    entry = {"notebook": "03_beats.ipynb", "profile": profile, "seed": 1, "source": source, "title": f"The <{name}>"}
+    entry = {"notebook": f"{notebook}.ipynb", "profile": profile, "seed": 1, "source": source, "title": f"The <{name}>"}
     manifest = folder / "manifest.json"
     entries = json.loads(manifest.read_text()) if manifest.is_file() else {}
     manifest.write_text(json.dumps({**entries, f"{name}.png": entry}))
@@ -106,9 +108,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path, Path]:
 
 
 @pytest.mark.slow
-def test_report_with_a_failing_notebook_is_written_names_cell_and_error_and_publishes_nothing(built):
+def test_report_with_a_failing_notebook_is_written_names_cell_and_error_and_publishes_the_good_one(built):
     code, out, figures = built
-    assert not figures.exists()
+    assert sorted(file.name for file in figures.iterdir()) == ["fig01.png", "manifest.json", "table1.csv"]
     index = (out / "index.html").read_text()
     assert code == 1
     assert "1 of 2 notebooks failed" in index
@@ -170,7 +172,7 @@ def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(
 ):
     async def run(path: Path, variables: dict[str, str], timeout: float) -> NotebookRun:
         assert variables["HARMOLAB_PROFILE"] == "full"
-        write_picture(Path(variables["HARMOLAB_FIGURES"]), "fig01", source="synthetic")
+        write_picture(Path(variables["HARMOLAB_FIGURES"]), "fig01", source="synthetic", notebook="00_good")
         return run_of("# Good", (), stem=path.stem)
 
     monkeypatch.setattr(report, "_run", run)
@@ -180,13 +182,84 @@ def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(
     (tmp_path / "out" / "index.html").write_text(report.MARK)
     (tmp_path / "out" / "old.html").write_text("from an earlier run")
     (tmp_path / "figures" / "old.png").write_text("from an earlier run")
-    (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {}}')
+    (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {"notebook": "00_good.ipynb"}}')
     arguments = {"profile": "full", "figures": tmp_path / "figures", "progress": False}
     assert report.build(tmp_path / "notebooks", tmp_path / "out", **arguments).failures == ()
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["00_good.html", "figures", "index.html"]
     assert sorted(file.name for file in (tmp_path / "figures").iterdir()) == ["fig01.png", "manifest.json"]
     assert [*json.loads((tmp_path / "figures" / "manifest.json").read_text())] == ["fig01.png"]
     assert not list(tmp_path.glob(".out-*"))
+
+
+def git(project: Path, *words: str) -> None:
+    who = ("-c", "user.name=one", "-c", "user.email=one@example.org")
+    subprocess.run(["git", *who, *words], cwd=project, check=True, capture_output=True)
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, list[str], set[str]]:
+    """A project under git of three notebooks: its folder, the notebooks that were run, and those that are to fail."""
+    ran, failing = [], set()
+
+    async def run(path: Path, variables: dict[str, str], timeout: float) -> NotebookRun:
+        ran.append(path.stem)
+        write_picture(Path(variables["HARMOLAB_FIGURES"]), f"of_{path.stem}", source="synthetic", notebook=path.stem)
+        return run_of(f"# {path.stem}", (), stem=path.stem, error="planted" if path.stem in failing else "")
+
+    monkeypatch.setattr(report, "_run", run)
+    (tmp_path / "notebooks").mkdir()
+    for name in ("00_one", "01_two", "02_three"):
+        write_notebook(tmp_path / "notebooks" / f"{name}.ipynb", f"# {name}")
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "add", "notebooks")
+    git(tmp_path, "commit", "-qm", "one")
+    return tmp_path, ran, failing
+
+
+def full_run(folder: Path, only: tuple[str, ...] = ()) -> dict[str, dict]:
+    """The manifest after a full run of the project."""
+    options = {"profile": "full", "figures": folder / "figures", "jobs": 1, "progress": False, "only": only}
+    report.build(folder / "notebooks", folder / "out", **options)
+    return json.loads((folder / "figures" / "manifest.json").read_text())
+
+
+def test_a_full_run_publishes_what_ran_and_goes_on_with_the_others(project: tuple[Path, list[str], set[str]]):
+    folder, ran, failing = project
+    failing.add("01_two")
+    manifest = full_run(folder)
+    assert [*manifest] == ["of_00_one.png", "of_02_three.png"]
+    (commit,) = {entry["commit"] for entry in manifest.values()}
+    assert re.fullmatch("[0-9a-f]{7,}", commit) and {entry["seconds"] for entry in manifest.values()} == {1}
+    failing.clear()
+    assert [*full_run(folder)] == ["of_00_one.png", "of_01_two.png", "of_02_three.png"]
+    full_run(folder)
+    assert ran == ["00_one", "01_two", "02_three", "01_two"]
+
+
+def test_changed_code_is_run_again_and_a_notebook_that_is_gone_loses_its_figures(project):
+    folder, ran, _ = project
+    assert [*full_run(folder, only=("00", "02"))] == ["of_00_one.png", "of_02_three.png"]
+    write_notebook(folder / "notebooks" / "00_one.ipynb", "# Another text")
+    assert full_run(folder, only=("00",))["of_00_one.png"]["commit"].endswith("+")
+    full_run(folder, only=("00",))  # not committed, so that nobody knows of what it is
+    git(folder, "rm", "-q", "notebooks/02_three.ipynb")
+    assert [*full_run(folder, only=("01",))] == ["of_00_one.png", "of_01_two.png"]
+    assert ran == ["00_one", "02_three", "00_one", "00_one", "01_two"]
+    assert not (folder / "figures" / "of_02_three.png").exists()
+
+
+def test_a_name_that_no_notebook_has_is_refused(project, capsys: pytest.CaptureFixture[str]):
+    folder = project[0]
+    assert report.main(["--notebooks", str(folder / "notebooks"), "--out", str(folder / "out"), "--only", "07"]) == 2
+    assert "no notebook in" in capsys.readouterr().err
+
+
+def test_where_there_is_no_git_no_commit_is_told_and_nothing_is_left_out(project):
+    folder, ran, _ = project
+    (folder / ".git").rename(folder / "git")
+    assert {entry["commit"] for entry in full_run(folder).values()} == {""}
+    full_run(folder)
+    assert len(ran) == 6
 
 
 @pytest.mark.slow

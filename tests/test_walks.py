@@ -129,7 +129,7 @@ class Calls(list[dict[str, Any]]):
 
 
 @pytest.mark.slow
-@cases("command, ending", ("score", ""), ("play", "html"), ("render", "mp4"), ("retime", "mp4"))
+@cases("command, ending", ("score", ""), ("play", "html"), ("play", "mp4"), ("retime", "mp4"))
 def test_a_command_decodes_the_song_and_finds_its_beats_once(
     song: Path, bvh: Path, monkeypatch: pytest.MonkeyPatch, command: str, ending: str
 ):

@@ -109,9 +109,10 @@ def write_compare_row(name: str, corpus: Path) -> None:
         raise ValueError(f"{corpus}: some recordings have the same name; intervals need one name for each")
     exact = compare_numbers(windows, settings)
     if any(abs(exact[score]["auc"] - summary["scores"][score]["auc"]) > 1e-9 for score in SCORES):
-        raise ValueError(f"{corpus}: the AUC of the windows is not that of `harmolab compare`")
+        raise ValueError(f"{corpus}: the AUC of the windows is not that of `harmolab evaluate compare`")
     write_row(
-        name, "compare", f"harmolab compare {corpus.name} --beats {settings['beats']} --rotations 400 --seed 0",
+        name, "compare",
+        f"harmolab evaluate compare {corpus.name} --beats {settings['beats']} --rotations 400 --seed 0",
         windows, "%.4g", settings=settings, digest=digest(result.sequences),
         recordings=sorted(set(windows["recording"])), windows=len(windows),
         chance_band={score: summary["scores"][score]["chance_band"] for score in SCORES},

@@ -1,24 +1,21 @@
 """The `harmolab` command. Thin: every command calls one function of the package and prints."""
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from harmolab import __version__
-from harmolab.cli.beats import beats, tap
-from harmolab.cli.common import CheckedCommand
+from harmolab.cli.beats import beats
+from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
 from harmolab.cli.evaluating import compare, evaluate, learn, submit
-from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
 from harmolab.cli.posing import pose
-from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
-from harmolab.cli.screen import Quiet, Verbose, plain_errors
+from harmolab.cli.screen import Quiet, Verbose
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
@@ -28,38 +25,22 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 PANELS = {
-    "Start here": (demo, score, explain, play, dance, render),
-    "The music": (beats, tap),
-    "Many dances": (evaluate, submit, compare, learn),
-    "Movement": (pose, retime, convert),
+    "Start here": (demo, score, play, dance),
+    "The music": (beats,),
+    "Movement": (retime,),
     "Networks": (train, perform),
 }
 for panel, commands in PANELS.items():
     for command in commands:
         app.command(cls=CheckedCommand, rich_help_panel=panel)(command)
-app.add_typer(study_app, name="study", rich_help_panel="Many dances")
+app.command(cls=CommandWithParts.of(compare=compare, submit=submit), rich_help_panel="Many dances")(evaluate)
+for command in (pose, convert, learn):
+    data_app.command(cls=CheckedCommand)(command)
+data_app.add_typer(study_app, name="study")
 app.add_typer(data_app, name="data", rich_help_panel="Movement")
-
-
-@app.command(cls=CheckedCommand, rich_help_panel="Many dances")
-def report(
-    notebooks: Path = Path("notebooks"), out: Path = Path("report"), profile: Literal["quick", "full"] = "quick"
-) -> None:
-    """Run the notebooks and build the offline HTML report.
-
-    Example: `harmolab report --notebooks notebooks --out report`
-
-    Parameters
-    ----------
-    notebooks : Folder of notebooks.
-    out : Folder to write.
-    profile : quick (minutes) or full.
-    """
-    from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
-
-    with plain_errors():
-        result = build(notebooks, out, profile=profile, timeout=TIMEOUTS[profile])
-    raise typer.Exit(print_outcome(result))
+for name in RENAMED:
+    anything = {"ignore_unknown_options": True, "allow_extra_args": True}
+    app.command(name, hidden=True, add_help_option=False, context_settings=anything)(moved)
 
 
 def version(value: bool) -> None:

@@ -1,7 +1,8 @@
-"""`harmolab beats` and `harmolab tap`: the beats of a song, tracked, read, or tapped by a person."""
+"""`harmolab beats`: the beats of a song, tracked, read, or tapped by a person."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,9 +17,32 @@ if TYPE_CHECKING:
 
 
 Tracker = Literal["librosa", "beat_this"]
+TAPPED = ("meter", "port", "no_open")  # options of --tap
+FOUND = ("dance", "one", "beats", "clicks", "tracker", "checkpoint")  # options of beats that are found or read
 
 
+@dataclass(frozen=True)
+class TapOptions:
+    """Options of a page on which the beats are tapped.
+
+    Parameters
+    ----------
+    tap : Tap the beats, and mark "one", on a page that only this machine can open. Ten seconds of taps are enough for a
+        song of one tempo: the beats go on to both ends of it.
+    meter : With --tap: beats in a bar, 3 for a waltz.
+    port : With --tap: port of the local page; 0: any free one.
+    no_open : With --tap: print the address only.
+    """
+
+    tap: Annotated[bool, typer.Option("--tap")] = False
+    meter: Annotated[int, typer.Option(min=1, max=32)] = 4
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 0
+    no_open: Annotated[bool, typer.Option("--no-open")] = False
+
+
+@common.with_options
 def beats(
+    context: typer.Context,
     song: Song,
     dance: DanceName = "",
     one: One = None,
@@ -27,12 +51,16 @@ def beats(
     clicks: Path | None = None,
     tracker: Tracker = "librosa",
     checkpoint: Path | None = None,
+    *,
+    page: TapOptions,
 ) -> None:
-    """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them with --clicks.
+    """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them (--clicks), tap them (--tap).
 
-    What it writes, other commands take with --beats. Where it is wrong, `harmolab tap` lets you tap.
+    What it writes, other commands take with --beats.
 
     Example: `harmolab beats song.mp3 --dance waltz --one 12.4 --out song.beats --clicks check.wav`
+
+    Example: `harmolab beats song.mp3 --tap --meter 3 --out song.beats`
 
     Parameters
     ----------
@@ -50,7 +78,11 @@ def beats(
     with plain_errors():
         common.check_out(out, "a file of beats", (".beats",))
         common.check_out(clicks, "the song with clicks", (".wav",))
+        _check_tapping(context, page, out)
         audio = load_sound(song)
+        if page.tap and out is not None:
+            _tapped(song, audio, out, page)
+            return
         track = _beats(audio, dance, one, beats, tracker, checkpoint)
         text = describe_beats(track)
         if out is not None:
@@ -62,6 +94,15 @@ def beats(
         typer.echo(octave_remark(track.tempo))
     wrote(out)
     wrote(clicks)
+
+
+def _check_tapping(context: typer.Context, page: TapOptions, out: Path | None) -> None:
+    """ValueError for an option that goes with --tap only, or without it only."""
+    wrong = [name for name in (FOUND if page.tap else TAPPED) if common.is_told(context, name)]
+    if wrong:
+        raise ValueError(f"--{wrong[0].replace('_', '-')} goes {'without' if page.tap else 'with'} --tap only")
+    if page.tap and out is None:
+        raise ValueError("--tap writes what was tapped: name a file of beats, --out song.beats")
 
 
 def _beats(
@@ -79,43 +120,21 @@ def _beats(
         return song_beats(audio, dance=dance, beats=beats, one=one)
 
 
-def tap(
-    song: Song,
-    out: Annotated[Path, typer.Option()],
-    meter: Annotated[int, typer.Option(min=1, max=32)] = 4,
-    port: Annotated[int, typer.Option(min=0, max=65535)] = 0,
-    no_open: Annotated[bool, typer.Option("--no-open")] = False,
-) -> None:
-    """Tap the beats of a song, and mark "one", on a page that only this machine can open.
-
-    Ten seconds of taps are enough for a song of one tempo: the beats go on to both ends of it. Other commands take the
-    file with --beats.
-
-    Example: `harmolab tap song.mp3 --meter 3 --out song.beats`
-
-    Parameters
-    ----------
-    out : Where the beats are written, .beats.
-    meter : Beats in a bar: 3 for a waltz.
-    port : Port of the local page; 0: any free one.
-    no_open : Print the address only.
-    """
+def _tapped(song: Path, audio: Audio, out: Path, page: TapOptions) -> None:
+    """Write the beats that are tapped on a local page, and print what they are."""
     from harmolab.beats.meter import describe_beats
-    from harmolab.readers.audio import load_sound
     from harmolab.readers.beats import save_beats, tapped_beats
 
     def save(taps: FloatArray, ones: FloatArray) -> str:
-        result = tapped_beats(audio, taps, ones, meter=meter)
+        result = tapped_beats(audio, taps, ones, meter=page.meter)
         save_beats(out, result.track, comment=f"{song.name}, tapped: {describe_beats(result.track)}")
         lines.append(" ".join([f"wrote {out}: {describe_beats(result.track)}.", result.remark]).strip())
         return lines[-1]
 
-    lines: list[str] = []
-    with plain_errors():
-        common.check_out(out, "a file of beats", (".beats",))
-        common.check_pages("harmolab tap")
-        from harmolab.lab.listening.local_page import TapServer
+    common.check_pages("harmolab beats --tap")
+    from harmolab.lab.listening.local_page import TapServer
 
-        audio = load_sound(song)
-        common.serve(TapServer(song.name, audio, save, port=port), no_open, "nothing is written until you save")
+    lines: list[str] = []
+    server = TapServer(song.name, audio, save, port=page.port)
+    common.serve(server, page.no_open, "nothing is written until you save")
     typer.echo("\n".join(lines) or "nothing was saved")

@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import webbrowser
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from importlib.util import find_spec
@@ -111,7 +111,7 @@ One = Annotated[
         metavar="SECONDS",
         help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
         "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for "
-        "the beats in a bar. `harmolab tap` finds it by ear.",
+        "the beats in a bar. `harmolab beats --tap` finds it by ear.",
     ),
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
@@ -128,7 +128,7 @@ Up = Annotated[
     Literal["y", "z"] | None,
     typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says)."),
 ]
-PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
+PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab data learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
     int | None,
@@ -346,8 +346,9 @@ def print_table(
 
 # Checks that every command makes of its options before it runs: finite numbers, and files that stay as they are.
 
-OUTPUTS = ("out", "plot", "clicks", "csv")  # parameters that name what a command writes; every other path is read
-FOLDERS = ("train", "report")  # commands whose output is a folder that they look into themselves
+OUTPUTS = ("out", "why", "plot", "clicks", "csv")  # parameters that name what a command writes; all others are read
+STEMS = ("weights",)  # parameters that may name two files by what their names begin with
+FOLDERS = ("train",)  # commands whose output is a folder that they look into themselves
 FORCE = "--force"
 
 
@@ -385,7 +386,50 @@ class CheckedCommand(TyperCommand):
                 for name in OUTPUTS:
                     for out in _paths(ctx.params.get(name)):
                         check_output(ctx, out)
+                check_inputs(ctx)
             return super().invoke(ctx)
+
+
+class CommandWithParts(CheckedCommand):
+    """A command whose first word may name one of its `parts` instead: "harmolab evaluate compare CORPUS"."""
+
+    parts: Mapping[str, Callable[..., None]] = {}
+
+    @classmethod
+    def of(cls, **parts: Callable[..., None]) -> type[CommandWithParts]:
+        """The class of a command that has these parts."""
+        return type(cls.__name__, (cls,), {"parts": parts})
+
+    @classmethod
+    def part(cls, name: str) -> Any:
+        """A part as a command."""
+        app = typer.Typer(add_completion=False)
+        app.command(name, cls=CheckedCommand)(cls.parts[name])
+        return typer.main.get_command(app)
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """The context of the command, or of the part that is named."""
+        if args and args[0] in self.parts:
+            return self.part(args[0]).make_context(f"{info_name} {args[0]}", args[1:], parent=parent, **extra)
+        return super().make_context(info_name, args, parent=parent, **extra)
+
+
+RENAMED = {
+    "explain": "harmolab score SONG DANCE --why page.html",
+    "render": "harmolab play SONG DANCE --out dance.mp4",
+    "tap": "harmolab beats SONG --tap --out song.beats",
+    "compare": "harmolab evaluate compare CORPUS",
+    "pose": "harmolab data pose VIDEO",
+    "convert": "harmolab data convert A B",
+    "learn": "harmolab data learn CORPUS --out patterns.json",
+    "study": "harmolab data study",
+    "report": "make report",
+}  # name that a command had -> what does its work now
+
+
+def moved(context: typer.Context) -> None:
+    """End the call of an old name with the command that does its work now."""
+    screen.refuse(f"{context.info_name} is now: {RENAMED[context.info_name or '']}")
 
 
 def _keep(context: typer.Context, value: bool) -> None:
@@ -425,6 +469,14 @@ def check_numbers(context: typer.Context) -> None:
         value = context.params.get(parameter.name or "")
         if isinstance(value, float) and not math.isfinite(value):
             raise ValueError(f"{parameter.opts[0]} must be a finite number, got {value}")
+
+
+def check_inputs(context: typer.Context) -> None:
+    """FileNotFoundError for the first file or folder that is told and not there, before any slow import."""
+    for name, value in context.params.items():
+        for path in () if name in (*OUTPUTS, *STEMS) else _paths(value):
+            if is_told(context, name) and not path.exists() and not path.is_symlink():
+                raise FileNotFoundError(f"{path}: no such file{'' if path.suffix else ' or folder'}")
 
 
 def check_output(context: typer.Context, out: Path) -> None:
@@ -477,8 +529,8 @@ def video_command(song: Path, motion: Path, out: Path, dance: str, **seconds: fl
     """The line that writes the same as a video beside the page `out`; `seconds` are options that hold seconds.
 
     >>> video_command(Path("a song.mp3"), Path("x.bvh"), Path("x.html"), "waltz", offset=12.4, start=None)
-    "harmolab render 'a song.mp3' x.bvh --offset 12.4 --dance waltz --out x.mp4"
+    "harmolab play 'a song.mp3' x.bvh --offset 12.4 --dance waltz --out x.mp4"
     """
     words = [word for name, value in seconds.items() if value is not None for word in (f"--{name}", f"{value:g}")]
     words += ["--dance", dance] if dance else []
-    return shlex.join(["harmolab", "render", str(song), str(motion), *words, "--out", str(out.with_suffix(".mp4"))])
+    return shlex.join(["harmolab", "play", str(song), str(motion), *words, "--out", str(out.with_suffix(".mp4"))])

@@ -98,7 +98,7 @@ def data_synth(
     typer.echo(f"{clips} clips in {out}")
 
 
-# `harmolab convert`: a motion file of any kind to one of ours, or to BVH.
+# `harmolab data convert`: a motion file of any kind to one of ours, or to BVH.
 
 
 @with_options
@@ -111,7 +111,7 @@ def convert(
 ) -> None:
     """Turn a motion file of any kind into npz or BVH, in metres with y up, and say what it is and how it was read.
 
-    Example: `harmolab convert EDGE_dance.pkl dance.npz --fps 30`
+    Example: `harmolab data convert EDGE_dance.pkl dance.npz --fps 30`
 
     Parameters
     ----------

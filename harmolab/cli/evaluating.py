@@ -51,7 +51,7 @@ def evaluate(
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
-    every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
+    every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
 
     Where in its song a dance begins, the column offset of --pairs says, the number of a slice (`mBR0_slice7.pkl` with
     --slice-stride 0.5: 3.5 s), or a file of harmolab; a dance of which nothing says it is taken to begin with the song,
@@ -204,9 +204,9 @@ def submit(folder: Path, out: Path | None = None) -> None:
     hashes of all files; no motion and no sound. In its row.json you write what the data are. A check computes the
     numbers anew from the folder's own tables and says what is missing: exit code 1 until nothing is.
 
-    Example: `harmolab submit table --out my_row`
+    Example: `harmolab evaluate submit table --out my_row`
 
-    Example: `harmolab submit my_row`
+    Example: `harmolab evaluate submit my_row`
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def submit(folder: Path, out: Path | None = None) -> None:
     raise typer.Exit(int(bool(faults) and out is None))
 
 
-# `harmolab compare` and `harmolab learn`: scores over a corpus.
+# `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.
 
 
 def compare(
@@ -253,9 +253,9 @@ def compare(
     band anew on music that begins anywhere. The row "discriminant" is trained on lagged music itself, and stands in no
     verdict. Below stands how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
 
-    Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
+    Example: `harmolab data synth demo --clips 70 && harmolab evaluate compare demo`
 
-    Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
+    Example of a large corpus, called again after it was cut off: `harmolab evaluate compare demo --out rows --resume`
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def print_comparison(summary: dict[str, Any]) -> None:
 def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     """Learn each dance's bar pattern, for `harmolab score --pattern`.
 
-    Example: `harmolab learn recordings --out patterns.json`
+    Example: `harmolab data learn recordings --out patterns.json`
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""`harmolab explain`: how a dance, or a musician's hands, go with the sound, in words and on one page."""
+"""`harmolab score --why`: how a dance, or a musician's hands, go with the sound, in words and on one page."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,8 +11,8 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import AsJson, Dance, FileOptions, JudgeOptions, Song, is_told, with_options
-from harmolab.cli.screen import is_verbose, plain_errors, progress, waiting, wrote
+from harmolab.cli.common import FileOptions, JudgeOptions, is_told
+from harmolab.cli.screen import is_verbose, progress, waiting, wrote
 from harmolab.cli.sources import Sources, note_music, sources, video_performance
 
 if TYPE_CHECKING:
@@ -22,62 +23,64 @@ if TYPE_CHECKING:
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
 
-@with_options
-def explain(
-    context: typer.Context,
-    song: Song,
-    motion: Dance = None,
-    out: Path | None = None,
-    offset: float | None = None,
-    guess: float | None = None,
-    search: float = 2.0,
-    *,
-    judged: JudgeOptions,
-    read: FileOptions,
-    instrument: Annotated[Literal["piano", "violin"] | None, typer.Option(show_default=False)] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Say how a dance goes with its song: whether it is in time, where in the beat, and how steady that is.
+WITHOUT_PAGE = ("seconds", "mode", "lag", "clock", "csv", "plot", "others")  # options of a score that no page has
+WITH_PAGE = ("guess", "search", "instrument")
 
-    The first line is the verdict, the same as that of `harmolab score`; --verbose and the page of --out say more. Early
-    and late are spoken of only where it was told what is danced (--dance) or meant (--how).
 
-    Where the dance begins in the song is found by comparing the video's sound with the song; without that sound from
-    the movement, up to whole beats, and then nothing is said about its place in the beat.
-
-    Example: `harmolab explain song.mp3 phone_video.mp4 --out dance.html`
-
-    For a video whose own sound is the only copy of the song: `harmolab explain video.mp4 --out dance.html`
-
-    For the folder of a recording: `harmolab explain recordings/DANCE_W_3 --out dance.html`
-
-    **A pianist or violinist**: do the hands meet the notes, and where do they part?
-
-    `harmolab explain take/audio.wav take/points.json --instrument piano --out playing.html`
+@dataclass(frozen=True)
+class PageOptions:
+    """Options of the page that says why.
 
     Parameters
     ----------
-    out : Also write a page, .html, with pictures and player.
-    offset : Audio time in seconds at which the motion begins (default: what its file says, else searched for).
-    guess : About where it begins, where only the movement can tell (default: 0).
-    search : How many seconds from the guess to look, to either side.
-    instrument : DANCE is a musician's playing instead: key points of body and hands, or the folder of a performance.
+    why : Also write a page, .html, that shows why: pictures, beats, player. Where the dance begins in the song is then
+        found by comparing a video's sound with the song; without that sound from the movement, up to whole beats, and
+        then nothing is said about its place in the beat.
+    guess : With --why: about where it begins, where only the movement can tell (default: 0).
+    search : With --why: how many seconds from the guess to look, to either side.
+    instrument : With --why: DANCE is a musician's playing, key points of body and hands, or the folder of a
+        performance: do the hands meet the notes?
     """
-    with plain_errors():
-        common.check_out(out, "the page", common.PAGES)
-        result: OwnDance | ExplainedPlaying
-        if instrument is None:
-            files = sources(context, song, motion, judged)
-            result = _dance(files, judged.params(files.dance), read, offset=offset, guess=guess, search=search)
-        else:
-            result = _playing(context, song, motion, instrument, offset=offset, fps=read.fps)
-        if out is not None:
-            _save(out, result)
+
+    why: Path | None = None
+    guess: float | None = None
+    search: float = 2.0
+    instrument: Annotated[Literal["piano", "violin"] | None, typer.Option(show_default=False)] = None
+
+
+def check_options(context: typer.Context, page: PageOptions) -> None:
+    """ValueError for an option that goes without a page only, or with one only."""
+    wrong = [name for name in (WITH_PAGE if page.why is None else WITHOUT_PAGE) if is_told(context, name)]
+    if wrong:
+        raise ValueError(f"--{wrong[0]} goes {'with --why PAGE.html only' if page.why is None else 'without --why'}")
+
+
+def explain(
+    context: typer.Context,
+    song: Path,
+    motion: Path | None,
+    page: PageOptions,
+    judged: JudgeOptions,
+    read: FileOptions,
+    *,
+    offset: float | None,
+    as_json: bool,
+) -> None:
+    """Write the page that says how a dance, or a playing, goes with its song, and print its first lines."""
+    common.check_out(page.why, "the page", common.PAGES)
+    result: OwnDance | ExplainedPlaying
+    if page.instrument is None:
+        files, place = sources(context, song, motion, judged), {"guess": page.guess, "search": page.search}
+        result = _dance(files, judged.params(files.dance), read, offset=offset, **place)
+    else:
+        result = _playing(context, song, motion, page.instrument, offset=offset, fps=read.fps)
+    if page.why is not None:
+        _save(page.why, result)
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
     typer.echo("\n".join([*result.summary, *(result.details if is_verbose() else ())]))
-    wrote(out)
+    wrote(page.why)
 
 
 def _dance(files: Sources, params: HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:

@@ -47,7 +47,7 @@ def perform(
 
     Marks on the page are the onsets of the notes, found in the sound by a program, and the strikes of the fingers or
     turns of the bow. An error is printed only where the truth is known (--truth). To look at your own playing alone:
-    `harmolab explain SONG POINTS --instrument piano`.
+    `harmolab score SONG POINTS --instrument piano --why page.html`.
 
     Example: `harmolab perform sonata.wav --instrument piano`
 

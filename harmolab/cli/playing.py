@@ -1,22 +1,29 @@
-"""`harmolab play`: a motion and its music as one page that plays anywhere."""
+"""`harmolab play`: a motion and its music as a page or a video that plays anywhere; and `harmolab demo`."""
+
+from __future__ import annotations
 
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from harmolab.cli import common
 from harmolab.cli.posing import is_body_found
+from harmolab.cli.rendering import GIF, VideoOptions, render
 from harmolab.cli.screen import note, plain_errors, waiting, wrote
-from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
+
+if TYPE_CHECKING:
+    from harmolab.params import HarmonyParams
 
 VIDEO = (
-    "{video}: is a video, of which no body is known to play; `harmolab pose --install` fetches what finds it. Without, "
-    "`harmolab explain {video} --out {stem}.html` makes a page about it, `harmolab render {video} --out "
+    "{video}: is a video, of which no body is known to play; `harmolab data pose --install` fetches what finds it. "
+    "Without, `harmolab score {video} --why {stem}.html` makes a page about it, `harmolab play {video} --out "
     "{stem}_marked.mp4` marks its beats"
 )
+OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "follow", "height", "rate")
 
 
 @common.with_options
@@ -25,56 +32,90 @@ def play(
     song: common.Song,
     out: Annotated[Path, typer.Option()],
     motion: common.Dance = None,
-    other: Path | None = None,
     offset: common.Offset = None,
-    other_offset: float | None = None,
     start: common.Start = None,
     seconds: common.Seconds = None,
+    other: Path | None = None,
+    other_offset: float | None = None,
     *,
+    video: VideoOptions,
     judged: common.JudgeOptions,
     read: common.FileOptions,
 ) -> None:
-    """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
+    """Show a motion with its music: a page with beats, slow motion and loops, a video, or a moving picture.
 
-    Below the picture stand the verdict and the number of what is shown, the same as those of `harmolab score`. The
-    marks are rests of the body, or hits where it hits the beats, within a tenth of a second of the music.
+    The ending of --out says which: .html is a page that plays anywhere; .mp4 and .webm are videos of a person on a
+    floor, or of a skeleton over the dancer's own film; .gif is for a README, without sound, 5 s unless --seconds says
+    otherwise. The verdict and the number are those of `harmolab score`. The marks are rests of the body, or hits where
+    it hits the beats, within a tenth of a second of the music. A film alone gets the marks, and a skeleton where
+    `harmolab data pose` finds the body.
 
-    Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
+    Examples:
 
-    Example: `harmolab play recordings/DANCE_W_3 --out dance.html`
+    `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
+
+    `harmolab play recordings/DANCE_W_3 --start 20 --out dance.gif`
+
+    `harmolab play phone_video.mp4 --out marked.mp4`
+
+    `harmolab play take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
 
     Parameters
     ----------
-    out : The page to write, .html.
-    other : A second motion to the same music, shown beside it.
-    other_offset : Audio time at which the second begins (default: what its file says, else --offset).
+    out : What to write: .html, .mp4 (plays everywhere), .webm or .gif.
+    other : Page: a second motion to the same music, shown beside it.
+    other_offset : Page: audio time at which the second begins (default: what its file says, else --offset).
     """
+    is_page = out.suffix.lower() in common.PAGES
+    with plain_errors():
+        common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
+        if wrong := [name for name in (OF_VIDEOS if is_page else OF_PAGES) if common.is_told(context, name)]:
+            raise ValueError(
+                f"--{wrong[0].replace('_', '-')} is for {'a video' if is_page else 'a page'}, not for {out}"
+            )
+        files = sources(context, song, motion, judged)
+        params, where = judged.params(files.dance), {"offset": offset, "start": start, "seconds": seconds}
+        if is_page:
+            _page(files, out, params, read, other=other, other_offset=other_offset, **where)
+        else:
+            render(files, out, video, params, read, **where)
+    wrote(out)
+
+
+def _page(
+    files: Sources,
+    out: Path,
+    params: HarmonyParams,
+    read: common.FileOptions,
+    *,
+    other: Path | None,
+    other_offset: float | None,
+    offset: float | None,
+    start: float | None,
+    seconds: float | None,
+) -> None:
+    """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
     from harmolab.lab.player import player_of
     from harmolab.verdict.judge import score_clip
 
-    with plain_errors():
-        common.check_out(out, "the player", common.PAGES)
-        files = sources(context, song, motion, judged)
-        if files.is_video and not is_body_found(files.motion):
-            raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
-        params = judged.params(files.dance)
-        clip = clip_of(files, offset=offset, sample_rate=None, **read.keywords)
-        note_lengths(clip, files.song)
-        if files.is_video:
-            begin = clip.offset if start is None else start
-            part = clip.span(begin, clip.audio.duration - begin if seconds is None else seconds)
-            check_signs(files, part, [score_clip(part, params)])
-        clips = [clip]
-        if other is not None:
-            begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
-            movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
-            clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
-        where = {"offset": clip.offset, "start": start, "seconds": seconds}
-        command = common.video_command(files.song, files.motion, out, files.dance, **where)
-        title = common.dance_title(files.motion, files.song)
-        player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
-    wrote(out)
+    if files.is_video and not is_body_found(files.motion):
+        raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
+    clip = clip_of(files, offset=offset, sample_rate=None, **read.keywords)
+    note_lengths(clip, files.song)
+    if files.is_video:
+        begin = clip.offset if start is None else start
+        part = clip.span(begin, clip.audio.duration - begin if seconds is None else seconds)
+        check_signs(files, part, [score_clip(part, params)])
+    clips = [clip]
+    if other is not None:
+        begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
+        movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
+        clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
+    where = {"offset": clip.offset, "start": start, "seconds": seconds}
+    command = common.video_command(files.song, files.motion, out, files.dance, **where)
+    title = common.dance_title(files.motion, files.song)
+    player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
 
 
 # `harmolab demo`: a first page to look at, without any file.
@@ -82,7 +123,7 @@ def play(
 NEXT = (
     "What next?",
     "  harmolab dance SONG.mp3                      a dance to a song of yours",
-    "  harmolab explain VIDEO.mp4 --out page.html   your own dance: are you in time?",
+    "  harmolab score VIDEO.mp4 --why page.html     your own dance: are you in time?",
 )
 
 

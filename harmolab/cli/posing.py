@@ -1,4 +1,4 @@
-"""`harmolab pose`: the body in a video as a motion file; and the question whether what finds it may be fetched."""
+"""`harmolab data pose`: the body in a video as a motion file; and the question whether what finds it may be fetched."""
 
 import sys
 from contextlib import suppress
@@ -10,7 +10,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.screen import LEVEL, QUIET, detail, note, plain_errors, printable, progress, waiting, wrote
 
-HOW = "`harmolab pose --install` fetches what finds it, once"
+HOW = "`harmolab data pose --install` fetches what finds it, once"
 DECLINED = "poses_declined"  # file in the cache, once a question has been answered with no
 
 
@@ -24,15 +24,15 @@ def pose(
     """Find the dancer's body in a video and write its movement, in metres with y up.
 
     The body is found by MediaPipe, which is fetched once, after a question, into a folder of the cache; after that no
-    network is needed. Then `explain`, `score`, `play`, `render` and `retime` find the body of a video by themselves.
+    network is needed. Then `score`, `play` and `retime` find the body of a video by themselves.
     What was found is kept, so that they need not look twice. HARMOLAB_POSE=off turns all of this off.
 
     Of several people the one who moves most is taken. The points are those of the body as it moves in itself: its way
     over the floor is not known.
 
-    Example: `harmolab pose phone_video.mp4 --out dance.npz`
+    Example: `harmolab data pose phone_video.mp4 --out dance.npz`
 
-    Example: `harmolab pose --install --yes`
+    Example: `harmolab data pose --install --yes`
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _check(video: Path, out: Path) -> None:
     if not video.exists():
         raise FileNotFoundError(f"{video}: no such file")
     if not is_video(video):
-        raise ValueError(f"{video}: is no video by its name; `harmolab convert` reads files of movement")
+        raise ValueError(f"{video}: is no video by its name; `harmolab data convert` reads files of movement")
     average_rate(video)
 
 
@@ -99,7 +99,7 @@ def install_poses(*, is_agreed: bool) -> None:
     if reason := environment.hindrance():
         raise ValueError(f"{reason}; the movement of a video can be read from the flow of its picture only")
     if not is_agreed and not _is_terminal():
-        raise ValueError(f"{_offer()} To agree: harmolab pose --install --yes")
+        raise ValueError(f"{_offer()} To agree: harmolab data pose --install --yes")
     if not is_agreed and not _is_agreed():
         raise ValueError("nothing was fetched")
     with waiting("fetching MediaPipe (about half a minute)"):

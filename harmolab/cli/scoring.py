@@ -11,6 +11,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
+from harmolab.cli.explaining import PageOptions, check_options, explain
 from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
 
@@ -154,6 +155,7 @@ def score(
     *,
     judged: common.JudgeOptions,
     read: common.FileOptions,
+    page: PageOptions,
     lag: float = 0.0,
     clock: Annotated[float, typer.Option(min=0.1, max=10.0)] = 1.0,
     as_json: common.AsJson = False,
@@ -184,6 +186,10 @@ def score(
 
     `harmolab score phone_video.mp4` scores a video with its music in it.
 
+    `harmolab score song.mp3 phone_video.mp4 --why page.html` shows why; in the song, the dance is found.
+
+    `harmolab score take/audio.wav take/points.json --instrument piano --why page.html`: do the hands meet the notes?
+
     Parameters
     ----------
     mode : The paper's settings, ours, or both.
@@ -206,6 +212,10 @@ def score(
         return Scored(clip, music, scores)
 
     with plain_errors():
+        check_options(context, page)
+        if page.why is not None:
+            explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
+            return
         if motion is None and is_corpus(song):
             score_corpus(context, song, lambda files: scored(files).scores, table=csv, as_json=as_json)
             return

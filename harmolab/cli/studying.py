@@ -1,4 +1,4 @@
-"""`harmolab study`: ask people which dances fit their music, on this machine, and say what they answered."""
+"""`harmolab data study`: ask people which dances fit their music, on this machine, and say what they answered."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def make(
     All trials are equally long and loud, and nothing that a rater sees or finds in a page's source tells the answer;
     `key.json` and `scores.json` do, so do not hand them out.
 
-    Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
+    Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab data study make demo my_study --n 20`
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def make(
     from harmolab.lab.listening.corpus_study import study_pieces
 
     with plain_errors():
-        common.check_pages("harmolab study make")
+        common.check_pages("harmolab data study make")
         if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice or rate")
         if against is None and kind == "rate":
@@ -81,7 +81,7 @@ def make(
             corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out
         )
         _write_study(out, pieces, kind, n, seed, "true" if against is None else "")
-    typer.echo(f"{n} trials in {out}; next: harmolab study ask {out} --rater NAME")
+    typer.echo(f"{n} trials in {out}; next: harmolab data study ask {out} --rater NAME")
 
 
 def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
@@ -110,11 +110,11 @@ def ask(
 
     Ctrl-C stops; the same command goes on where the rater was. It ends by itself after the last answer.
 
-    Example: `harmolab study ask my_study --rater Ada`
+    Example: `harmolab data study ask my_study --rater Ada`
 
     Parameters
     ----------
-    study : Folder of `harmolab study make`.
+    study : Folder of `harmolab data study make`.
     rater : Name of the rater; it decides the order of the trials.
     port : Port of the local page; 0: any free one.
     no_open : Print the address only.
@@ -147,11 +147,11 @@ def analyse(
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 
-    Example: `harmolab study analyse my_study --out results`
+    Example: `harmolab data study analyse my_study --out results`
 
     Parameters
     ----------
-    study : Folder of `harmolab study make`, with answers.
+    study : Folder of `harmolab data study make`, with answers.
     out : Folder for the tables (csv) and analysis.json.
     raters : Whose answers count; people and simulated raters never mix.
     seed : Seed of the bootstrap.

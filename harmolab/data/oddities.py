@@ -97,7 +97,9 @@ def _axis(motion: Motion) -> Iterator[Oddity]:
         lengths = np.linalg.norm(way, axis=1)
         if (sign * way[:, "xyz".index(axis)] > UPRIGHT * lengths).mean() >= ALWAYS:
             up = f"{'-' if sign < 0 else ''}{axis}"
-            sentence = f"the head is above the feet along {up}, and not along y; turn it by harmolab convert A B --up z"
+            sentence = (
+                f"the head is above the feet along {up}, and not along y; turn it by harmolab data convert A B --up z"
+            )
             yield Oddity(sentence, f"{up} up", True)
 
 

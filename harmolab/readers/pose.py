@@ -17,7 +17,7 @@ The environment of pose estimation: MediaPipe and a numpy of its own, in a folde
 
 MediaPipe's wheel holds its models, and asks for numpy 1, which does not fit into one process with ours. So its packages
 go into a folder that another process of the same Python reads (`harmolab.readers.pose_child`). Afterwards nothing needs
-a network. Nothing is fetched unasked: `make_pose_environment` is called by `harmolab pose` alone, after a yes.
+a network. Nothing is fetched unasked: `make_pose_environment` is called by `harmolab data pose` alone, after a yes.
 
 ``HARMOLAB_POSE=off`` turns pose estimation off, whether the environment is there or not.
 """
@@ -359,7 +359,7 @@ def read_pose(path: PathLike, *, command: Sequence[str] | None = None, progress:
 def _command() -> list[str]:
     folder = pose_environment()
     if folder is None:
-        raise ValueError("there is no MediaPipe to find a body with; `harmolab pose --install` fetches it")
+        raise ValueError("there is no MediaPipe to find a body with; `harmolab data pose --install` fetches it")
     return child_command(folder)
 
 

@@ -216,10 +216,10 @@ def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
     FileNotFoundError, ValueError
         Both name the file; a dance that is not in it is an error.
     """
-    with reading(path, "bar patterns written by `harmolab learn`") as file:
+    with reading(path, "bar patterns written by `harmolab data learn`") as file:
         patterns = read_json(file)
         if not isinstance(patterns, dict) or not patterns:
-            raise ValueError("holds no bar patterns; write one with `harmolab learn`")
+            raise ValueError("holds no bar patterns; write one with `harmolab data learn`")
         name = dance if dance or len(patterns) > 1 else next(iter(patterns))
         if name not in patterns:
             raise ValueError(f"holds no pattern for --dance {name!r}; it has {', '.join(patterns)}")

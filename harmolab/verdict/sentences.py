@@ -176,7 +176,9 @@ def _advice(evidence: Evidence) -> list[str]:
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
-        lines.append('Where "one" is was not known: the place in the bar could not count (--one, or `harmolab tap`).')
+        lines.append(
+            'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'
+        )
     if FEWEST_BEATS <= evidence.n_beats < FEW_BEATS:
         lines.append(f"A longer take would show more: it has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
     if evidence.pattern is None and evidence.level in (1, 2):

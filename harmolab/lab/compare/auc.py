@@ -1,4 +1,4 @@
-"""Does a score tell right music from wrong over a folder of recordings? (`harmolab compare`; cf. the paper's Fig. 8)
+"""Does a score tell right music from wrong in a folder of recordings? (`harmolab evaluate compare`; cf. Fig. 8)
 
 True music is compared with the same music 0.3-0.7 beat late, or with other songs. The chance band holds 95 % of the
 AUCs of null corpora: the music of each unit of choreography, or of each recording, begins at a random phase, and all
@@ -34,7 +34,7 @@ class CorpusResult:
 
     Parameters
     ----------
-    summary : dict as `harmolab compare --json` prints it
+    summary : dict as `harmolab evaluate compare --json` prints it
     true, wrong : dict from score name to (W,) and (W, K) arrays: each window with its own and with wrong music
     dances : (W,) list of str
     sequences : (W,) list of str, their folders

@@ -380,7 +380,7 @@ def dance_patterns(
     progress: Progress = silent,
     report: Callable[[folders.Problem], object] = lambda problem: None,
 ) -> dict[str, BarPattern]:
-    """The bar pattern of each dance in a corpus with annotated beats: what `harmolab learn` writes.
+    """The bar pattern of each dance in a corpus with annotated beats: what `harmolab data learn` writes.
 
     `corpus` is a folder or its recordings; the other parameters and errors are those of `corpus_recordings`.
 

@@ -237,7 +237,7 @@ def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[s
     yield f"- `{ROW}`: what the data are (about), command, versions, settings and numbers (measured)"
     yield f"- `{EVIDENCE}`: a line a dance, from which the numbers are computed"
     yield f"- `{FILES}`: names and SHA-256 of the files of motion and music"
-    yield "\n`harmolab submit FOLDER` computes the numbers anew, and says what is missing."
+    yield "\n`harmolab evaluate submit FOLDER` computes the numbers anew, and says what is missing."
 
 
 def submission_faults(folder: PathLike) -> list[str]:
@@ -256,7 +256,7 @@ def submission_faults(folder: PathLike) -> list[str]:
             raise ValueError(f"must have the columns file and sha256, got {list(files)}")
     about, measured = content.get("about"), content.get("measured")
     if not (isinstance(about, dict) and isinstance(measured, dict)):
-        return [f"{ROW}: lacks about or measured; make the row by harmolab submit TABLE --out FOLDER"]
+        return [f"{ROW}: lacks about or measured; make the row by harmolab evaluate submit TABLE --out FOLDER"]
     with reading(folder / ROW, "a row of the leaderboard"):  # a setting or a column may be missing, or be no number
         return [*about_faults(about), *_number_faults(measured, evidence, files), *_text_faults(folder)]
 

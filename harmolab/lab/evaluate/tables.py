@@ -175,7 +175,7 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
         if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
             yield Note(
                 f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
-                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab convert "
+                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab data convert "
                 "--scale`.",
                 row,
             )

@@ -74,15 +74,15 @@ def check_rate(fps: float) -> None:
 
 
 NO_SIGN = (
-    "the flow of the picture shows no sign of the beat, and flow misses some who are on it; `harmolab pose --install` "
-    "fetches what finds the body itself"
+    "the flow of the picture shows no sign of the beat, and flow misses some who are on it; `harmolab data pose "
+    "--install` fetches what finds the body itself"
 )
 POOR = (
     "the limbs of the body that was found change their length by {spread:.0%}, so it was followed poorly, and it shows "
     "no sign of the beat; film all of the body from nearer, in more light"
 )
 # `limb_spread` of a body that is followed poorly. In 32 planted videos that have the levels of the true movement it is
-# .06 to .10, in one of a person .06; in 7 of the drawn figure of `harmolab render` .13 to .19, and 4 of them show no
+# .06 to .10, in one of a person .06; in 7 of the drawn figure of `harmolab play` .13 to .19, and 4 of them show no
 # sign of the beat.
 LOOSE_LIMBS = 0.12
 HEIGHT = 160  # pixels of the video that flow is measured on

@@ -534,7 +534,7 @@ def explain_performance(
 
 BODY, FLOW = "the body", "the flow of the picture"
 COLUMNS = ["verdict", "how sure", "offset"]
-ABSENT = "not read: what finds bodies is not there (`harmolab pose --install` fetches it)"
+ABSENT = "not read: what finds bodies is not there (`harmolab data pose --install` fetches it)"
 
 
 def film_readings(song: PathLike, film: PathLike, **settings: Any) -> pd.DataFrame:

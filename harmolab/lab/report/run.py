@@ -2,13 +2,12 @@
 
 import argparse
 import asyncio
-import json
 import os
-import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import nbformat
@@ -17,9 +16,11 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbconvert.filters.ansi import strip_ansi
 from tqdm import tqdm
 
-from harmolab.files import atomic_folder, atomic_write
-from harmolab.lab.report.pages import MANIFEST, MARK, SAVED, NotebookRun, manifest_of, write_pages
+from harmolab.files import atomic_folder
+from harmolab.lab.report.pages import MARK, SAVED, NotebookRun, manifest_of, write_pages
+from harmolab.lab.report.publish import code_commit, publish, published_notebooks, remove_others
 
+LONGEST = 5  # notebooks whose minutes are told
 TIMEOUTS = {"quick": 900.0, "full": 21600.0}  # seconds a cell may take, by profile
 
 
@@ -42,6 +43,7 @@ def build(
     *,
     profile: str = "quick",
     figures: Path | None = None,
+    only: Sequence[str] = (),
     timeout: float = 900.0,
     jobs: int = 2,
     progress: bool = True,
@@ -49,44 +51,60 @@ def build(
     """The report of every notebook in a folder, written to `out`.
 
     A notebook that fails is marked so, and the report is written all the same. `out` is replaced as a whole at the
-    end, so it never holds half a report.
+    end, so it never holds half a report. What is published is published notebook by notebook, as each has run; those
+    that were published by the same commit of the code are not run again. So a killed run goes on where it was.
 
     Parameters
     ----------
     notebooks : folder that holds *.ipynb; also the working directory of their kernels
     out : folder to write; an earlier report there is replaced
     profile : "quick" or "full"
-    figures : folder, optional; where to publish figures, tables and manifest too, if every notebook ran
+    figures : folder, optional; where to publish figures, tables and manifest of the notebooks that ran too
+    only : beginnings of names, such as "07": the notebooks to run; all when left out
     timeout : float, seconds that one cell may take
     jobs : int, notebooks to run at the same time
 
     Raises
     ------
     FileNotFoundError
-        If there is no notebook.
+        If there is no notebook, or none of such a name.
     ValueError
         If `out` is a file, or holds something that is no report of ours.
     """
     notebooks, out = Path(notebooks).resolve(), Path(out).resolve()
-    paths = sorted(notebooks.glob("*.ipynb"))
-    if not paths:
-        raise FileNotFoundError(f"no notebooks (*.ipynb) in {notebooks}")
-    index = out / "index.html"
+    index, commit = out / "index.html", code_commit(notebooks.parent) if figures else ""
+    paths = notebooks_of(notebooks, only)
     if out.is_file():
         raise ValueError(f"{out} is a file; name a folder for the report")
     is_report = index.is_file() and MARK in index.read_text("utf-8", errors="replace")
     if out.is_dir() and any(out.iterdir()) and not is_report:
         raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
+    if figures is not None:
+        remove_others(figures, {path.stem for path in notebooks.glob("*.ipynb")})
+        done = published_notebooks(figures, commit)
+        paths = [path for path in paths if path.stem not in done]
+    if not paths:
+        return Report(index, ())
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(out) as part:
         pictures = part / "figures"
         pictures.mkdir()
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
-        runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
+        publish_one = None if figures is None else partial(publish, pictures=pictures, figures=figures, commit=commit)
+        runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress, publish_one))
         write_pages(part, runs, profile, committed=notebooks.parent / "figures")
-        if figures is not None and not any(run.error for run in runs):
-            _publish(pictures, Path(figures))
     return Report(index, tuple(runs))
+
+
+def notebooks_of(folder: Path, only: Sequence[str] = ()) -> list[Path]:
+    """The notebooks of a folder in their order, those whose names begin so; FileNotFoundError where one names none."""
+    paths = sorted(folder.glob("*.ipynb"))
+    if not paths:
+        raise FileNotFoundError(f"no notebooks (*.ipynb) in {folder}")
+    for beginning in only:
+        if not any(path.name.startswith(beginning) for path in paths):
+            raise FileNotFoundError(f"no notebook in {folder} begins with {beginning!r}")
+    return [path for path in paths if not only or path.name.startswith(tuple(only))]
 
 
 def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 900.0) -> NotebookRun:
@@ -98,9 +116,14 @@ def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, time
 
 
 async def _run_all(
-    paths: Sequence[Path], variables: Mapping[str, str], timeout: float, jobs: int, progress: bool
+    paths: Sequence[Path],
+    variables: Mapping[str, str],
+    timeout: float,
+    jobs: int,
+    progress: bool,
+    publish_one: Callable[[NotebookRun], None] | None,
 ) -> list[NotebookRun]:
-    """All notebooks, at most `jobs` kernels at a time, in the order given."""
+    """All notebooks, at most `jobs` kernels at a time, in the order given; each is published when it has run."""
     places = asyncio.Semaphore(jobs)
     threads = str(max(1, (os.cpu_count() or 1) // jobs))  # so that the kernels do not fight over the cores
     variables = {"OMP_NUM_THREADS": threads, **variables}
@@ -109,6 +132,8 @@ async def _run_all(
     async def one(path: Path) -> NotebookRun:
         async with places:
             run = await _run(path, variables, timeout)
+            if publish_one and not run.error:
+                publish_one(run)
         bar.set_postfix_str(f"{path.stem} {'FAILED' if run.error else 'ran'} in {run.seconds:.0f} s")
         bar.update()
         return run
@@ -163,25 +188,14 @@ def _saved_by_cell(notebook: str, folder: str | None) -> Callable[..., None]:
     return note
 
 
-def _publish(pictures: Path, figures: Path) -> None:
-    """Copies figures, tables and, last, the manifest that lists them; files of an older manifest go first."""
-    figures.mkdir(parents=True, exist_ok=True)
-    manifest = figures / MANIFEST
-    for name in json.loads(manifest.read_text("utf-8")) if manifest.is_file() else ():
-        if not (pictures / name).is_file():
-            (figures / Path(name).name).unlink(missing_ok=True)
-    for file in sorted(pictures.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
-        with atomic_write(figures / file.name) as part:
-            shutil.copyfile(file, part)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Builds the report that the command line asks for; 1 if a notebook failed, else 0."""
     parser = argparse.ArgumentParser(prog="python -m harmolab.lab.report.run", description=__doc__)
     parser.add_argument("--notebooks", type=Path, default=Path("notebooks"), help="folder of notebooks")
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write")
     parser.add_argument("--profile", choices=("quick", "full"), default="quick")
-    parser.add_argument("--figures", type=Path, help="publish figures and tables here, if every notebook ran")
+    parser.add_argument("--figures", type=Path, help="publish figures and tables of each notebook that ran here")
+    parser.add_argument("--only", nargs="+", default=(), metavar="07", help="run notebooks whose names begin so")
     parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 900, full: 6 hours)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
@@ -196,9 +210,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def print_outcome(report: Report) -> int:
     """Prints which notebooks failed and where the report is; 1 if one did, else 0."""
+    if not report.runs:
+        print("every notebook is published as this commit of the code has it")
+        return 0
     for run in report.failures:
         print(f"FAILED {run.path.name} in {run.error}", file=sys.stderr)
     print(f"{len(report.runs) - len(report.failures)} of {len(report.runs)} notebooks ran; open {report.index}")
+    longest = sorted(report.runs, key=lambda run: -run.seconds)[:LONGEST]
+    parts = ", ".join(f"{run.path.stem} {run.seconds / 60:.1f}" for run in longest)
+    print(f"minutes: {sum(run.seconds for run in report.runs) / 60:.1f}; the longest: {parts}")
     return 1 if report.failures else 0
 
 

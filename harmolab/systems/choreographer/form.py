@@ -3,7 +3,7 @@
 ==========  ==========================================================================================================
 loud        each beat aims at a rank of speed in the body: low where the song is quiet or slow, high where loud or fast
 silent      the pose is held: the beat counter stands still
-at its end  the last beats are danced ever more slowly, and the dance comes to rest
+at its end  the last beat is danced slowly, in the time of two or more, and the dance comes to rest
 ==========  ==========================================================================================================
 """
 
@@ -27,7 +27,7 @@ SECTION, MOST_TOLD = 4.0, 8  # seconds that a quiet or a loud part lasts at leas
 SPREAD = 0.8  # of the ranks, from the quietest to the loudest beat
 LIVELIER = 0.35  # ranks that a tempo twice the usual one aims higher
 PACE = 0.15  # of the logarithm of a tempo over the usual one, by which movement is quickened or slowed
-EASE = 0.9  # seconds that the last beat of a dance takes at least
+EASE = 1.25  # seconds that the last beat of a dance takes at least
 NEAR = 0.25  # beats by which a beat may lie in a silence that it begins or ends
 
 Rows = list[tuple[float, float]]
@@ -152,18 +152,16 @@ def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
 
 
 def _ending(music: MusicBeats, end: float) -> MusicBeats:
-    """The beats until second `end`, the last of them danced in the time of 2, 3, ... beats of the music, and a rest.
+    """The beats until second `end`, the last of them danced in the time of two or more beats of the music, and a rest.
 
-    In a silence a dance rests already. The ending of a short one is shorter: at most half of its beats.
+    In a silence a dance rests already; one that is not twice as long as its slow beat is not slowed down.
     """
     last = int(np.searchsorted(music.times, end + SLACK, side="right")) - 1
-    gaps = np.arange(2, max(2, int(np.ceil(EASE / music.period))) + 1)
-    gaps = gaps[np.cumsum(gaps) <= last // 2]
-    if not gaps.size or music.held[last - gaps.sum() :].any():
+    eased = last - max(2, int(np.ceil(EASE / music.period)))  # the beat before the last one
+    if 2 * eased < last or music.held[eased:].any():
         return music
-    keep = np.arange(music.times.size) <= last - gaps.sum()
-    keep[last - gaps.sum() + np.cumsum(gaps)] = True
-    eased, rest = music.part(keep, music.held), end + music.period
-    held = np.append(eased.held[:-1], rest - eased.times[-1])
+    keep = (np.arange(music.times.size) <= eased) | (np.arange(music.times.size) == last)
+    slowed, rest = music.part(keep, music.held), end + music.period
+    held = np.append(slowed.held[:-1], rest - slowed.times[-1])
     # The bar goes on counting: recorded beats are danced in a row, however long the last ones take.
-    return replace(eased, times=np.append(eased.times[:-1], rest), held=held, places=music.places[: held.size])
+    return replace(slowed, times=np.append(slowed.times[:-1], rest), held=held, places=music.places[: held.size])
