@@ -445,6 +445,12 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
         "place on a disk (/h",
     ):
         assert fault in " ".join(result.output.split())
+    content = json.loads(row.read_text("utf-8"))
+    content["measured"]["settings"]["resamples"] = 10**15
+    row.write_text(json.dumps(content))
+    assert "resamples must lie between 100 and 100000" in run("evaluate", "submit", out).output
+    content["measured"]["settings"]["resamples"] = 100
+    row.write_text(json.dumps(content))
     dances.drop(columns="song").to_csv(evidence, index=False)
     assert "row.json: " in run("evaluate", "submit", out).stderr
     evidence.unlink()

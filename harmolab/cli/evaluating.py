@@ -75,6 +75,8 @@ def evaluate(
     FACT's dances without the two seconds that it is given: `harmolab evaluate outputs --seed-frames 120 --fps 60
     --music songs --reference motions --out table`
 
+    For the public page of numbers: `harmolab evaluate submit table --out my_row` makes and checks what you send.
+
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
 

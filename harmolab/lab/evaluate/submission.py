@@ -43,6 +43,7 @@ TABLE_MEASURES = (
 # Settings of an evaluation that its numbers depend on, beside the folders.
 OPTIONS = ("protocol", "fps", "scale", "up", "slice_stride", "seed_frames", "resamples", "seed")
 LARGEST = 100_000  # bytes of the evidence
+MOST_RESAMPLES = 100_000  # of the intervals of a row that others send
 _PLACE = re.compile(r"(?:^|[\s\"',=])(?:/|~/|[A-Za-z]:\\)\S")  # a path of somebody's disk
 
 
@@ -269,6 +270,9 @@ def about_faults(about: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _number_faults(measured: Mapping[str, Any], evidence: pd.DataFrame, files: pd.DataFrame) -> Iterator[str]:
+    if not 100 <= measured["settings"]["resamples"] <= MOST_RESAMPLES:
+        yield f"{ROW}: resamples must lie between 100 and {MOST_RESAMPLES}"
+        return
     follows = is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"])
     if not follows:
         yield f"{ROW}: its numbers do not follow from {EVIDENCE}; make the row anew"
