@@ -149,7 +149,10 @@ def test_controls_have_no_rank(table: Evaluation) -> None:
 
 
 def test_subfolders_are_seeds(table: Evaluation) -> None:
-    assert (table.counts["on the beat"], table.counts[WILD]) == ((2 * CLIPS, CLIPS, 2), (CLIPS, CLIPS, 1))
+    assert (table.counts["on the beat"], table.counts[WILD]) == (
+        (2 * CLIPS, CLIPS, 2, 2 * CLIPS),
+        (CLIPS, CLIPS, 1, CLIPS),
+    )
     assert table.sets["on the beat", "multimodality_kinetic"].value > 0
     assert (WILD, "multimodality_kinetic") not in table.sets
 

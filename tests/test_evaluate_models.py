@@ -30,7 +30,7 @@ def smpl_dance(music: BeatTrack, *, fps: float, tempo: float = 1.0) -> tuple[np.
 
     `tempo` is that of the dance over that of the music.
     """
-    times = np.arange(round(SECONDS * fps)) / fps
+    times = np.arange(round(music.duration * fps)) / fps
     beats = np.interp(times, music.times, np.arange(len(music))) * tempo
     swing, poses = np.cos(np.pi * beats), np.zeros((len(times), 24, 3))
     for joint, axis, size in SWINGS:

@@ -137,7 +137,7 @@ def test_a_saved_reference_stands_for_the_folder(evaluated: Evaluated, tmp_path:
     again = tmp_path / "again.npz"
     refused("is a saved reference already", write_reference, again, table, tmp_path / "table")
     refused("has no numbers of the protocol edge", evaluate_dances,
-            settings(evaluated.root, reference=evaluated.saved, protocol="edge"), tmp_path / "edge")  # fmt: skip
+            settings(evaluated.root, reference=evaluated.saved, protocols=["edge"]), tmp_path / "edge")  # fmt: skip
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ COUNT = 4
 
 def settings(root: Path, **others: Any) -> EvaluationSettings:
     recorded = root / "recorded"
-    common: dict[str, Any] = {"music": recorded, "reference": recorded, "protocol": "edge", "resamples": 100}
+    common: dict[str, Any] = {"music": recorded, "reference": recorded, "protocols": ["edge"], "resamples": 100}
     return EvaluationSettings({"ours": root / "ours"}, **(common | others))
 
 

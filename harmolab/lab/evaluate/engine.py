@@ -71,6 +71,7 @@ TURNS = 256  # rows after which the workers are counted again: a cluster may gro
 SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
 CONNECT_SECONDS = 30
 LOCK = ".lock"
+_BUSY = "another process is at this run; wait until it ends, or stop it"
 _KILLED = "kills the process that measures it, each time (out of memory, or a fault in compiled code)"
 
 
@@ -233,6 +234,7 @@ def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, A
 @contextmanager
 def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force: bool) -> Iterator[None]:
     """Lock the folder of a run and write its manifest, or compare it with the one that is there."""
+    check_free(out)
     is_run = _check_folder(out, resume=resume, force=force)
     out.mkdir(parents=True, exist_ok=True)
     try:
@@ -246,7 +248,18 @@ def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force:
                 write_json(out / MANIFEST, manifest)
             yield
     except Timeout:
-        raise ValueError(f"{out}: another process is at this run") from None
+        raise ValueError(f"{out}: {_BUSY}") from None
+
+
+def check_free(out: Path) -> None:
+    """ValueError where another process is at the run of a folder, which is neither to be resumed nor begun anew."""
+    if not (out / LOCK).is_file():
+        return
+    try:
+        with FileLock(out / LOCK, timeout=0):
+            return
+    except Timeout:
+        raise ValueError(f"{out}: {_BUSY}") from None
 
 
 def _check_folder(out: Path, *, resume: bool, force: bool) -> bool:

@@ -1,8 +1,9 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
 import itertools
+import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -15,7 +16,14 @@ import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import pairing, summary
-from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
+from harmolab.lab.evaluate.engine import (
+    MANIFEST,
+    check_engine_installed,
+    check_free,
+    read_manifest,
+    read_rows,
+    run_rows,
+)
 from harmolab.lab.evaluate.measured import MEASURES, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
@@ -46,9 +54,13 @@ class EvaluationSettings:
     reference : folder of recorded dances, or file of a `Reference`, or "synthetic" for the one that comes with harmolab
     pairs : file of a list of pairs, or None
     protocols : names of protocols (`harmolab.lab.PROTOCOLS`)
-    fps, scale, smpl, up : as in `RowOptions`
+    fps : as in `RowOptions`; of all files, or by the name of a system
+    scale, smpl, up : as in `RowOptions`
     pose_net : weights of a pose network, or None for the shipped one
     resamples, seed : of the intervals
+    slice_stride : seconds between two slices of a song, for dances that are named by their slice, or None
+    seed_frames : frames at the start of each dance that its system was given, and that are left out; of all systems, or
+        by the name of a system
     """
 
     systems: Mapping[str, PathLike]
@@ -56,13 +68,15 @@ class EvaluationSettings:
     reference: PathLike
     pairs: PathLike | None = None
     protocols: Sequence[str] = ()
-    fps: float | None = None
+    fps: float | Mapping[str, float] | None = None
     scale: float | None = None
     pose_net: PathLike | None = None
     resamples: int = summary.RESAMPLES
     seed: int = 0
     smpl: PathLike | None = None
     up: str = ""
+    slice_stride: float | None = None
+    seed_frames: int | Mapping[str, int] = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "systems", {name: Path(folder) for name, folder in self.systems.items()})
@@ -78,6 +92,14 @@ class EvaluationSettings:
         for name in self.protocols:
             protocol_of(name)
 
+    def seed_frames_of(self, system: str) -> int:
+        """The frames at the start of a system's dances that are left out."""
+        return self.seed_frames if isinstance(self.seed_frames, int) else self.seed_frames.get(system, 0)
+
+    def fps_of(self, system: str) -> float | None:
+        """The frame rate of a system's files that hold none; None where it was not passed."""
+        return self.fps.get(system) if isinstance(self.fps, Mapping) else self.fps
+
     @property
     def inputs(self) -> tuple[Path, ...]:
         """All files and folders that are read; "synthetic" is none of them."""
@@ -91,6 +113,7 @@ class EvaluationSettings:
         return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
 
 
+_ERROR = re.compile(r"^(?:ValueError|FileNotFoundError|MissingFrameRate): ")  # of this package: their words say all
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
 PART_DANCES = 256  # rows of a part: a row has some 200 numbers, and the part that grows is held
@@ -98,11 +121,20 @@ Keep = Callable[[Pair], bool]
 
 
 class Counts(NamedTuple):
-    """Numbers of the dances of a system that were measured, of their songs, and of their seeds."""
+    """Numbers of the dances of a system that were measured, of their songs, of their seeds, and of the dances in all.
+
+    `total` counts also the dances that cannot be read or have a fault, and those that go with no song.
+    """
 
     dances: int
     songs: int
     seeds: int
+    total: int
+
+    @property
+    def text(self) -> str:
+        """The number of dances, "22 of 40" where some were not measured."""
+        return f"{self.dances}" if self.dances == self.total else f"{self.dances} of {self.total}"
 
 
 class Extreme(NamedTuple):
@@ -154,6 +186,12 @@ class Evaluation:
     def rows(self) -> tuple[str, ...]:
         """The names of all rows of the table."""
         return (*self.systems, *self.controls)
+
+    @property
+    def missing(self) -> int:
+        """Number of dances of the systems, and of recorded ones, that were not measured."""
+        counts = (self.counts[name] for name in (*self.systems, RECORDED))
+        return sum(one.total - one.dances for one in counts)
 
     @property
     def measures(self) -> tuple[str, ...]:
@@ -230,7 +268,7 @@ def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, pro
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
-    same = {name: getattr(settings, name) for name in ("fps", "scale", "smpl", "up")}
+    same = {name: getattr(settings, name) for name in ("scale", "smpl", "up")}
     options = RowOptions(pose_net=_pose_net(settings), protocols=tuple(settings.protocols), **same)
     _check_rates(pairs, options)
     limits = recorded_limits(recorded, options, progress=progress) if saved is None else saved.limits
@@ -241,6 +279,7 @@ def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, pro
 
 def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
     """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
+    check_free(out / ROWS)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
         read_rows(out / ROWS)
 
@@ -277,14 +316,14 @@ def saved_reference(settings: EvaluationSettings) -> Reference | None:
     Raises
     ------
     FileNotFoundError, ValueError
-        As `load_reference`; and where it lacks the numbers of the protocol.
+        As `load_reference`; and where it lacks the numbers of a protocol.
     """
     if not is_saved(settings.reference):
         return None
     reference = load_reference(settings.reference)
-    if settings.protocol and reference.protocol != plain(settings.protocol):
+    if missing := [name for name in settings.protocols if name not in reference.protocols]:
         raise ValueError(
-            f"{settings.reference}: has no numbers of the protocol {settings.protocol}; save it anew with --protocol"
+            f"{settings.reference}: has no numbers of the protocol {missing[0]}; save it anew with --protocol"
         )
     return reference
 
@@ -301,7 +340,7 @@ def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> No
     if is_saved(settings.reference):
         raise ValueError(f"{settings.reference}: is a saved reference already; name a folder of recorded dances")
     rows = Path(out) / ROWS
-    save_reference(path, measured_reference(rows, options.limits, settings.protocol, options.pose_net))
+    save_reference(path, measured_reference(rows, options.limits, settings.protocols, options.pose_net))
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
@@ -337,18 +376,34 @@ def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: 
     """
     songs = pairing.songs_in(settings.music)
     has_folder = not is_saved(settings.reference)
-    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)] if has_folder else []
+    in_folder = partial(pairing.folder_pairs, songs=songs, slice_stride=settings.slice_stride)
+    parts = [in_folder(RECORDED, settings.reference, kind=RECORDED)] if has_folder else []
     if settings.pairs is None:
-        folders = (pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items())
+        folders = (in_folder(name, folder) for name, folder in settings.systems.items())
         parts += [Pairing(tuple(filter(keep, part.pairs)), part.unpaired) for part in folders]
     else:
-        default = next(iter(settings.systems), "generated")
-        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default, keep=keep))
-    pairs = tuple(pair for part in parts for pair in part.pairs)
+        default, stride = next(iter(settings.systems), "generated"), settings.slice_stride
+        listed = partial(pairing.listed_pairs, settings.pairs, settings.music, settings.systems)
+        parts.append(listed(default=default, slice_stride=stride, keep=keep))
+    pairs = tuple(_with_answers(settings, pair) for part in parts for pair in part.pairs)
+    _check_names(settings, {*settings.systems, *(pair.system for pair in pairs)})
     if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
+
+
+def _with_answers(settings: EvaluationSettings, pair: Pair) -> Pair:
+    """The pair with its system's frame rate and with the frames that it was given; a recorded dance was given none."""
+    seed_frames = 0 if pair.kind == RECORDED else settings.seed_frames_of(pair.system)
+    return replace(pair, seed_frames=seed_frames, fps=settings.fps_of(pair.system))
+
+
+def _check_names(settings: EvaluationSettings, systems: Collection[str]) -> None:
+    """ValueError for a rate or a seed of a system that is not there."""
+    for option, value in (("fps", settings.fps), ("seed-frames", settings.seed_frames)):
+        if isinstance(value, Mapping) and (unknown := [name for name in value if name not in systems]):
+            raise ValueError(f"--{option} {unknown[0]}={value[unknown[0]]:g}: no system is called {unknown[0]!r}")
 
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
@@ -380,9 +435,10 @@ def _evaluation(
     """The record of what was collected."""
     by_key = {pair.key: pair for pair in tasks}
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
-    errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
-    names = tuple(dict.fromkeys(pair.system for pair in tasks))
-    counts = {name: _counts(name, tasks, collected.errors) for name in names}
+    errors = tuple(dict.fromkeys(_failure(by_key[key].motion, reason) for key, reason in collected.errors.items()))
+    names, unpaired = tuple(dict.fromkeys(pair.system for pair in tasks)), tuple(dict.fromkeys(unpaired))
+    unmatched = Counter(one.system for one in unpaired)
+    counts = {name: _counts(name, tasks, collected.errors, unmatched[name]) for name in names}
     if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
@@ -413,6 +469,14 @@ def _evaluation(
     )  # fmt: skip
 
 
-def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
-    measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
-    return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
+def _failure(motion: Path, reason: str) -> Unpaired:
+    """A dance that was not measured, and the reason without its kind of error and without the name of the dance."""
+    return Unpaired(motion, _ERROR.sub("", reason).removeprefix(f"{motion}: "))
+
+
+def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str], unmatched: int) -> Counts:
+    """The counts of a system of which so many dances go with no song."""
+    own = [pair for pair in tasks if pair.system == system]
+    measured = [pair for pair in own if pair.key not in errors]
+    songs, seeds = {pair.song for pair in measured}, {pair.seed for pair in measured}
+    return Counts(len(measured), len(songs), len(seeds), len(own) + unmatched)

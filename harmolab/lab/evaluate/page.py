@@ -72,7 +72,7 @@ def evaluation_page(evaluation: Evaluation) -> str:
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
         findings=list(findings(evaluation)),
-        records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
+        records=[_marked(evaluation, record, notes) for record in records],
         groups=[(title, [_line(records, name, notes) for name in names]) for title, names in _groups(evaluation)],
         wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
@@ -104,6 +104,12 @@ def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]
     measure = measure_of(name)
     cells = [_cell(record, name) for record in records]
     return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
+
+
+def _marked(evaluation: Evaluation, record: dict[str, Any], notes: Sequence[tables.Note]) -> dict[str, Any]:
+    """A record with the numbers of the remarks that concern it, and how many of its dances were measured."""
+    name = record["system"]
+    return {**record, "marks": _marks(notes, name), "measured": evaluation.counts[name].text}
 
 
 def _marks(notes: Sequence[tables.Note], name: str) -> list[int]:

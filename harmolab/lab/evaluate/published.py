@@ -463,7 +463,8 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 ),
                 *_OF_SETS,
                 "Features depend on where in the room a dancer is, by the bracket.",
-                "The published script leaves out the first 120 frames, which FACT is given; here all frames count.",
+                "The published script leaves out the first 120 frames, which FACT is given; --seed-frames 120 does so "
+                "here, before beats are taken, so that none lies in the ten frames behind them.",
             ),
             *(_beat_align, aist_beats, smpl_features, set_scores),
         ),

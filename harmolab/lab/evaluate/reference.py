@@ -7,7 +7,7 @@ of one with the folder.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -40,13 +40,13 @@ class Reference:
     ----------
     rows : DataFrame, a row a dance of each control: `clip_row` with "key" and an empty "error"
     limits : LikenessLimits of the recorded dances, None where they gave none
-    protocol : as in `EvaluationSettings`, of which published code the rows have the numbers
+    protocols : as in `EvaluationSettings`, of which published codes the rows have the numbers
     pose_net : str, digest of the weights behind the pose features, "" without these
     """
 
     rows: pd.DataFrame
     limits: LikenessLimits | None = None
-    protocol: Any = ""
+    protocols: Sequence[str] = ()
     pose_net: str = ""
 
     @property
@@ -64,7 +64,7 @@ class Reference:
         if digest == self.pose_net or "pose" not in feature_names(self.rows):
             return self
         others = [name for name in self.rows if not str(name).startswith("f_pose_")]
-        return Reference(self.rows[others], self.limits, self.protocol)
+        return Reference(self.rows[others], self.limits, self.protocols)
 
 
 def _pair(row: Mapping[Any, Any]) -> Pair:
@@ -77,7 +77,7 @@ def weights_digest(weights: Path | None) -> str:
 
 
 def measured_reference(
-    rows_folder: PathLike, limits: LikenessLimits | None, protocol: Any, pose_net: Path | None
+    rows_folder: PathLike, limits: LikenessLimits | None, protocols: Sequence[str], pose_net: Path | None
 ) -> Reference:
     """The reference in the rows of an evaluation with recorded dances.
 
@@ -96,14 +96,14 @@ def measured_reference(
     features = [name for name in map(str, rows) if name.startswith("f_")]
     rows.loc[rows["system"] == OTHER_SONG, features] = np.nan
     rows = rows.assign(**{name: [Path(path).name for path in rows[name]] for name in ("motion", "music")})
-    return _with_keys(Reference(rows, limits, plain(protocol), weights_digest(pose_net)))
+    return _with_keys(Reference(rows, limits, tuple(protocols), weights_digest(pose_net)))
 
 
 def _with_keys(reference: Reference) -> Reference:
     rows = reference.rows.assign(**{KEY: [pair.key for pair in reference.pairs], ERROR: ""})
     first = [KEY, ERROR]
     rows = rows[[*first, *(name for name in rows if name not in first)]]
-    return Reference(rows, reference.limits, reference.protocol, reference.pose_net)
+    return Reference(rows, reference.limits, reference.protocols, reference.pose_net)
 
 
 def save_reference(path: PathLike, reference: Reference) -> None:
@@ -113,7 +113,7 @@ def save_reference(path: PathLike, reference: Reference) -> None:
     text = {name: rows[name].fillna("").tolist() for name in map(str, rows) if name not in numeric}
     about = {
         "format": FORMAT, "columns": list(map(str, rows)), "numeric": numeric, "text": text,
-        "limits": reference.limits, "protocol": reference.protocol, "pose_net": reference.pose_net,
+        "limits": reference.limits, "protocols": reference.protocols, "pose_net": reference.pose_net,
     }  # fmt: skip
     content = np.frombuffer(json.dumps(plain(about), ensure_ascii=False).encode(), np.uint8)
     with atomic_write(path) as part, part.open("wb") as file:
@@ -162,4 +162,4 @@ def _unpacked(about: dict[str, Any], numbers: FloatArray) -> Reference:
     if RECORDED not in set(rows["system"]) or not {*NAMES, "skeleton"} <= set(about["text"]):
         raise ValueError("holds no recorded dances")
     limits = None if about["limits"] is None else LikenessLimits.from_dict(about["limits"])
-    return _with_keys(Reference(rows, limits, about["protocol"], str(about["pose_net"])))
+    return _with_keys(Reference(rows, limits, tuple(map(str, about["protocols"])), str(about["pose_net"])))

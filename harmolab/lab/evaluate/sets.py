@@ -31,11 +31,11 @@ FEATURE_DANCES = 5000  # of a system, of which the features are kept
 MOST_SONGS = 5000  # more of them are put together in so many groups
 GROUP = ["system", "song", "seed"]
 # Of which values are counted, where a row has them.
-FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks")
+FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks", "begins", "odd")
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
-    *("music_beats", "p_value", "p_value_dance", "harmony_low", "harmony_high", "level"),
+    *("offset", "oddities", "music_beats", "p_value", "p_value_dance", "harmony_low", "harmony_high", "level"),
 )
 _FEATURE = re.compile(r"f_(.+)_\d{3}")
 

@@ -12,7 +12,7 @@ from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.measured import PIECE
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED
 from harmolab.lab.evaluate.published import protocol_of
-from harmolab.lab.evaluate.rows import LIMIT_DANCES
+from harmolab.lab.evaluate.rows import ASSUMED, ASSUMED_OF_EDGE, LIMIT_DANCES
 from harmolab.lab.evaluate.sets import FEATURE_DANCES, FEATURES, MOST_SONGS, SetNumber
 from harmolab.lab.evaluate.summary import FEWEST_SONGS, Mean, measure_of
 from harmolab.metrics.features import GEOMETRIC_FEATURES
@@ -84,9 +84,43 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
             + (_NARROW if counts[RECORDED].dances < ENOUGH else ""),
             "likeness",
         )
+    yield from input_notes(evaluation)
+
+
+def input_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on the dances themselves: how they were read, where they begin, what is odd, and which are missing."""
     yield from _assumptions(evaluation)
-    if evaluation.errors:
-        yield Note(f"{len(evaluation.errors)} dances could not be measured and are in no number.")
+    yield from _starts(evaluation)
+    for row in (*evaluation.systems, RECORDED):
+        if counts := {text: count for text, count in evaluation.facts[row]["odd"].items() if text}:
+            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+            yield Note(f"Odd in {row} (dances): {dances}. The column oddities of clips.csv says where.", row)
+    if evaluation.missing:
+        yield Note(f"Measured: {measured_text(evaluation)}. The others are in no number, and are named beside why.")
+
+
+def measured_text(evaluation: Evaluation) -> str:
+    """The number of dances of each row that were measured, "22 of 40" where some were not."""
+    rows = (*evaluation.systems, RECORDED)
+    return ", ".join(f"{evaluation.counts[row].text} dances of {row}" for row in rows)
+
+
+def _starts(evaluation: Evaluation) -> Iterator[Note]:
+    """A remark on the dances that are taken to begin with their song, since nothing says where they begin."""
+    rows = (*evaluation.systems, RECORDED)
+    begins = {row: evaluation.facts[row]["begins"] for row in rows}
+    assumed = {row: counts[ASSUMED] + counts[ASSUMED_OF_EDGE] for row, counts in begins.items()}
+    if not any(assumed.values()):
+        return
+    listed = ", ".join(f"{row} ({assumed[row]} of {evaluation.counts[row].dances})" for row in rows if assumed[row])
+    edge = ", ".join(row for row in rows if begins[row][ASSUMED_OF_EDGE])
+    of_edge = f" EDGE wrote those of {edge}: its test.py begins anywhere in the song, and does not say where."
+    yield Note(
+        f"Taken to begin with their song, since nothing says where in it they begin: {listed}."
+        f"{of_edge if edge else ''} Of a dance that begins elsewhere, harmony and the measures of beats say nothing: "
+        "name its start in the column offset of --pairs.",
+        *(row for row in rows if assumed[row]),
+    )
 
 
 def _control_notes(evaluation: Evaluation) -> Iterator[Note]:
@@ -294,12 +328,15 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
     for row in (*evaluation.systems, RECORDED):
         seeds = f", {counts[row].seeds} seeds" if counts[row].seeds > 1 else ""
         yield (
-            f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
+            f"{row}: {counts[row].text} dances to {counts[row].songs} songs{seeds}, "
             f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
         )
+        if row != RECORDED and (first := evaluation.settings.seed_frames_of(row)):
+            yield f"The first {first} frames of each dance of {row}, which the system was given, were left out."
     rows = (*evaluation.systems, RECORDED)
     beats, dances = (sum((facts[row][name] for row in rows), Counter[str]()) for name in ("beats", "dance"))
     yield from _assumptions(evaluation)
+    yield from _starts(evaluation)
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
