@@ -18,7 +18,16 @@ import numpy as np
 from harmolab.clips import song_beats
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
-from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER, Dance, dance_numbers, motion_features
+from harmolab.lab.evaluate.measured import (
+    BEATS,
+    BODY,
+    HARMONY,
+    PAPER,
+    Dance,
+    dance_numbers,
+    motion_features,
+    silent_frames,
+)
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, annotation_of, dance_of, input_stamp
 from harmolab.lab.evaluate.published import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
@@ -80,6 +89,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     file = pair_file(pair, options)
     clip = _clip(pair, file.motion)
     music, motion = music_and_motion(clip)
+    silent = silent_frames(motion, clip.shared().audio, music)
     joints = motion.skeleton.joints
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
@@ -88,7 +98,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions),
     }  # fmt: skip
-    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
+    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
     numbers = dance_numbers(dance, NUMBERS)
     features = motion_features(motion, options.pose_net)
     if options.protocol:
