@@ -1,19 +1,23 @@
 """Songs with loud, quiet and silent parts, and who hears them: notebook 10, and the guard that leaves silence out."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import soundfile
 
+from harmolab.cli import app, dancing
+from harmolab.cli.dancers import Dancer
 from harmolab.lab.evaluate.measured import Dance, dance_numbers, silent_frames
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
-from harmolab.readers.motion import save_motion
+from harmolab.readers.motion import load_motion, save_motion
 from harmolab.retime.retime import motion_at
 from harmolab.systems.choreographer.form import Form
 from harmolab.types import Motion
@@ -23,7 +27,7 @@ from study.experiments.contestants import RIGHT_SONG, Contestant, Entry
 from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import song_with_form, songs_with_form, unheard_song
 from study.profile import RunProfile
-from tests.builders import planted_dance
+from tests.builders import done, planted_dance
 
 CELLS = notebook_cells("10_systems_compared", profile=RunProfile.quick())
 SECONDS = 40.0
@@ -144,3 +148,13 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Pair:
 def test_an_evaluation_leaves_silence_out_too(stopped: Pair):
     row = clip_row(stopped, RowOptions(limits=LikenessLimits.of([dancer()])))
     assert row["likeness"] == 1.0
+
+
+@pytest.mark.slow
+def test_a_network_that_rests_in_silence_passes_at_the_command_line(stopped: Pair, monkeypatch: pytest.MonkeyPatch):
+    motion = load_motion(stopped.motion)
+    rests = SimpleNamespace(generate=lambda audio, beats, **options: motion)
+    limits = LikenessLimits.of([dancer()])
+    monkeypatch.setattr(dancing, "dancer_of", lambda context, options: Dancer(rests, {}, limits=limits))
+    said = done(app, "dance", stopped.music, "--out", stopped.motion.with_name("made.npz"), "--json")
+    assert json.loads(said.stdout)[0]["likeness"]["passed"] is True

@@ -68,7 +68,8 @@ def blind_strips(
     -------
     (label -> Motion, DataFrame with the columns pair, made ("A" or "B") and place, that of the pair among `pairs`)
     """
-    strips, answers = {}, []
+    strips: dict[str, Motion] = {}
+    answers: list[dict[str, int | str]] = []
     for number, place in enumerate(rng.permutation(len(pairs)).tolist(), 1):
         made = int(rng.integers(2))
         strips |= {f"{number} A": pairs[place][made], f"{number} B": pairs[place][1 - made]}
