@@ -19,6 +19,7 @@ from harmolab.data.recordings import Recording, find_recordings, load_recording
 from harmolab.files import atomic_write
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.harmogan.train import POSE_NET
 from harmolab.systems.training.pose_network import load_pose_net
@@ -69,15 +70,16 @@ def bank_songs(profile: RunProfile, *, songs: int = SONGS, trainings: int = 3) -
 
 def _trained(profile: RunProfile, seed: int, changes: dict[str, Any]) -> Path:
     """The folder of a training on the bank's dances to synthetic songs."""
-    clips = profile.n_clips // 5 if profile.epochs else TAUGHT
-    data = song_folder("taught", clips=clips, seconds=SONG_SECONDS, seed=profile.seed)
-    more = dict(changes)
+    clips, more = TAUGHT, dict(changes)
     if profile.epochs:
+        clips = profile.n_clips // 5
         more |= {"adversarial_epochs": 1, "pose_epochs": profile.pose_epochs, "sketches": 1}
-    model = model_params(profile)
-    about = {"data": data.name, "style": STYLE, "model": model, "seed": seed, "changes": more}
+    data = song_folder("taught", clips=clips, seconds=SONG_SECONDS, seed=profile.seed)
+    model, params = model_params(profile), replace(TrainParams.recommended(), seed=seed, **more)
     return kept_run(
-        "bank", about, lambda options: train_on_bank(data, options, style=STYLE, model=model, seed=seed, **more)
+        "bank",
+        {"data": data.name, "style": STYLE, "model": model, "params": params},
+        lambda options: train_on_bank(data, options, style=STYLE, model=model, seed=seed, **more),
     )
 
 
