@@ -29,7 +29,16 @@ from harmolab.data.oddities import (
 )
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
-from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER, Dance, dance_numbers, motion_features
+from harmolab.lab.evaluate.measured import (
+    BEATS,
+    BODY,
+    HARMONY,
+    PAPER,
+    Dance,
+    dance_numbers,
+    motion_features,
+    silent_frames,
+)
 from harmolab.lab.evaluate.pairing import (
     FROZEN,
     GENERATED,
@@ -110,6 +119,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     clip = _clip(pair, file.motion)
     odd = () if pair.kind == FROZEN else _oddities(pair, clip)
     music, motion = music_and_motion(clip)
+    silent = silent_frames(motion, clip.shared().audio, music)
     joints = motion.skeleton.joints
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
@@ -119,7 +129,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
         "begins": _begins(pair, file), "odd": brief_text(odd), "oddities": "; ".join(odd),
     }  # fmt: skip
-    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
+    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
     numbers = dance_numbers(dance, NUMBERS)
     features = motion_features(motion, options.pose_net)
     remarks = []
