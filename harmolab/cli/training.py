@@ -6,13 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from harmolab.cli.common import completed, is_told
 from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
-from harmolab.types import BeatTrack, Motion
+
+if TYPE_CHECKING:
+    from harmolab.types import BeatTrack, Motion
 
 TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors tensorboardX torch"
 # Measures of `harmolab evaluate` that some seconds of movement have: harmony needs more.
@@ -153,7 +155,7 @@ def _notice(line: str) -> None:
         note(line)
 
 
-def measured(motions: Sequence[Motion], beats: Sequence[BeatTrack]) -> dict[str, float]:
+def measured(motions: Sequence["Motion"], beats: Sequence["BeatTrack"]) -> dict[str, float]:
     """The numbers of `harmolab evaluate` for dances to validation units, those of `VALIDATED` that there are."""
     from harmolab.lab.evaluate.metric import evaluate
 
