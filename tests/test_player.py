@@ -353,7 +353,7 @@ def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, f
 
 @cases(
     "options, out, fault",
-    ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
+    ((), "x.avi", "x.avi: a dance with its music is written as .html, .htm, .mp4, .webm, .gif; choose a name"),
     ((), "none/x.html", "none: no such folder"),
     (("--start", 60), "x.html", "no audio from 60.0 s"),
     (("--offset", 60), "x.html", "song.wav"),
