@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup test test-browser check lint format lab report figures docs dist bench clean distclean
+.PHONY: help setup test test-browser check lint format lab report figures claims docs dist bench clean distclean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -70,7 +70,10 @@ else
 	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures $(if $(ONLY),--only $(ONLY))
 endif
 
-docs: $(STAMP) ## build the site in site/, readable from disk; warnings are errors
+claims: $(STAMP) ## write docs/claims.md and docs/report.md from the published tables
+	PYTHONPATH=notebooks $(BIN)/python -m study.report.pages
+
+docs: claims ## build the site in site/, readable from disk; warnings are errors
 	$(BIN)/python -m sphinx -b html -W --keep-going -q docs site
 	@echo "$(CURDIR)/site/index.html"
 

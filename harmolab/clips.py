@@ -114,12 +114,12 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
-    heard = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
-    annotated = None if beats is None else load_annotation(beats).in_music(heard)
+    sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
+    annotated = None if beats is None else load_annotation(beats).in_music(sound)
     with named_faults(name):
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
     if track and annotated is None:
-        clip = replace(clip, beats=music_beats(replace(clip, audio=heard)))
+        clip = replace(clip, beats=music_beats(replace(clip, audio=sound)))
     if one is None or clip.beats is None:
         return clip
     return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))

@@ -185,7 +185,9 @@ def test_all_commands_print_one_h_for_a_recording_with_annotated_beats(tmp_path:
     write_corpus(tmp_path, clips=1, seconds=11.0, seed=3)
     (folder,) = find_recordings(tmp_path).folders
     harmonies = paper_harmonies(folder)
-    np.testing.assert_allclose([*harmonies.values()], harmonies["score FOLDER"], rtol=0, atol=1e-9, err_msg=str(harmonies))
+    np.testing.assert_allclose(
+        [*harmonies.values()], harmonies["score FOLDER"], rtol=0, atol=1e-9, err_msg=str(harmonies)
+    )
     track = load_annotation(folder / "beats.json").track(11.0)
     even = score_clip(replace(load_recording(folder).clip, beats=track), HarmonyParams.paper()).harmony
     assert abs(even - harmonies["score FOLDER"]) > 0.01  # beats of equal strength have another h

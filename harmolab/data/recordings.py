@@ -94,7 +94,13 @@ def find_audio(folder: PathLike) -> Path:
 
 
 def load_danced(
-    folder: Path, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True, splices: bool = False
+    folder: Path,
+    *,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+    splices: bool = False,
 ) -> tuple[Motion, float]:
     """The motion of one folder and the audio time of its first frame, start_position / 25 fps, in seconds.
 
@@ -137,7 +143,13 @@ def load_config(path: PathLike) -> SpanFrames:
 
 
 def load_skeletons(
-    path: PathLike, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True, splices: bool = False
+    path: PathLike,
+    *,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+    splices: bool = False,
 ) -> Motion:
     """The motion in a skeletons.json: metres, y up, right-handed, splices marked as not valid.
 
@@ -371,9 +383,7 @@ def load_recording(
     if is_own:
         motion, offset = load_motion(folder / "motion.npz"), recorded_offset(folder) or 0.0
     else:
-        motion, offset = load_danced(
-            folder, clock=clock, points=points, travel=travel, ground=ground, splices=splices
-        )
+        motion, offset = load_danced(folder, clock=clock, points=points, travel=travel, ground=ground, splices=splices)
     audio = load_audio(find_audio(folder), sample_rate=sample_rate)
     beyond = offset + motion.duration - audio.duration
     if is_own and beyond > max(1.0, 0.05 * audio.duration):

@@ -20,6 +20,7 @@ from harmolab.files import atomic_folder
 from harmolab.lab.report.pages import MARK, SAVED, NotebookRun, manifest_of, write_pages
 from harmolab.lab.report.publish import code_commit, publish, published_notebooks, remove_others
 
+DOCUMENTS = ("claims.md", "report.md")  # of docs/, which become pages of the report
 LONGEST = 5  # notebooks whose minutes are told
 TIMEOUTS = {"quick": 900.0, "full": 21600.0}  # seconds a cell may take, by profile
 
@@ -92,7 +93,9 @@ def build(
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         publish_one = None if figures is None else partial(publish, pictures=pictures, figures=figures, commit=commit)
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress, publish_one))
-        write_pages(part, runs, profile, committed=notebooks.parent / "figures")
+        texts = (notebooks.parent / "docs" / name for name in DOCUMENTS)
+        pages = [path for path in texts if path.is_file()]
+        write_pages(part, runs, profile, committed=notebooks.parent / "figures", documents=pages)
     return Report(index, tuple(runs))
 
 
