@@ -1,4 +1,4 @@
-"""Claims and their verdicts: numbers come from the published tables, and a table that contradicts a verdict is noticed."""
+"""Claims and their verdicts: numbers come from the published tables, and a contradiction is noticed."""
 
 import shutil
 from collections.abc import Iterator

@@ -36,7 +36,7 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
-from harmolab.beats.audio import beat_strengths, music_beats
+from harmolab.beats.audio import music_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import MAX_JSON_BYTES, PathLike, named_faults, read_json, reading
 from harmolab.readers.arrays import checked_motion, in_metres, number_array

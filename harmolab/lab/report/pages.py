@@ -293,7 +293,7 @@ def write_pages(
 
 
 def _document(path: Path) -> NotebookRun:
-    """A Markdown file as a notebook of one cell; its links to notebooks lead to their pages, others become their text."""
+    """A Markdown file as a notebook of one cell; links to notebooks lead to their pages, others become their text."""
     text = re.sub(r"\]\(\.\./notebooks/(\w+)\.ipynb\)", r"](\1.html)", path.read_text("utf-8"))
     text = re.sub(r"(?<!!)\[([^\]]+)\]\((?!https?:|\w+\.html)[^)]+\)", r"\1", text)
     return NotebookRun(path, nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text)]), 0.0, "")

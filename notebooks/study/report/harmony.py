@@ -1,5 +1,7 @@
 """The claims of "Harmony-aware Human Motion Synthesis with Music" and what our tables say of them."""
 
+from typing import Any
+
 from study.findings import RunTables
 from study.report.claims import Claim, spread, value
 
@@ -7,7 +9,7 @@ CORPUS = "beatlocked"
 PEOPLE = "ten people and an afternoon: `harmolab data study` is the kit, nobody was asked"
 GPU = "full-size networks and recorded songs of all dances: `make gpu`"
 AUC = "table08b_auc"
-GAINS = {"corpus": CORPUS, "loss": "paper"}
+GAINS: dict[str, Any] = {"corpus": CORPUS, "loss": "paper"}
 RECORDED, SYNTHETIC = "recorded songs", "synthetic songs"
 SYSTEMS = "table12_systems"
 H_ALONE = "paper's h (machine)"
