@@ -50,7 +50,7 @@ class Lee2019(PresetSystem):
 
         epochs : int or None, of the phase of units and of that of compositions; the preset's when left out
         """
-        phases = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
+        phases: dict[str, Any] = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
         super().learn(data, options, **phases, **own)
 
     @classmethod
