@@ -222,7 +222,7 @@ class Windows(NamedTuple):
 
 
 def _too_short(sequences: SequenceSet, groups: Sequence[str]) -> str:
-    """Why a side of the split, of these motion groups, has no window: its longest stretch, and what helps."""
+    """The longest stretch of a side of the split, of these motion groups, too short for a window; and what helps."""
     params = sequences.params
     sides = (each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
     stretch = max((last - first for side in sides for first, last in true_runs(side)), default=0) / params.fps
