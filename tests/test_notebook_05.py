@@ -8,7 +8,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from harmolab.data.recordings import find_recordings
+from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare.auc import CorpusResult
+from harmolab.lab.compare.scores import LAGS
 from harmolab.lab.figures.style import COLOURS
 from harmolab.params import BarPattern
 from harmolab.shape_speed import shape_speed
@@ -319,3 +322,25 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
 def test_title_tells_the_worst_row_of_both_scores():
     rows = [record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2}), record("c", **{"p .05": np.nan})]
     assert "up to 20% of clips, H in up to 6%" in nulls_figure(pd.DataFrame(rows)).get_suptitle()
+
+
+# Readings of paper mode
+
+
+def test_own_music_is_preferred_in_the_share_of_late_musics_that_score_less_and_half_of_the_ties():
+    rows = np.array([[0.5, 0.4, 0.6, 0.5, 0.1], [0.2, 0.2, 0.2, 0.2, 0.2]])
+    np.testing.assert_allclose(CELLS.preferred(rows), [2.5 / 4, 0.5])
+
+
+@pytest.mark.slow
+def test_readings_of_a_recording_of_ours_are_those_of_its_beats_and_they_differ(tmp_path: Path):
+    write_corpus(tmp_path, clips=2, seconds=14.0, seed=2)
+    folders = find_recordings(tmp_path).folders
+    table = notebook_cells("05_right_from_wrong", LAGS=LAGS).readings_table(folders, 0).set_index("reading")
+    names = ["as it is", "dance not told", "not 30 ms earlier", "librosa as it comes", "all of these"]
+    assert list(table.index) == names and set(table["recordings"]) == {2}
+    readings = CELLS.paper_readings(folders[0])
+    ours, late = (readings[name][1].times for name in ("as it is", "not 30 ms earlier"))
+    np.testing.assert_allclose(np.median(late - ours[-late.size :]), 1.3 * 512 / 22050, atol=1e-3)
+    assert table["AUC"].between(table["AUC low"], table["AUC high"]).all()
+    assert table.loc["librosa as it comes", "h"] == table.loc["all of these", "h"]  # no layout that leaves more open

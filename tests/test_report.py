@@ -161,6 +161,18 @@ def test_index_tells_the_state_of_every_item_of_the_paper(built):
     assert {item for item, state in states.items() if state == "failed"} == {"Fig. 2"}
 
 
+def test_texts_of_what_came_out_are_pages_that_the_index_links_to_first(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    text = tmp_path / "claims.md"
+    text.write_text("# Claim by claim\n\n| a |\n|---|\n| [03](../notebooks/03_beats.ipynb), [more](readings.md) |\n")
+    write_pages(tmp_path, [run_of("# a", ("Fig. 8",))], "quick", documents=[text])
+    page = (tmp_path / "claims.html").read_text()
+    assert '<a href="03_beats.html">03</a>, more' in page
+    assert "<table>" in page
+    index = (tmp_path / "index.html").read_text()
+    assert index.index('<a href="claims.html">Claim by claim</a>') < index.index('href="03_beats.html"')
+
+
 def page_of(folder: Path, text: str, *cells: nbformat.NotebookNode, profile: str = "quick", **facts: str) -> str:
     """The page of a notebook with this text and these executed cells; full figures lie in `committed` beside it."""
     (folder / "figures").mkdir(parents=True, exist_ok=True)
