@@ -42,6 +42,7 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_custom_sections = ["Returns"]  # a text as it stands; else each of its lines is taken for a value of its own
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3

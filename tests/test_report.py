@@ -352,6 +352,13 @@ def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp
     assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
 
 
+def test_card_shows_the_panel_that_the_notebook_names():
+    run = run_of("# One", ())
+    assert run.crop == "0% 0% 0% 0%"
+    run.node.metadata["harmolab"] = {"panel": [0.1, 0.2, 0.7, 0.5]}
+    assert run.crop == "20% 30% 50% 10%"  # from top, right, bottom and left
+
+
 def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     (tmp_path / "figures").mkdir()
     text = "[on](04_next.ipynb)\n\nNext: [04 Next](04_next.ipynb)"
@@ -632,15 +639,6 @@ def test_links_beside_the_docs_lead_to_a_page_or_are_text(extension, monkeypatch
     assert links.site_link("rows", "../benchmarks/rows") == "[rows](https://example.org/h/blob/main/benchmarks/rows)"
 
 
-def test_what_a_function_returns_is_one_text_and_no_list_of_its_lines(extension):
-    lines = ["One.", "", "Returns", "-------", "Rows of", "a table.", "", "Raises", "------", "ValueError", "    If."]
-    extension("api_pages").whole_returns(None, "function", "f", None, None, lines)
-    assert lines == ["One.", "", ":returns: Rows of", "   a table.", "", "Raises", "------", "ValueError", "    If."]
-    named = ["Returns", "-------", "rows : DataFrame", "    A row each."]
-    extension("api_pages").whole_returns(None, "function", "f", None, None, before := list(named))
-    assert before == named
-
-
 def test_bars_and_underscores_of_a_docstring_are_no_references(extension):
     lines = ["the |x| of `a|b` and name_, not mir_eval", ">>> a | b"]
     extension("api_pages").escape_prose(None, "function", "f", None, None, lines)
@@ -694,6 +692,8 @@ def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path)
     assert len(pages) > 60
     assert dead_links(site.resolve()) == set()
     assert (site / ".nojekyll").is_file() and 'href="/index.html"' in (site / "404.html").read_text("utf-8")
+    returned = (site / "generated" / "api" / "harmolab.score.html").read_text("utf-8").partition(">Returns</p>")[2]
+    assert returned.lstrip().startswith("<p>")  # a text, and no list of its lines
     for page in pages:
         sources = re.findall(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"([^\"]+)\"", page.read_text("utf-8"))
         assert [source for source in sources if re.match(r"(?:https?:)?//", source)] == [], page.name

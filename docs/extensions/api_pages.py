@@ -108,20 +108,6 @@ def escape_prose(app: Sphinx, what: str, name: str, value: object, options: obje
     lines[:] = [line if line.lstrip().startswith((">>>", "...")) else PROSE.sub(escaped, line) for line in lines]
 
 
-def whole_returns(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
-    """Make a field of a section Returns that is one text; else each of its lines is taken for a value of its own."""
-    starts = [row for row in range(len(lines) - 1) if lines[row + 1] and not lines[row + 1].strip("-")]
-    for row in starts:
-        if lines[row] != "Returns":
-            continue
-        end = min((start for start in starts if start > row), default=len(lines))
-        text = lines[row + 2 : end]
-        if not any(line.startswith(" ") for line in text):
-            first, *rest = text
-            lines[row:end] = [f":returns: {first}", *(f"   {line}" if line else "" for line in rest)]
-            return
-
-
 def plain_aliases(
     app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returns: str | None
 ) -> tuple[str | None, str | None]:
@@ -134,6 +120,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Write the pages before Sphinx looks for sources."""
     app.connect("builder-inited", write_reference)
     app.connect("autodoc-process-docstring", escape_prose, priority=400)
-    app.connect("autodoc-process-docstring", whole_returns, priority=410)
     app.connect("autodoc-process-signature", plain_aliases)
     return {"parallel_read_safe": True}

@@ -544,7 +544,7 @@ def draw_compared(ax: Axes, table: pd.DataFrame) -> None:
         kind, row = table["kind"][system], gained.loc[system]
         usual = CHOREOGRAPHER if kind == "choreographer" else RIVAL
         colour = COLOURS["chance"] if kind in NO_SYSTEM else COLOURED.get(system, usual)
-        draw_mean(ax, row, place, Look(system, colour, "D" if kind in NO_SYSTEM else "o", row["low"] > 0.0))
+        draw_mean(ax, row, place, Look(system, colour, "D" if kind in NO_SYSTEM else "o", bool(row["low"] > 0.0)))
         if not np.isfinite(row["mean"]):
             words = str(table["remark"][system]).partition(":")[0]
             ax.text(0.0, place, f"  {words}", va="center", fontsize=9, color=COLOURS["chance"])
