@@ -21,6 +21,8 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare.windows import dance_patterns
 from harmolab.lab.evaluate.engine import read_rows, run_rows
 from harmolab.lab.evaluate.pairing import listed_pairs
+from harmolab.lab.evaluate.reference import SHIPPED, load_reference
+from harmolab.lab.evaluate.submission import submission_faults, write_submission
 from harmolab.lab.listening.answers import (
     SimulatedRater,
     answer_files,
@@ -183,7 +185,9 @@ def _studies() -> Iterator[Target]:
     def write(folder: Path, kind: str) -> None:
         with tempfile.TemporaryDirectory() as name:
             study = folder / "study"
-            made = called(app, "study", "make", _corpus(Path(name)), study, "--n", 4, "--seconds", 4, "--kind", kind)
+            made = called(
+                app, "data", "study", "make", _corpus(Path(name)), study, "--n", 4, "--seconds", 4, "--kind", kind
+            )
             if made.exit_code:
                 raise RuntimeError(made.output)
         trials, key = read_trials(study / "trials.json"), read_key(study / "key.json")
@@ -213,7 +217,7 @@ def _study(page: str, folder: Path) -> list[np.ndarray]:
 
 def _analysed(folder: Path) -> list[np.ndarray]:
     """The command's error as that of a reader; a traceback is the exception behind it."""
-    result = called(app, "study", "analyse", folder / "study", "--json")
+    result = called(app, "data", "study", "analyse", folder / "study", "--json")
     if result.exit_code == 2 and len(result.stderr.splitlines()) == 1:
         raise ValueError(result.stderr.removeprefix("harmolab: ").rstrip("\n"))
     if result.exit_code or not json.loads(result.stdout):
@@ -274,19 +278,46 @@ def _takes(folder: Path) -> list[np.ndarray]:
 
 
 def _evaluations() -> Iterator[Target]:
-    """A list of pairs, and the rows of a run: read as a whole, and gone on with."""
-    lines = ("motion,music,system,seed", "a.npz,songs/tune.wav,ours,1", 'b.bvh,"songs/other tune.wav",ours,2')
+    """A list of pairs, the rows of a run, read as a whole and gone on with, and a row of the leaderboard."""
+    lines = ("motion,music,seed,offset", "a.npz,songs/tune.wav,1,2.5", 'b.bvh,"songs/other tune.wav",2,')
     files = dict.fromkeys(("dances/a.npz", "dances/b.bvh", "songs/tune.wav", "songs/other tune.wav"), b"")
     files["pairs.csv"] = "\n".join(lines).encode()
     yield Target("pairs.csv", "evaluate", files, ("pairs.csv",), _pairs)
+    files = {"reference.npz": SHIPPED.read_bytes()}
+    yield Target("reference.npz", "evaluate", files, ("reference.npz",), _reference)
     files = _made(lambda folder: run_rows(Numbers(ROWS), square, folder / "rows", jobs=0))
     full = tuple(name for name, content in files.items() if content)  # a lock is empty
     yield Target("rows", "evaluate", files, full, _rows)
     yield Target("resumed rows", "evaluate", files, full, _resumed)
+    files = {name: content for name, content in _made(_write_submission).items() if name.startswith("row/")}
+    yield Target("submission", "evaluate", files, tuple(name for name in files if "README" not in name), _submission)
+
+
+def _write_submission(folder: Path) -> None:
+    """A table of two dances, and a row of it."""
+    (folder / "table").mkdir()
+    settings = {"systems": {"ours": "ours"}, "music": "songs", "reference": "recorded", "resamples": 100, "seed": 0}
+    (folder / "table" / "evaluation.json").write_text(json.dumps({"settings": settings}))
+    (folder / "a.npz").write_bytes(b"dance")
+    place = folder / "a.npz"
+    rows = (f",{name},1,tune,{place},{place},kind,30,,{len(name)}" for name in ("ours", "recorded"))
+    header = "error,system,seed,song,motion,music,kind,fps,dance,harmony"
+    (folder / "table" / "clips.csv").write_text("\n".join((header, *rows)))
+    write_submission(folder / "table", folder / "row")
+
+
+def _submission(folder: Path) -> list[np.ndarray]:
+    submission_faults(folder / "row")
+    return []
 
 
 def _pairs(folder: Path) -> list[np.ndarray]:
     listed_pairs(folder / "pairs.csv", folder, {"ours": folder / "dances"}, default="ours")
+    return []
+
+
+def _reference(folder: Path) -> list[np.ndarray]:
+    assert load_reference(folder / "reference.npz").pairs
     return []
 
 

@@ -31,7 +31,7 @@ import torch
 
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
-from harmolab.lab.evaluate import engine
+from harmolab.lab.evaluate import parts
 from harmolab.lab.listening.answers import (
     TRIALS_FILE,
     SimulatedRater,
@@ -89,13 +89,13 @@ def jobs(data: Path) -> list[Job]:
 
     def compare(folder: Path) -> None:
         os.environ["HARMOLAB_CACHE"] = str(folder / "cache")  # a kill may come while beats are kept
-        engine.FLUSH_SECONDS = 0.0  # every row counts, so that there is something to go on with
+        parts.FLUSH_SECONDS = 0.0  # every row counts, so that there is something to go on with
         rows = ("--out", folder / "rows", "--resume", "--jobs", 2)
         text = said("compare", corpus, "--beats", "tracked", "--rotations", 20, *rows, "--json")
         (folder / "compare.json").write_text(text)
 
     def evaluate(folder: Path) -> None:
-        engine.FLUSH_SECONDS = 0.0
+        parts.FLUSH_SECONDS = 0.0
         options = ("--resamples", 100, "--jobs", 2, "--resume", "--out", folder / "table")
         said("evaluate", corpus, "--music", corpus, "--reference", corpus, *options)
 

@@ -26,6 +26,8 @@ from .data.synthetic.clips import synthetic_clip as synthetic_clip
 from .data.synthetic.clips import write_corpus as write_corpus
 from .data.synthetic.dancer import synthetic_motion as synthetic_motion
 from .lab.compare.auc import compare as compare
+from .lab.evaluate.metric import DanceMetric as DanceMetric
+from .lab.evaluate.metric import evaluate as evaluate
 from .lab.harmonise import harmonise as harmonise
 from .metrics.beats import beat_align as beat_align
 from .metrics.beats import mir_eval_scores as mir_eval_scores

@@ -20,13 +20,14 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from numpy.typing import NDArray
 
 PathLike = str | os.PathLike[str]
@@ -304,6 +305,35 @@ def keep_arrays(name: str, arrays: Arrays) -> None:
         return
 
 
+def cached_once(name: str, needed: Sequence[str], make: Callable[[], Arrays]) -> Arrays:
+    """Arrays kept under a name, else those of `make`, which are kept: of several processes one makes them, others wait.
+
+    Parameters
+    ----------
+    name : str, hexadecimal
+    needed : names of arrays; a file without one of them is none
+    make : function() -> arrays
+    """
+    with _alone(name):
+        arrays = cached_arrays(name)
+        if arrays is None or any(one not in arrays for one in needed):
+            arrays = make()
+            keep_arrays(name, arrays)
+        return arrays
+
+
+@contextmanager
+def _alone(name: str) -> Iterator[None]:
+    """One process at a time for a name, or another that begins alike; all at once where there is no cache to write."""
+    folder = cache_folder()
+    with ExitStack() as stack:
+        if folder is not None:
+            with suppress(OSError):
+                folder.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(FileLock(folder / f"{name[:2]}.lock"))
+        yield
+
+
 # Small tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between.
 
 MAX_ROWS = 1_000_000
@@ -325,23 +355,50 @@ def read_columns(path: Path, needed: Sequence[str]) -> dict[str, list[str]]:
     ValueError
         A needed column is missing, a name is there twice, or a line has another number of words than the first.
     """
-    lines = [(place, line) for place, line in enumerate(read_text(path).splitlines(), 1) if line.strip()]
-    lines = [(place, line) for place, line in lines if not line.lstrip().startswith("#")]
-    if not lines:
+    columns: dict[str, list[str]] = {}
+    for number, line in enumerate(column_lines(path, needed)):
+        if number >= MAX_ROWS:
+            raise ValueError(f"has more lines than the {MAX_ROWS} allowed")
+        for name, word in line.items():
+            columns.setdefault(name, []).append(word)
+    return columns or {name: [] for name in column_names(path, needed)}
+
+
+def column_names(path: Path, needed: Sequence[str]) -> list[str]:
+    """The names in the first line of a table; errors as `read_columns`."""
+    first = next(_lines(path), None)
+    if first is None:
         raise ValueError(f"has no line of names; the first line must be {','.join(needed)}")
-    mark = max(",;\t", key=lines[0][1].count)
-    rows = [(place, _words(line, mark)) for place, line in lines]
-    names = rows[0][1]
+    names = _words(first[1], _mark(first[1]))
     if missing := [name for name in needed if name not in names]:
-        raise ValueError(f"has no column {' and no '.join(missing)} in its first line, {lines[0][1][:80]!r}")
+        raise ValueError(f"has no column {' and no '.join(missing)} in its first line, {first[1][:80]!r}")
     if len(set(names)) < len(names):
-        raise ValueError(f"has a name twice in its first line, {lines[0][1][:80]!r}")
-    if len(rows) > MAX_ROWS:
-        raise ValueError(f"has {len(rows)} lines, more than the {MAX_ROWS} allowed")
-    for place, words in rows:
+        raise ValueError(f"has a name twice in its first line, {first[1][:80]!r}")
+    return names
+
+
+def column_lines(path: Path, needed: Sequence[str]) -> Iterator[dict[str, str]]:
+    """The lines of a table as name -> word, one at a time, of which there may be any number; else as `read_columns`."""
+    names, lines = column_names(path, needed), _lines(path)
+    mark = _mark(next(lines)[1])
+    for place, line in lines:
+        words = _words(line, mark)
         if len(words) != len(names):
             raise ValueError(f"line {place} has {len(words)} values, the first line {len(names)} names")
-    return {name: [words[number] for _, words in rows[1:]] for number, name in enumerate(names)}
+        yield dict(zip(names, words, strict=True))
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """(place, line) of the lines of a text that are neither empty nor a comment."""
+    with path.open(encoding="utf-8-sig") as stream:
+        for place, line in enumerate(stream, 1):
+            if line.strip() and not line.lstrip().startswith("#"):
+                yield place, line.rstrip("\n")
+
+
+def _mark(line: str) -> str:
+    """The mark between the words of a line."""
+    return max(",;\t", key=line.count)
 
 
 def _words(line: str, mark: str) -> list[str]:

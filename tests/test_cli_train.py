@@ -1,5 +1,6 @@
 """`harmolab train`: help that teaches, a run from folders to weights, one line for a refusal, a bar to watch."""
 
+import csv
 import json
 import os
 import pty
@@ -18,7 +19,8 @@ from typer.testing import CliRunner, Result
 
 from harmolab import write_corpus
 from harmolab.cli import app as harmolab
-from harmolab.cli.training import epoch_bar, train
+from harmolab.cli import training
+from harmolab.cli.training import VALIDATED, epoch_bar, train
 from harmolab.systems import ModelParams, TrainParams
 from harmolab.systems.harmogan.networks import load_generator
 from harmolab.systems.training import checkpoints
@@ -88,6 +90,23 @@ def test_without_a_terminal_there_is_a_line_for_each_validated_epoch(trained: tu
     assert lines[0].startswith("units: ") and "synth" in lines[0]
     assert [line.split(":")[0] for line in lines[1:]] == ["pretrain epoch 2", "adversarial epoch 3"]
     assert " val_harmony " in lines[2] and " critic_st " in lines[2]
+
+
+@pytest.mark.slow
+def test_validation_has_measures_of_evaluate_and_training_is_the_same_without(
+    trained: tuple[Path, Result], run: Run, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    names = ["val_beat_align_motion", "val_beat_align_music", "val_mir_eval_f", "val_foot_skating", "val_jerk"]
+    rows = list(csv.DictReader((trained[0] / "history.csv").read_text().splitlines()))
+    last = {name: float(rows[-1][name]) for name in names}
+    assert 0 < last["val_beat_align_motion"] <= 1 and last["val_foot_skating"] > 0 and last["val_jerk"] > 0
+    assert " val_beat_align_motion " in trained[1].stderr.splitlines()[-1]
+    monkeypatch.setattr(training, "VALIDATED", ())
+    assert run(corpus, "--out", tmp_path / "run").exit_code == 0
+    plain = list(csv.DictReader((tmp_path / "run" / "history.csv").read_text().splitlines()))
+    assert plain == [{name: value for name, value in row.items() if name in plain[0]} for row in rows]
+    assert set(rows[0]) - set(plain[0]) == {f"val_{name}" for name in VALIDATED}
+    assert files(tmp_path / "run")["model.safetensors"] == files(trained[0])["model.safetensors"]
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -170,7 +189,8 @@ def test_without_the_libraries_training_says_what_to_install(monkeypatch: pytest
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     line = told(run(tmp_path, "--out", tmp_path / "run"))
-    assert line == "harmolab: training needs lightning_fabric; in a copy of harmolab, run: pip install '.[train]'"
+    packages = "pip install lightning-fabric safetensors tensorboardX torch"
+    assert line == f"harmolab: training needs lightning_fabric; install its packages by: {packages}"
 
 
 def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):

@@ -17,7 +17,8 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare import rows
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.rows import Processes, packed, unpacked
-from harmolab.lab.evaluate.engine import part_path, read_rows
+from harmolab.lab.evaluate.engine import read_rows
+from harmolab.lab.evaluate.parts import part_path
 from harmolab.types import BeatTrack
 from tests.builders import called, refused, track
 

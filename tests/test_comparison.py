@@ -13,6 +13,7 @@ import soundfile
 from harmolab.beats.visual import visual_beats
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
+from harmolab.lab.evaluate.measured import MOTION_BEATS
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.training.features import FeatureParams, audio_features
@@ -26,7 +27,7 @@ from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS,
 from study.experiments.contests import Contest, Excerpt, Material, music_anchors, rest_anchors
 from study.experiments.generation import SYNTHETIC, sketched_split, training_split
 from study.profile import RunProfile
-from tests.builders import planted_dance, refused
+from tests.builders import bobbing, planted_dance, refused
 
 PROFILE = RunProfile(
     "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16, songs=1,
@@ -204,6 +205,15 @@ def test_a_dance_on_the_beat_has_harmony_that_goes_when_the_music_is_half_a_beat
     assert numbers["hit_rate chance"] == pytest.approx(numbers["hit_rate"], abs=0.3)
     assert np.isnan(numbers["pattern"])
     assert numbers["body"] > 0.8 > 0.0 > numbers["body, late"]
+    assert numbers["BAS"] > 0.8 > 0.3 > numbers["BAS, late"]
+
+
+def test_bailando_s_score_is_of_each_music_beat_and_its_nearest_rest():
+    motion = bobbing(0.5, seconds=8.0)
+    rests = visual_beats(motion, params=MOTION_BEATS).times
+    tracks = [BeatTrack(rests + late, np.ones(rests.size), 15.0, 9.0) for late in (0.0, 0.05, 0.1)]
+    # A sigma (.05 s) beside each rest: exp(-1/2), and exp(-2) at two of them.
+    assert CELLS.bailando(motion, tracks) == pytest.approx([1.0, np.exp(-0.5), np.exp(-2.0)], abs=1e-6)
 
 
 def test_harmony_with_other_songs_is_a_mean_over_songs_that_are_not_its_own():
@@ -213,6 +223,7 @@ def test_harmony_with_other_songs_is_a_mean_over_songs_that_are_not_its_own():
     assert abs(alone) < 0.4 < own
     twice = CELLS.other_songs(song.dancer, song, [faster, replace(song, song="the same, by another name")])
     assert twice["body, other songs"] == pytest.approx((alone + own) / 2)
+    assert 0.0 < twice["BAS, other songs"] < CELLS.clip_measures(song.dancer, song)["BAS"]
 
 
 def test_a_still_body_has_no_harmony_and_no_chance():

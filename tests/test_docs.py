@@ -11,9 +11,12 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from packaging.requirements import Requirement
@@ -26,8 +29,10 @@ import harmolab.lab
 import harmolab.musician
 import harmolab.systems
 import study
+from harmolab import load_motion, save_motion, synthetic_clip, write_corpus, write_video
 from harmolab.cli import app
 from harmolab.params import HarmonyParams
+from tests.tiny_run import Numbers, square
 
 ROOT = Path(__file__).resolve().parents[1]
 CONVENTIONS = ROOT / "docs" / "conventions.md"
@@ -281,6 +286,78 @@ def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newco
         assert run.returncode == 0 and run.stdout.strip(), run.stderr
 
 
+# The Python of a page runs, block after block in one folder, with what the page takes for granted
+
+
+def with_songs(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """Two synthetic songs in try/, and their dances in ours/."""
+    for clip in sorted(write_corpus("try", clips=2, seconds=11.0, fps=30.0).glob("clip_*")):
+        save_motion(Path("ours") / f"{clip.name}.npz", load_motion(clip / "motion.npz"))
+    return {}
+
+
+def with_dance(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    clip = synthetic_clip("waltz", seconds=11.0, fps=30.0)
+    return {"motion": clip.motion, "beats": clip.beats}
+
+
+def with_tasks(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    return {"__name__": "__main__", "tasks": Numbers(3), "measure": square}
+
+
+def with_mediapipe(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """A film, and a stand-in for MediaPipe that sees one body and one hand in every picture."""
+    write_video("dance.mp4", [np.zeros((64, 48, 3), np.uint8)] * 4, fps=10.0)
+    points = [SimpleNamespace(x=0.01 * place, y=0.02 * place, z=0.0, visibility=1.0) for place in range(33)]
+    hand = SimpleNamespace(
+        handedness=[[SimpleNamespace(category_name="Left", score=1.0)]], hand_landmarks=[points[:21]]
+    )
+    estimator = SimpleNamespace(detect_for_video=lambda *_: SimpleNamespace(pose_landmarks=[points], **vars(hand)))
+    vision = SimpleNamespace(
+        PoseLandmarkerOptions=SimpleNamespace, RunningMode=SimpleNamespace(VIDEO="video"),
+        PoseLandmarker=SimpleNamespace(create_from_options=lambda _: nullcontext(estimator)),
+    )  # fmt: skip
+    modules = {
+        "mediapipe": {"Image": lambda *_: None, "ImageFormat": SimpleNamespace(SRGB="rgb")},
+        "mediapipe.tasks": {}, "mediapipe.tasks.python": {"BaseOptions": SimpleNamespace, "vision": vision},
+    }  # fmt: skip
+    for name, content in modules.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(sys, "argv", ["landmarks.py", "dance.mp4", "pose.task", "dance.json"])
+    return {}
+
+
+MATERIAL = {
+    "dancing.md": with_dance, "pose_estimation.md": with_mediapipe, "scale.md": with_tasks,
+    "scoring.md": lambda monkeypatch: {}, "tutorial_model.md": with_songs,
+}  # fmt: skip
+
+
+def test_every_page_with_python_is_run():
+    pages = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_in(page.read_text("utf-8"), "python")}
+    assert pages == set(MATERIAL)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", MATERIAL)
+def test_the_python_of_a_page_runs_as_pasted(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ours").mkdir()
+    names = MATERIAL[page](monkeypatch)
+    for block in blocks_in((ROOT / "docs" / page).read_text("utf-8"), "python"):
+        exec(compile(block, page, "exec"), names)
+    results = {
+        "dancing.md": lambda: names["better"].n_frames == names["motion"].n_frames,
+        "pose_estimation.md": lambda: names["motion"].n_frames == 4 and len(names["frames"][-1]["hands"]) == 1,
+        "scale.md": lambda: (tmp_path / "rows" / "run.json").is_file(),
+        "scoring.md": lambda: names["score"].harmony_above_chance > 0.5,
+        "tutorial_model.md": lambda: (tmp_path / "table" / "index.html").is_file() and names["numbers"]["fid_kinetic"],
+    }  # fmt: skip
+    assert results[page]()
+
+
 # The doors: what README and docs import from, and what notebooks may use
 
 DOORS = {door.__name__: door for door in (harmolab, harmolab.systems, harmolab.lab, harmolab.musician, study)}
@@ -416,12 +493,14 @@ def test_every_direct_dependency_is_pinned_within_its_bounds():
     assert [str(one) for one, version in found.items() if not one.specifier.contains(version)] == []
 
 
-def test_hints_install_extras_from_a_copy_and_by_no_name_on_an_index():
-    pages = [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
+def test_hints_name_packages_that_an_index_has_and_all_of_them():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
     texts = {path: path.read_text("utf-8") for path in (*pages, *(ROOT / "harmolab").rglob("*.py")) if path.is_file()}
-    assert [path.name for path, text in texts.items() if re.search(r"\bharmolab\[[a-z]", text)] == []
-    named = {extra for text in texts.values() for extra in re.findall(r"pip install '\.\[([a-z0-9]+)\]'", text)}
-    assert {"train", "cluster", "c3d"} <= named <= set(project()["optional-dependencies"])
+    assert [path.name for path, text in texts.items() if re.search(r"harmolab\[[a-z]|pip install '\.\[", text)] == []
+    extras = project()["optional-dependencies"]
+    for path in ("harmolab/cli/training.py", "docs/tutorial_train.md", "docs/dancing.md"):
+        hint = re.search(r"pip install (lightning[-\w ]+)", (ROOT / path).read_text("utf-8"))
+        assert hint and set(hint[1].split()) == {Requirement(line).name for line in extras["train"]}, path
 
 
 def test_scoring_does_not_depend_on_torch_or_jupyter():

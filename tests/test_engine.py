@@ -1,6 +1,5 @@
 """One table from one process or several, killed or not: every row once, the same to the last bit."""
 
-import importlib.util
 import json
 import os
 import signal
@@ -18,8 +17,9 @@ import pandas as pd
 import pytest
 
 from harmolab.files import read_json, write_json
-from harmolab.lab.evaluate import engine
-from harmolab.lab.evaluate.engine import MANIFEST, part_path, read_rows, run_rows
+from harmolab.lab.evaluate import engine, parts
+from harmolab.lab.evaluate.engine import MANIFEST, read_rows, run_rows
+from harmolab.lab.evaluate.parts import part_path
 from tests.builders import cases, refused
 from tests.tiny_run import Number, Numbers, square
 
@@ -257,15 +257,38 @@ def test_cells_of_no_known_kind_are_errors_and_mixed_columns_name_the_column(tmp
         run_rows(Numbers(2), lambda task: {"x": "one" if task.number else 1.5}, tmp_path / "b", jobs=0)
 
 
-@pytest.mark.parametrize("package", ["pyarrow", "distributed"])
-def test_without_its_packages_the_engine_says_what_to_install(
-    package: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_without_dask_several_processes_are_refused_and_the_packages_own_name_is_said(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(engine, "find_spec", lambda name: None if name == package else find(name))
-    with pytest.raises(ValueError, match=rf"this needs {package}; .*run: pip install '\.\[cluster\]'"):
+    monkeypatch.setattr(engine, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r'pip install "dask\[distributed\]"; or measure in this process: --jobs 0'):
         run_rows(Numbers(3), square, tmp_path / "out", jobs=1)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_without_arrow_the_rows_are_csv_and_the_table_is_the_same(
+    monkeypatch: pytest.MonkeyPatch, undisturbed: Path, tmp_path: Path
+):
+    with monkeypatch.context() as patch:
+        patch.setattr(parts, "find_spec", lambda name: None)
+        run_rows(Numbers(100), square, tmp_path / "out", jobs=0)
+        frames = list(run_rows(Numbers(100), square, tmp_path / "out", jobs=0, resume=True))
+        refused("its rows are Parquet, which needs pyarrow; run: pip install pyarrow", read_rows, undisturbed)
+    assert {path.suffix for path in (tmp_path / "out").glob("part-*")} == {".csv"}
+    run_rows(Numbers(100), square, tmp_path / "parquet", jobs=0)
+    for frame, other in zip(frames, read_rows(tmp_path / "parquet"), strict=True):
+        pd.testing.assert_frame_equal(frame, other, check_dtype=False)
+    assert len(pd.concat(read_rows(tmp_path / "out"))) == 100  # with pyarrow they are read as they are
+
+
+def test_a_damaged_csv_part_is_measured_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(parts, "find_spec", lambda name: None)
+    run_rows(Numbers(70), square, tmp_path, jobs=0)
+    whole = contents(tmp_path)
+    (tmp_path / "part-0000001.csv").write_bytes(whole["part-0000001.csv"][:-20])
+    run_rows(Numbers(70), square, tmp_path, jobs=0, resume=True)
+    assert contents(tmp_path) == whole
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

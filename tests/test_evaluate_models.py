@@ -30,7 +30,7 @@ def smpl_dance(music: BeatTrack, *, fps: float, tempo: float = 1.0) -> tuple[np.
 
     `tempo` is that of the dance over that of the music.
     """
-    times = np.arange(round(SECONDS * fps)) / fps
+    times = np.arange(round(music.duration * fps)) / fps
     beats = np.interp(times, music.times, np.arange(len(music))) * tempo
     swing, poses = np.cos(np.pi * beats), np.zeros((len(times), 24, 3))
     for joint, axis, size in SWINGS:
@@ -77,7 +77,7 @@ def test_a_folder_like_aist_evaluates_with_one_command(aist: Path, tmp_path: Pat
     assert harmony["frozen pose"] == 0
     content = json.loads((out / "table.json").read_text("utf-8"))
     said = f"Assumptions in reading recorded (dances): {NEUTRAL} (6)."
-    assert said in content["methods"] and said in content["notes"]
+    assert said in content["methods_in_full"] and said in content["notes"]
     assert said in " ".join(result.output.split())
     assert NEUTRAL in (out / "index.html").read_text("utf-8").replace("&#39;", "'")
 

@@ -45,7 +45,8 @@ INSIDE = {
     },
 }
 LIBRARIES = {
-    "torch": ("systems", "soft_score", "lab.harmonise", "musician"),
+    "torch": ("systems", "soft_score", "lab.harmonise", "lab.evaluate.torch_metric", "musician"),
+    "torchmetrics": ("lab.evaluate.metric", "lab.evaluate.torch_metric"),
     "matplotlib": ("lab.figures",),
     "ipywidgets": ("lab.labs",),
     "anywidget": ("lab.labs",),
@@ -54,7 +55,8 @@ LIBRARIES = {
     ),
     "pandas": ("lab", "cli"),
     "jinja2": ("lab.report",),
-    **dict.fromkeys(("dask", "distributed", "pyarrow"), ("lab.evaluate.engine",)),
+    **dict.fromkeys(("dask", "distributed"), ("lab.evaluate.engine",)),
+    "pyarrow": ("lab.evaluate.parts",),
 }
 HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask", "distributed", "pyarrow"}
 LONGEST_FUNCTION = 60

@@ -139,7 +139,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     about = dict.fromkeys(leaderboard.ABOUT, "text") | {"synthetic": True, "commands": []}
     (row / "row.json").write_text(json.dumps({"about": about}))
     settings = {"systems": {"ours": str(tmp_path / "ours")}, "music": str(tmp_path / "songs"), "resamples": 200}
-    settings |= {"reference": str(tmp_path / "recorded"), "protocol": "", "fps": 30.0, "scale": None, "seed": 0}
+    settings |= {"reference": str(tmp_path / "recorded"), "protocols": [], "fps": 30.0, "scale": None, "seed": 0}
     (folder / "evaluation.json").write_text(json.dumps({"settings": settings}))
     lines = ["error,system,seed,song,motion,music,kind,fps,dance,harmony"]
     for system, seed, harmony in (("ours", "1", 0.25), ("recorded", "", 0.5)):

@@ -19,8 +19,9 @@ from harmolab.metrics import likeness as guard
 from harmolab.metrics.likeness import AMOUNTS, MEASURES
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.types import BeatTrack, FloatArray, Motion
-from study import beat_sheet, contact_sheet
-from study.figures.sheets import CELL
+from study import beat_sheet, contact_sheet, save_blind_sheets
+from study.figures import sheets
+from study.figures.sheets import CELL, blind_strips
 from tests.builders import cases, refused, still
 
 FPS = 15.0
@@ -438,6 +439,25 @@ def test_a_sheet_of_beats_has_a_person_at_each_beat_that_has_movement_before_it(
         assert places == lines == times
     refused("two beats each", beat_sheet, {"one": (motion, beats[:2])})
     refused("two beats each", beat_sheet, {})
+
+
+def test_blind_strips_hide_which_is_made_and_the_answers_tell_it() -> None:
+    pairs = [(dancer(seed, seconds=6.0), dancer(seed + 10, seconds=6.0)) for seed in range(8)]
+    strips, answers = blind_strips(pairs, np.random.default_rng(0))
+    assert list(strips) == [f"{pair} {side}" for pair in range(1, 9) for side in "AB"]
+    assert set(answers["made"]) == {"A", "B"} and sorted(answers["place"]) == list(range(8)) != list(answers["place"])
+    for row in answers.itertuples():
+        other = "AB".replace(row.made, "")
+        assert (strips[f"{row.pair} {other}"], strips[f"{row.pair} {row.made}"]) == pairs[row.place]
+
+
+def test_blind_sheets_and_their_answers_are_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sheets, "PAIRS", 2)
+    pairs = [(dancer(0).span(0.0, 0.6), dancer(1).span(0.0, 0.6))] * 3
+    made = save_blind_sheets(pairs, tmp_path / "new", np.random.default_rng(1))
+    assert [path.name for path in made] == ["sheet_1.png", "sheet_2.png"]
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["answers.csv", "sheet_1.png", "sheet_2.png"]
+    assert (tmp_path / "new" / "answers.csv").read_text("utf-8").splitlines()[0] == "pair,made,place"
 
 
 def outlines(motion: Motion) -> FloatArray:

@@ -653,7 +653,7 @@ def test_unknown_units_of_a_c3d_file_need_a_scale_and_a_missing_library_says_wha
     refused(r"feet\.c3d: has points in 'furlong'; pass scale", load_motion, path)
     assert standing_height(load_motion(path, scale=0.001).positions) == pytest.approx(1.62, abs=0.05)
     monkeypatch.setattr(c3d_reader, "find_spec", lambda name: None)
-    refused(r"feet\.c3d: to read c3d, install ezc3d; .*run: pip install '\.\[c3d\]'", load_motion, path)
+    refused(r"feet\.c3d: to read c3d, install ezc3d: pip install ezc3d", load_motion, path)
 
 
 @pytest.mark.slow

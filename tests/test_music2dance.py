@@ -447,7 +447,7 @@ REFUSED = "Invalid value for '--representation': 'words' is not one of 'position
     "arguments, line",
     (("harmogan", "--phase1", 3), "--phase1 is no option of this system"),
     (("lee2019", "--phase2", 3), "--phase2 is no option of this system"),
-    (("ren2020", "--pretrained", "x"), "--pretrained is no option of this system"),
+    (("ren2020", "--pretrained", "."), "--pretrained is no option of this system"),
     (("music2dance", "--epochs", 1), "--epochs is no option of this system"),
     (("music2dance", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
     (("music2dance", "--representation", "words"), REFUSED),
@@ -458,7 +458,7 @@ REFUSED = "Invalid value for '--representation': 'words' is not one of 'position
 def test_what_a_system_does_not_take_is_refused_before_anything_is_read(
     arguments: tuple[object, ...], line: str, tmp_path: Path
 ):
-    result = trained(tmp_path / "nowhere", "--out", tmp_path / "run", "--system", *arguments)
+    result = trained(tmp_path, "--out", tmp_path / "run", "--system", *arguments)  # a corpus that holds nothing
     assert result.exit_code == 2 and result.stderr == f"harmolab: {line}\n"
 
 

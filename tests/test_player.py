@@ -21,7 +21,7 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.lab.player import HEIGHT, Dancer, Player, blind_page, player_of
+from harmolab.lab.player import HEIGHT, Dancer, Player, blind_page, coded_sound, player_of
 from harmolab.lab.report.templates import framed
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import save_motion
@@ -105,6 +105,10 @@ def test_sound_is_where_it_was(clip: Clip) -> None:
     assert (rate, samples.size) == (clip.audio.sample_rate, given.size)
     assert delay_of(samples, given) == 0
     assert np.corrcoef(samples, given)[0, 1] > 0.95
+
+
+def test_the_same_sound_is_the_same_bytes(clip: Clip) -> None:
+    assert coded_sound(clip.audio, 3.0) == coded_sound(clip.audio, 3.0)
 
 
 @pytest.mark.parametrize("seconds", [1.0, 3.0])
@@ -349,7 +353,7 @@ def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, f
 
 @cases(
     "options, out, fault",
-    ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
+    ((), "x.avi", "x.avi: a dance with its music is written as .html, .htm, .mp4, .webm, .gif; choose a name"),
     ((), "none/x.html", "none: no such folder"),
     (("--start", 60), "x.html", "no audio from 60.0 s"),
     (("--offset", 60), "x.html", "song.wav"),

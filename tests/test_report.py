@@ -25,6 +25,7 @@ from PIL import Image
 from harmolab.lab.figures import style
 from harmolab.lab.report import run as report
 from harmolab.lab.report.pages import SAVED, NotebookRun, data_words, source_names, write_pages
+from harmolab.lab.report.publish import publish
 from harmolab.lab.report.templates import TEMPLATES
 from study import saving
 from study.profile import RunProfile
@@ -251,6 +252,17 @@ def test_changed_code_is_run_again_and_a_notebook_that_is_gone_loses_its_figures
     assert [*full_run(folder, only=("01",))] == ["of_00_one.png", "of_01_two.png"]
     assert ran == ["00_one", "02_three", "00_one", "00_one", "01_two"]
     assert not (folder / "figures" / "of_02_three.png").exists()
+
+
+def test_what_is_private_is_not_published(tmp_path: Path):
+    run = run_of("# One", (), stem="00_one")
+    for name, more in (("shown", {}), ("people", {"private": True})):
+        about = {"notebook": "00_one", "source": "synthetic", "profile": RunProfile.full(), **more}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("HARMOLAB_FIGURES", str(tmp_path / "pictures"))
+            saving.save_figure(Figure(), name, tables=(), **about)
+    publish(run, tmp_path / "pictures", tmp_path / "figures", "abc")
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["manifest.json", "shown.png"]
 
 
 def test_a_name_that_no_notebook_has_is_refused(project, capsys: pytest.CaptureFixture[str]):

@@ -26,7 +26,7 @@ from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
 from study.cells import notebook_cells
-from study.experiments import generation, judging, whole_songs
+from study.experiments import bank_songs, generation, judging, whole_songs
 from study.experiments.generation import SWEEP, SYNTHETIC, VARIANTS, sketched_split, trained, training_split
 from study.experiments.judging import RECORDED, danced, danced_units, judge, recorded_motions, seed_means
 from study.experiments.locked import statue_on_turntable
@@ -236,6 +236,36 @@ def test_sketches_beside_the_beat_miss_it_by_as_much(own: whole_songs.OwnSongs):
     assert list(body.index) == list(whole_songs.BESIDE)
     # Planted dancers rest on every beat: sketches half a beat beside it rest on what is half a beat late.
     assert body[0.0] > 0.5 > 0.0 > body[0.5] and late[0.5] > 0.5 > 0.0 > late[0.0]
+
+
+@pytest.mark.slow
+def test_songs_of_a_bank_have_every_row_of_the_table_and_no_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("HARMOLAB_PROFILE", "quick")
+    monkeypatch.setattr(RunProfile, "quick", lambda: PROFILE)
+    for module in (bank_songs, whole_songs):
+        monkeypatch.setattr(module, "SONG_SECONDS", 12.0)
+    bank_songs.main([str(tmp_path / "out"), "--songs", "2", "--trainings", "1"])
+    tables = {path.stem: pd.read_csv(path).set_index("motion" if path.stem == "songs" else "over", drop=False)
+              for path in (tmp_path / "out").glob("*.csv") if path.stem != "hearing"}  # fmt: skip
+    songs = tables["songs"]
+    assert sorted(songs.index) == sorted(["recorded", "sketch", "search", *bank_songs.TRAININGS])
+    asked = ["guard", "body", "body, late", "body, other song", "statue", "jerk", "fid_kinetic", "crossed", "trunk"]
+    assert songs[asked].notna().all(axis=None) and "pattern" not in songs
+    assert songs["guard"]["recorded"] == "2 of 2"  # by the bank's limits
+    assert songs["moved"]["sketch"] == 0 < songs["moved"]["recommended"] < songs["moved"]["recommended"] + 1
+    assert list(tables["differences"].index) == ["sketch", *[whole_songs.WITHOUT, whole_songs.UNJUDGED], "search"]
+    assert len(pd.read_csv(tmp_path / "out" / "hearing.csv")) == 2 * len(whole_songs.BESIDE)
+    assert "songs" in capsys.readouterr().out
+
+
+def test_width_of_a_trunk_that_breathes_is_its_deviation():
+    course = np.zeros((4, 4, 3))
+    course[:, 0, 0], course[:, 2, 0] = [0.30, 0.34, 0.30, 0.34], 0.2
+    body = Skeleton(("left_hip", "right_hip", "left_shoulder", "right_shoulder"), (-1, 0, 0, 0))
+    assert whole_songs.trunk_cm(Motion(course, 10.0, body)) == pytest.approx(1.0)  # 2 cm of the hips, none above
+    assert np.isnan(whole_songs.trunk_cm(Motion(course, 10.0, Skeleton.unnamed(4))))
 
 
 def test_corrections_are_paired_with_their_sketch_by_song_and_draw_and_trainings_count_once():

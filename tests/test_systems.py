@@ -332,6 +332,7 @@ def test_a_player_is_points_in_a_picture_and_hears_the_sound_alone(system: Syste
 
 @of_players
 def test_a_player_does_not_dance(saved: Path, name: str, tmp_path: Path):
+    (tmp_path / "no.wav").touch()
     dancing = ("dance", tmp_path / "no.wav", "--out", tmp_path / "dance.npz")
     sentence = f"{name} plays, it does not dance: use `harmolab perform SONG`"
     assert command(*dancing, "--system", name, code=2).stderr == f"harmolab: {sentence}\n"

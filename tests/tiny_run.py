@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from harmolab.lab.evaluate import engine
+from harmolab.lab.evaluate import engine, parts
 from harmolab.lab.evaluate.engine import run_rows
 
 PAUSE = 0.01  # seconds that a task takes, so that there is something to interrupt
@@ -66,7 +66,7 @@ def square(task: Number) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    engine.PART_ROWS, engine.FLUSH_SECONDS = 64, 0.05
+    engine.PART_ROWS, parts.FLUSH_SECONDS = 64, 0.05
     out, jobs, count, scheduler = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), "".join(sys.argv[4:])
     print(os.getpid(), flush=True)
     run_rows(Numbers(count), square, out, jobs=jobs, scheduler=scheduler, resume=True)

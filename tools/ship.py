@@ -40,14 +40,18 @@ PER_DANCE = 6
 BANK_SEED = 1_000_000
 
 
-def train_on_bank(data: Path, out: Path, *, style: str = "salsa", seed: int = 1, **changes: Any) -> None:
+def train_on_bank(
+    data: Path, options: TrainOptions, *, style: str = "salsa", model: ModelParams | None = None, seed: int = 1,
+    **changes: Any,
+) -> None:  # fmt: skip
     """Train HarmoGAN to correct dances of a shipped bank to the songs of a corpus, whose own movement is not used.
 
     Parameters
     ----------
     data : folder of recordings: their sound and beats are used
-    out : folder of the run
+    options : TrainOptions, with the folder of the run
     style : bank
+    model : ModelParams, the small preset when left out
     seed : int
     changes : other values for fields of `TrainParams`
     """
@@ -63,7 +67,8 @@ def train_on_bank(data: Path, out: Path, *, style: str = "salsa", seed: int = 1,
     }
     split = Split(**sets, groups={side: [] for side in sides}, settings={"songs": "the first is for validation"})
     of_songs = sketched(split, folders, params, bank=bank)
-    train_harmogan(of_songs.split, TrainOptions(out), model=ModelParams.small(), params=params, choreographer=bank)
+    model = model or ModelParams.small()
+    train_harmogan(of_songs.split, options, model=model, params=params, choreographer=bank)
 
 
 def _danced_by(bank: Choreographer, recording: Recording) -> Recording:
@@ -167,6 +172,6 @@ def ship(run: Path, out: Path) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1] == "--bank":
-        train_on_bank(Path(sys.argv[2]), Path(sys.argv[3]), seed=int(sys.argv[4]))
+        train_on_bank(Path(sys.argv[2]), TrainOptions(Path(sys.argv[3])), seed=int(sys.argv[4]))
     else:
         ship(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -13,10 +13,8 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import hashlib
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,23 +22,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.leaderboard.page import SCORES, TABLE_MEASURES, page
-from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
+from benchmarks.leaderboard.page import SCORES, page
+from harmolab.files import PathLike, plain, write_json, write_text
 from harmolab.lab.compare.auc import CorpusResult, compare
-from harmolab.lab.evaluate.evaluation import CLIPS, MARK
-from harmolab.lab.evaluate.measured import MEASURES
-from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
-from harmolab.lab.evaluate.rows import CONTROLS
-from harmolab.lab.evaluate.sets import collect
-from harmolab.lab.evaluate.summary import measure_of, ranks, song_interval, system_differences, system_means
-from harmolab.lab.evaluate.tables import MUSICAL
+from harmolab.lab.evaluate.submission import (
+    ABOUT,
+    EVIDENCE,
+    FILES,
+    ROW,
+    csv_text,
+    digest_of,
+    evaluate_numbers,
+    file_hashes,
+    is_close,
+    read_evidence,
+    row_content,
+    submission_of,
+)
 from harmolab.significance import auc, bootstrap_interval_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ROWS, PAGE = Path(__file__).parent / "rows", ROOT / "docs" / "leaderboard.md"
-ROW, EVIDENCE = "row.json", "evidence.csv"
-ABOUT = ("title", "by", "synthetic", "data", "licence", "obtain", "note", "commands")
-NAMES = ("system", "seed", "song", "kind", "dance", "beats", "fps", "joints")  # of a dance, beside its measures
 
 
 def window_table(result: CorpusResult) -> pd.DataFrame:
@@ -69,46 +71,12 @@ def compare_numbers(windows: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
     return numbers
 
 
-def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Mean over songs, interval and rank of each measure of each system, from the evidence.
-
-    "deaf" are the measures of music by which recorded dances are not better than the same with another song.
-    """
-    part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
-    songs = collect([part]).song_means
-    interval = partial(song_interval, count=settings["resamples"], seed=settings["seed"])
-    present = dict.fromkeys(dances["system"])
-    systems = [name for name in present if name not in CONTROLS]
-    names = [*systems, *(name for name in CONTROLS if name in present)]
-    means = system_means(songs, interval=interval)
-    differences = system_differences(songs, names, interval=interval)
-    numbers: dict[str, dict[str, Any]] = {}
-    for name in names:
-        own = dances[dances["system"] == name]
-        numbers[name] = {"dances": len(own), "songs": own["song"].nunique()}
-        for measure in TABLE_MEASURES:
-            if (name, measure) in means:
-                mean, low, high, _ = means[name, measure]
-                places = ranks(differences, systems, measure, better=measure_of(measure).better)
-                numbers[name][measure] = {"mean": mean, "interval": [low, high], "rank": places.get(name)}
-    pair = (RECORDED, OTHER_SONG)
-    clear = {one.measure for one in differences if (one.a, one.b) == pair and one.is_clear and one.low > 0}
-    deaf = {*MUSICAL, "significant"} - clear
-    return {"systems": numbers, "deaf": [name for name in TABLE_MEASURES if name in deaf]}
-
-
 NUMBERS = {"compare": compare_numbers, "evaluate": evaluate_numbers}
 
 
 def digest(paths: Iterable[PathLike]) -> str:
-    """SHA-256 over the names and bytes of some files and of all files in some folders, whatever lies above them."""
-    lines = [
-        f"{path.relative_to(top.parent).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
-        for top in map(Path, set(paths))
-        for path in (top.rglob("*") if top.is_dir() else [top])
-        if path.is_file()
-    ]
-    return hashlib.sha256("".join(sorted(lines)).encode()).hexdigest()  # files of one name may lie in several folders
+    """The digest of some files and of all files in some folders, whatever lies above them."""
+    return digest_of(file_hashes(paths))
 
 
 def code_commit() -> str:
@@ -126,7 +94,7 @@ def write_row(name: str, kind: str, command: str, evidence: pd.DataFrame, digits
     write_text(folder / EVIDENCE, evidence.to_csv(index=False, float_format=digits, lineterminator="\n"))
     numbers = NUMBERS[kind](read_evidence(folder), measured["settings"])
     code = {"version": version("harmolab"), "commit": code_commit(), "date": datetime.date.today().isoformat()}
-    measured = {"kind": kind, "command": command, "harmolab": code, **measured, "numbers": numbers}
+    measured = {**measured, "kind": kind, "command": command, "harmolab": code, "numbers": numbers}
     write_json(folder / ROW, {"about": about, "measured": measured})
 
 
@@ -153,27 +121,9 @@ def write_compare_row(name: str, corpus: Path) -> None:
 
 def write_evaluate_row(name: str, table: Path) -> None:
     """Write a row from what `harmolab evaluate` left in a folder."""
-    with reading(table / MARK, "an evaluation") as path:
-        settings = read_json(path)["settings"]
-    clips = pd.read_csv(table / CLIPS, dtype={"seed": str, "dance": str})
-    if failed := int(clips["error"].notna().sum()):
-        raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
-    dances = clips[[column for column in (*NAMES, *MEASURES) if column in clips]]
-    folders = {key: Path(settings[key]).name for key in ("music", "reference")}
-    systems = " ".join(f"--system {system}={Path(folder).name}" for system, folder in settings["systems"].items())
-    options = {key: settings[key] for key in ("protocol", "fps", "scale", "resamples", "seed")}
-    given = " ".join(f"--{key} {value}" for key, value in options.items() if value not in (None, ""))
-    command = f"harmolab evaluate {systems} --music {folders['music']} --reference {folders['reference']} {given}"
-    write_row(
-        name, "evaluate", f"{command} --out table", dances, "%.6g", settings=options,
-        digest=digest([*clips["motion"], *clips["music"]]), recordings=sorted(set(dances["song"])),
-    )  # fmt: skip
-
-
-def read_evidence(folder: Path) -> pd.DataFrame:
-    """The evidence of a row; what stands for no seed or no dance is an empty text."""
-    evidence = pd.read_csv(folder / EVIDENCE, dtype={"seed": str, "dance": str, "recording": str, "song": str})
-    return evidence.fillna(dict.fromkeys(evidence.select_dtypes(exclude="number"), ""))
+    row = submission_of(table)
+    write_text(ROWS / name / FILES, csv_text(row.files))
+    write_row(name, evidence=row.evidence, digits="%.6g", **row.measured)
 
 
 def load_row(folder: Path) -> dict[str, Any]:
@@ -185,37 +135,21 @@ def load_row(folder: Path) -> dict[str, Any]:
         A file or a field is missing, or the numbers do not follow from the evidence; names the row.
     """
     about = _about(folder)
-    measured = _content(folder).get("measured")
+    measured = row_content(folder).get("measured")
     if measured is None:
         raise ValueError(f"{folder / ROW}: holds nothing measured yet; run python -m benchmarks.leaderboard --help")
     numbers = plain(NUMBERS[measured["kind"]](read_evidence(folder), measured["settings"]))
-    if not _is_close(numbers, measured["numbers"]):
+    if not is_close(numbers, measured["numbers"]):
         raise ValueError(f"{folder / ROW}: its numbers do not follow from {EVIDENCE}; make the row anew")
     return {"name": folder.name, "about": about, **measured}
 
 
-def _content(folder: Path) -> Any:
-    with reading(folder / ROW, "a row of the leaderboard") as path:
-        return read_json(path)
-
-
 def _about(folder: Path) -> dict[str, Any]:
     """What people wrote about a row; errors as `load_row`."""
-    about = _content(folder).get("about", {})
+    about = row_content(folder).get("about", {})
     if missing := [name for name in ABOUT if name not in about]:
         raise ValueError(f'{folder / ROW}: "about" lacks {", ".join(missing)}')
     return {name: about[name] for name in ABOUT}
-
-
-def _is_close(a: Any, b: Any) -> bool:
-    """Whether two contents of JSON are the same but for the last digits of their numbers."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(_is_close(a[key], b[key]) for key in a)
-    if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(map(_is_close, a, b))
-    if isinstance(a, float) or isinstance(b, float):
-        return None not in (a, b) and bool(np.isclose(a, b, rtol=1e-9, atol=1e-9))
-    return bool(a == b)
 
 
 def load_rows(folder: Path = ROWS) -> list[dict[str, Any]]:

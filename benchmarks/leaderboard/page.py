@@ -8,6 +8,7 @@ from string import Template
 from typing import Any
 
 from harmolab.lab.evaluate.rows import CONTROLS
+from harmolab.lab.evaluate.submission import TABLE_MEASURES
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.evaluate.tables import number_text
 
@@ -20,10 +21,6 @@ SCORES = {
     "beat_hit_rate": "beat hit rate",
     "mir_eval_f": "F-measure of mir_eval",
 }
-TABLE_MEASURES = (
-    *("harmony", "harmony_dance", "significant", "paper_harmony", "paper_harmony_chance", "beat_align_motion"),
-    *("beat_align_music", "mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness"),
-)
 ARROWS = {1: " ↑", -1: " ↓", 0: ""}
 
 
@@ -86,7 +83,8 @@ def _about(row: Mapping[str, Any]) -> Iterator[str]:
     yield f"- Where to get them: {about['obtain']}"
     yield from [f"- Note: {about['note']}"] if about["note"] else []
     yield from (f"- `{command}`" for command in (*about["commands"], row["command"]))
-    made = f"harmolab {code['version']}, commit {code['commit'][:12]}, {code['date']}, by {about['by']}"
+    copy = f"commit {code['commit'][:12]}" if code.get("commit") else f"sources {code['sources'][:12]}"
+    made = f"harmolab {code['version']}, {copy}, {code['date']}, by {about['by']}"
     folder = f"../benchmarks/leaderboard/rows/{row['name']}"
     yield f"- {made}; files: [{row['name']}]({folder}); digest of the data: {row['digest'][:12]}"
 

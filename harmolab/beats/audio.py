@@ -155,32 +155,18 @@ def librosa_beats(audio: Audio, *, start_tempo: float = 120.0, percussive: bool 
     -------
     BeatTrack; empty for silence
     """
-    key = _key(audio, (start_tempo, percussive))
-    with suppress(KeyError, TypeError, ValueError):  # nothing in the cache, or something else
-        return _frame_track(audio, **(cached_arrays(key) or {}))
-    compile_tracker()
-    arrays = _librosa_frames(audio, start_tempo, percussive=percussive)
-    keep_arrays(key, arrays)
-    return _frame_track(audio, **arrays)
-
-
-def _frame_track(audio: Audio, *, frames: NDArray[Any], strengths: NDArray[Any]) -> BeatTrack:
-    rate = audio.sample_rate / HOP
-    inside = frames / rate <= audio.duration  # a very short sound is padded to a window
-    return BeatTrack(frames[inside] / rate, strengths[inside], rate, audio.duration)
-
-
-def _librosa_frames(audio: Audio, start_tempo: float, *, percussive: bool) -> dict[str, NDArray[Any]]:
-    """Numbers of the beats' frames and the onset strengths there, each (B,)."""
     import librosa
 
+    compile_tracker()
     samples, rate = _window_samples(audio), audio.sample_rate
     if percussive:
         samples = librosa.effects.percussive(samples)
     envelope = librosa.onset.onset_strength(y=samples, sr=rate, aggregate=np.median if percussive else np.mean)
     with np.errstate(invalid="ignore"):  # the compiled tracker of librosa 1.0 warns here, and gives the beats of 0.11
         _, frames = librosa.beat.beat_track(onset_envelope=envelope, sr=rate, start_bpm=start_tempo)
-    return {"frames": frames, "strengths": envelope[frames]}
+    strengths, times = envelope[frames], frames * HOP / rate
+    inside = times <= audio.duration  # a very short sound is padded to a window
+    return BeatTrack(times[inside], strengths[inside], rate / HOP, audio.duration)
 
 
 def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:

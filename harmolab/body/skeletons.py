@@ -6,6 +6,7 @@ Positions are (T, J, 3) metres with y up, or (T, J, 2) image coordinates. Headin
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,7 @@ def _words(name: str) -> list[str]:
     return [piece for word in words for piece in _FUSED.sub(r"\g<0> ", word, count=1).split()]
 
 
+@lru_cache(maxsize=4096)
 def joint_side(name: str) -> str:
     """Side of the body in a joint's name: "left", "right" or "".
 
@@ -83,6 +85,7 @@ def joint_side(name: str) -> str:
     return next((_SIDES[word] for word in _words(name) if word in _SIDES), "")
 
 
+@lru_cache(maxsize=4096)
 def joint_part(name: str) -> str:
     """Part of the body in a joint's name, without side, separators and capitals.
 
@@ -103,6 +106,7 @@ def sides_and_parts(skeleton: Skeleton) -> list[tuple[str, str]]:
     return [(joint_side(name), joint_part(name)) for name in skeleton.joints]
 
 
+@lru_cache(maxsize=64)
 def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     """The joints of each foot, by name: toe, heel, ankle or foot. Left first; joints of no side are feet of their own.
 

@@ -9,7 +9,7 @@ from harmolab.cli.beats import beats
 from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
-from harmolab.cli.evaluating import compare, evaluate, learn
+from harmolab.cli.evaluating import compare, evaluate, learn, merge, submit
 from harmolab.cli.labs import lab
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
@@ -34,7 +34,8 @@ PANELS = {
 for panel, commands in PANELS.items():
     for command in commands:
         app.command(cls=CheckedCommand, rich_help_panel=panel)(command)
-app.command(cls=CommandWithParts.of(compare=compare), rich_help_panel="Many dances")(evaluate)
+of_evaluate = CommandWithParts.of(compare=compare, merge=merge, submit=submit)
+app.command(cls=of_evaluate, rich_help_panel="Many dances")(evaluate)
 for command in (pose, convert, learn):
     data_app.command(cls=CheckedCommand)(command)
 data_app.add_typer(study_app, name="study")

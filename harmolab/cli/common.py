@@ -131,8 +131,7 @@ Up = Annotated[
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab data learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
-    int | None,
-    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without the extra `cluster`).", min=0),
+    int | None, typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without Dask).", min=0)
 ]
 Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
@@ -144,7 +143,7 @@ Force = Annotated[
 def processes(jobs: int | None) -> int:
     """The number of processes of `Jobs`."""
     if jobs is None:
-        jobs = (os.cpu_count() or 1) if find_spec("distributed") and find_spec("pyarrow") else 0
+        jobs = (os.cpu_count() or 1) if find_spec("distributed") else 0
     return jobs
 
 
@@ -346,7 +345,9 @@ def print_table(
 
 # Checks that every command makes of its options before it runs: finite numbers, and files that stay as they are.
 
-OUTPUTS = ("out", "why", "plot", "clicks", "csv")  # parameters that name what a command writes; all others are read
+# Parameters that name what a command writes; all others are read.
+OUTPUTS = ("out", "why", "plot", "clicks", "csv", "save_reference")
+WORDS = {"reference": "synthetic"}  # parameters that may be a word in place of a file
 STEMS = ("weights",)  # parameters that may name two files by what their names begin with
 FOLDERS = ("train",)  # commands whose output is a folder that they look into themselves
 FORCE = "--force"
@@ -475,7 +476,8 @@ def check_inputs(context: typer.Context) -> None:
     """FileNotFoundError for the first file or folder that is told and not there, before any slow import."""
     for name, value in context.params.items():
         for path in () if name in (*OUTPUTS, *STEMS) else _paths(value):
-            if is_told(context, name) and not path.exists() and not path.is_symlink():
+            is_word = str(path) == WORDS.get(name)
+            if is_told(context, name) and not is_word and not path.exists() and not path.is_symlink():
                 raise FileNotFoundError(f"{path}: no such file{'' if path.suffix else ' or folder'}")
 
 

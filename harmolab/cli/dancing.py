@@ -303,6 +303,7 @@ def dance(
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.clips import song_beats
+        from harmolab.lab.evaluate.measured import silent_frames
         from harmolab.metrics.likeness import likeness
         from harmolab.params import DANCES
         from harmolab.types import Clip
@@ -320,7 +321,7 @@ def dance(
             music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
             score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
-            held = None if choreography is None else choreography.held
+            held = silent_frames(motion, audio, track, start=offset) if choreography is None else choreography.held
             judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
             return DanceReport(
                 number, motion, offset, music, score, judged, choreography, dancer.remarks,

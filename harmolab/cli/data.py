@@ -19,6 +19,9 @@ data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or m
 def data_check(path: Path, as_json: AsJson = False) -> None:
     """Contents of a file or corpus, and what is odd about it.
 
+    The exit code is 1 where something cannot be read, or has a fault for which `harmolab evaluate` leaves it out:
+    another unit, another axis, a frame rate below 10, joints of one name, parents in a circle.
+
     Example: `harmolab data check dance.bvh`
 
     Parameters
@@ -29,9 +32,10 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
 
     with plain_errors():
         findings = check(path)
+    is_faulty = any(finding.is_faulty for finding in findings)
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
-        return
+        raise typer.Exit(int(is_faulty))
     headings = ("what", "kind", "frames", "rate", "joints", "seconds", "offset", "note")
     rows, notes = [], []
     for finding in findings:
@@ -41,6 +45,7 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
         notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
         notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
     print_table(headings, rows, str(path), *notes)
+    raise typer.Exit(int(is_faulty))
 
 
 def _short(name: str, root: Path) -> str:

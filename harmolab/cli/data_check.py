@@ -8,9 +8,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from harmolab.data import recordings as tang2018
+from harmolab.data.oddities import (
+    Oddity,
+    beat_oddities,
+    body_oddities,
+    late_end,
+    motion_oddities,
+    sound_oddities,
+    span_oddities,
+)
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion
 from harmolab.files import MissingFrameRate, PathLike
 from harmolab.musician import performances
@@ -18,13 +25,9 @@ from harmolab.readers.audio import audio_info, load_audio
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.keypoints import FRAME_ENDS
 from harmolab.readers.player_points import BODY, SIDES, hand_joints
-from harmolab.types import Audio, Motion
+from harmolab.types import Motion
 
-MAX_SPEED = 10.0
-FROZEN_SECONDS = 0.5
 LEAST_DETECTED = 0.8  # share of frames
-_STILL_METRES = 1e-4
-_HEIGHTS = (0.8, 2.5)
 _MAX_FILES = 10_000
 
 _SOUND = (".wav", ".flac", ".ogg", ".mp3")
@@ -69,6 +72,11 @@ class FileSummary:
     note: str = ""
     odd: tuple[str, ...] = ()
     how: tuple[str, ...] = ()
+
+    @property
+    def is_faulty(self) -> bool:
+        """True for what cannot be read, and for what has a fault (`harmolab.data.oddities`)."""
+        return self.kind == "unreadable" or any(isinstance(one, Oddity) and one.is_fault for one in self.odd)
 
 
 def check(path: PathLike) -> list[FileSummary]:
@@ -157,16 +165,8 @@ def _sound(path: Path) -> FileSummary:
     note = f"{info.format}, mono" if info.channels == 1 else f"{info.format}, {info.channels} channels"
     odd: tuple[str, ...] = ("longer than an hour: read spans of it; its samples were not looked at",)
     if info.seconds <= 3600:
-        odd = _odd_sound(load_audio(path, sample_rate=None))
+        odd = sound_oddities(load_audio(path, sample_rate=None))
     return FileSummary(str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=note, odd=odd)
-
-
-def _odd_sound(audio: Audio) -> tuple[str, ...]:
-    """Odd things in samples."""
-    peak = float(np.abs(audio.samples).max())
-    if peak == 0:
-        return ("silent from beginning to end",)
-    return (f"amplitudes reach {peak:.3g}; full scale is 1",) if peak > 2 else ()
 
 
 def _beats(path: Path) -> FileSummary:
@@ -177,12 +177,8 @@ def _beats(path: Path) -> FileSummary:
     facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
     facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
     facts += [f"{len(annotation.units)} units"] if annotation.units else []
-    steps = np.diff(annotation.times)
-    odd = []
-    if steps.size and steps.max() > 2.5 * np.median(steps):
-        last = annotation.times[int(np.argmax(steps))]
-        odd.append(f"no beat for {steps.max():.2f} s after {last:.2f} s, others are {np.median(steps):.2f} s apart")
-    return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
+    odd = beat_oddities(annotation.times)
+    return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=odd)
 
 
 def _motion(path: Path) -> FileSummary:
@@ -193,15 +189,14 @@ def _motion(path: Path) -> FileSummary:
         file, has_rate = read_any_motion(path, fps=25.0), False
     row = _motion_row(path, file.motion)
     row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
-    odd = ("holds no frame rate: pass fps", *_shape_oddities(file.motion))
+    odd = ("holds no frame rate: pass fps", *body_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 
 
 def _motion_row(path: Path, motion: Motion) -> FileSummary:
     """The row that describes a motion."""
     frames, joints, dimensions = motion.positions.shape
-    odd = (*_shape_oddities(motion), *_frozen(motion), *_too_fast(motion))
-    note = f"{dimensions}-D"
+    note, odd = f"{dimensions}-D", motion_oddities(motion)
     return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
 
 
@@ -215,9 +210,8 @@ def _recording(folder: Path) -> FileSummary:
     if annotation is not None:
         facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
     row = _motion_row(folder, motion)
-    beyond = clip.offset + motion.duration - clip.audio.duration
-    late = (f"the motion ends {beyond:.2f} s after the audio",) if beyond > 0.1 else ()
-    odd = (*_odd_span(folder, motion), *_odd_sound(clip.audio), *row.odd, *late)
+    late = late_end(clip.offset, motion, clip.audio)
+    odd = (*span_oddities(folder, motion), *sound_oddities(clip.audio), *row.odd, *late)
     return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
 
 
@@ -232,7 +226,7 @@ def _performance(folder: Path) -> FileSummary:
     audio, notes = performance.audio, performance.notes
     facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
     facts += [] if notes is None else [f"{len(notes)} notes"]
-    odd = [*(("no sound",) if audio is None else _odd_sound(audio)), *row.odd, *_odd_hands(performance)]
+    odd = [*(("no sound",) if audio is None else sound_oddities(audio)), *row.odd, *_odd_hands(performance)]
     if not has_rate:
         row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
     return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))
@@ -249,57 +243,3 @@ def _odd_hands(performance: performances.Performance) -> Iterator[str]:
             yield f"no point of the {group}"
         elif share < LEAST_DETECTED:
             yield f"all its points of the {group} are detected in {share:.0%} of the frames only"
-
-
-def _odd_span(folder: Path, motion: Motion) -> list[str]:
-    """One sentence where the length of a motion differs from its config.json; none where they agree."""
-    if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
-        return []
-    span = tang2018.load_config(folder / "config.json")
-    frames = span.end - span.start
-    short = frames - motion.n_frames
-    relation = "shorter" if short > 0 else "longer"
-    return [f"{_frames(abs(short))} {relation} than config.json says ({frames})"] if short else []
-
-
-def _shape_oddities(motion: Motion) -> list[str]:
-    """Odd things at any frame rate: frames that are not valid, a body of unlikely size."""
-    odd = []
-    if filler := int((~motion.valid).sum()):
-        odd.append(f"{filler} of {motion.n_frames} frames are filler (splices, unseen joints)")
-    if motion.positions.shape[2] == 3:
-        extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
-        if not _HEIGHTS[0] <= extent <= _HEIGHTS[1]:
-            odd.append(f"the body extends over {extent:.3g} m: other units? pass scale (--scale)")
-    return odd
-
-
-def _frozen(motion: Motion) -> list[str]:
-    """Stretches of half a second and more in which no joint moves."""
-    size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
-    still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
-    runs = [run for run in tang2018.true_runs(still) if (run[1] - run[0]) / motion.fps >= FROZEN_SECONDS]
-    if not runs:
-        return []
-    first, last = max(runs, key=lambda run: run[1] - run[0])
-    times = "once" if len(runs) == 1 else f"{len(runs)} times"
-    return [f"frozen {times}, longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"]
-
-
-def _too_fast(motion: Motion) -> list[str]:
-    """Valid frames in which a joint of a 3-D motion is faster than 10 m/s."""
-    if motion.positions.shape[2] != 3:
-        return []
-    speed = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2) * motion.fps
-    speed[~motion.valid[1:]] = 0.0
-    if speed.max() <= MAX_SPEED:
-        return []
-    frames = _frames(int((speed.max(axis=1) > MAX_SPEED).sum()))
-    frame, joint = divmod(int(np.argmax(speed)), speed.shape[1])
-    peak = f"{speed.max():.1f} m/s ({motion.skeleton.joints[joint]}, {(frame + 1) / motion.fps:.2f} s)"
-    return [f"faster than {MAX_SPEED:g} m/s in {frames}, up to {peak}"]
-
-
-def _frames(count: int) -> str:
-    """A number of frames in words."""
-    return "1 frame" if count == 1 else f"{count} frames"

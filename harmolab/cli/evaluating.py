@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,24 +33,38 @@ def evaluate(
     generated: Annotated[Path | None, typer.Argument(metavar="GENERATED")] = None,
     system: Annotated[list[str] | None, typer.Option(metavar="NAME=FOLDER")] = None,
     pairs: Path | None = None,
-    protocol: Annotated[str, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))] = "",
-    fps: common.Fps = None,
+    slice_stride: Annotated[float | None, typer.Option(metavar="SECONDS", min=0.0)] = None,
+    seed_frames: Annotated[list[str] | None, typer.Option(metavar="[NAME=]FRAMES")] = None,
+    protocol: Annotated[
+        list[str] | None, typer.Option(autocompletion=common.completed("aist++", "edge", "bailando"))
+    ] = None,
+    fps: Annotated[list[str] | None, typer.Option(metavar="[NAME=]RATE")] = None,
     scale: common.Scale = None,
     smpl: common.Smpl = None,
     up: common.Up = None,
     pose_net: Path | None = None,
+    save_reference: Path | None = None,
+    shard: Annotated[str, typer.Option(metavar="I/N")] = "",
     resamples: Annotated[int, typer.Option(min=100)] = 4000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: common.Jobs = None,
     scheduler: common.Scheduler = "",
     resume: common.Resume = False,
     force: common.Force = False,
+    allow_missing: Annotated[bool, typer.Option("--allow-missing")] = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
     every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
+
+    Where in its song a dance begins, the column offset of --pairs says, the number of a slice (`mBR0_slice7.pkl` with
+    --slice-stride 0.5: 3.5 s), or a file of harmolab; a dance of which nothing says it is taken to begin with the song,
+    and the table says so. EDGE's test.py begins anywhere, and does not write where.
+
+    A dance that cannot be read, is of another unit or axis, or goes with no song is in no number; it is named, and the
+    exit code is 1, or 0 with --allow-missing.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.
@@ -61,6 +78,11 @@ def evaluate(
     `mBR0.wav` and so on, and `motions` the pickles of AIST++, `gBR_sBM_cAll_d04_mBR0_ch01.pkl` and so on, at 60 frames
     a second; `generated` has the same names, or `mBR0.pkl`.
 
+    FACT's dances without the two seconds that it is given: `harmolab evaluate outputs --seed-frames 120 --fps 60
+    --music songs --reference motions --out table`
+
+    For the public page of numbers: `harmolab evaluate submit table --out my_row` makes and checks what you send.
+
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
 
@@ -68,34 +90,106 @@ def evaluate(
     ----------
     music : Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats beside a song holds its
         beats, else they are tracked.
-    reference : Folder of recorded dances, the controls of the table.
+    reference : Folder of recorded dances, the controls of the table; or a file of --save-reference; or synthetic, for
+        the one that comes with harmolab.
     out : Folder for the table: csv, json, LaTeX and an HTML page.
     generated : Folder of generated dances; one subfolder a seed.
     system : Another system to compare; can be repeated.
-    pairs : CSV with the columns motion, music and perhaps system, seed, in place of names.
-    protocol : Also the numbers of a published code: aist++, edge, bailando.
+    pairs : CSV with the columns motion, music and perhaps system, seed, offset (seconds into the song at which the
+        file begins), in place of names.
+    fps : Frame rate of files that hold none. With a name, of that system's or of `recorded`; can be repeated.
+    slice_stride : Seconds between the starts of two slices of a song, for files named by their slice.
+    seed_frames : Frames at the start of each dance that the system was given, left out: 120 for FACT. With a name, of
+        that system; can be repeated.
+    protocol : Also the numbers of a published code: aist++, edge, bailando; can be repeated.
     pose_net : Pose network of `harmolab train`, for FID (default: the shipped one).
+    save_reference : Also write the measured recorded dances into one file (npz), for --reference and for
+        `harmolab.evaluate`: numbers and names, no movement.
+    shard : Measure one of N parts into --out, such as 2/4, and make no table: `harmolab evaluate merge` does.
     resamples : Resamplings of the songs behind each interval.
     seed : Seed of the resampling.
+    allow_missing : Exit code 0 though some dances could not be measured.
     """
-    from harmolab.lab.evaluate.evaluation import evaluate_dances
+    from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
+    from harmolab.lab.evaluate.shards import Shard, measure_shard
 
     with plain_errors():
         common.check_pages("--out")
+        if save_reference is not None:
+            common.check_out(save_reference, "a reference", (".npz",))
         settings = _settings(
-            generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
+            generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),
+            fps=_by_system("fps", fps or []),
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
+            slice_stride=slice_stride, seed_frames=_by_system("seed-frames", seed_frames or [], whole=True) or 0,
         )  # fmt: skip
-        evaluation = evaluate_dances(
+        measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
+        evaluation = measure(
             settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
             progress=progress,
         )  # fmt: skip
-        from harmolab.lab.evaluate.page import write_evaluation
+        if isinstance(evaluation, int):
+            typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
+            return
+        if save_reference is not None:
+            write_reference(save_reference, evaluation, out)
+            wrote(save_reference)
+        _write(out, evaluation, allow_missing=allow_missing)
 
-        paths = write_evaluation(out, evaluation)
+
+def merge(
+    shards: list[Path],
+    out: Annotated[Path, typer.Option()],
+    allow_missing: Annotated[bool, typer.Option("--allow-missing")] = False,
+    force: common.Force = False,
+) -> None:
+    """The table of all shards of an evaluation: to the last bit that of one run.
+
+    Dances, songs and recorded dances are looked up where the shards had them.
+
+    Example: `harmolab evaluate merge shards/* --out table`
+
+    Parameters
+    ----------
+    shards : Folders of all shards, each of which `harmolab evaluate --shard` has filled.
+    out : Folder for the table.
+    allow_missing : Exit code 0 though some dances could not be measured.
+    """
+    from harmolab.lab.evaluate.shards import merge_shards
+
+    with plain_errors():
+        common.check_pages("--out")
+        _write(out, merge_shards(shards, out, force=force, progress=progress), allow_missing=allow_missing)
+
+
+def _write(out: Path, evaluation: Evaluation, *, allow_missing: bool) -> None:
+    """Write the files of a table, and print what is most important; exit code 1 where dances are missing."""
+    from harmolab.lab.evaluate.page import write_evaluation
+
+    paths = write_evaluation(out, evaluation)
     _print(evaluation)
     for path in paths.values():
         wrote(path)
+    if evaluation.missing and not allow_missing:
+        note(f"{evaluation.missing} dances were not measured: exit code 1; --allow-missing makes it 0")
+        raise typer.Exit(1)
+
+
+def _by_system(option: str, texts: list[str], *, whole: bool = False) -> Any:
+    """The number of all systems, or those by system; None without texts. ValueError for a text that is neither."""
+    numbers: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.rpartition("=")
+        try:
+            numbers[name.strip()] = int(number) if whole else float(number)
+        except ValueError:
+            kind = "a whole number" if whole else "a number"
+            raise ValueError(f"--{option} {text}: write {kind}, or NAME= and {kind} for one system") from None
+        if not 0 <= numbers[name.strip()] < math.inf:
+            raise ValueError(f"--{option} must be a finite number, not negative, got {text}")
+    if "" in numbers and len(texts) > 1:
+        raise ValueError(f"--{option}: write one number for all systems, or one with a name for each")
+    return numbers.get("", numbers) if texts else None
 
 
 def _settings(generated: Path | None, systems: list[str], **others: object) -> EvaluationSettings:
@@ -120,17 +214,20 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
 
 
 def _print(evaluation: Evaluation) -> None:
-    """The most important measures, as many systems beside one another as fit, the remarks, and what was left out."""
+    """The most important measures, as many systems beside one another as fit, findings, remarks, what was left out."""
     from rich.console import Console
 
+    from harmolab.lab.evaluate.findings import findings
     from harmolab.lab.evaluate.tables import table_notes, table_records
 
     records = table_records(evaluation)
     beside = max(1, (Console().width - NAME_WIDTH) // CELL_WIDTH)
+    measured = {name: counts.text for name, counts in evaluation.counts.items()}
+    names = [name for name in (*evaluation.measures, *evaluation.set_measures) if name in KEY or " " in name]
     for first in range(0, len(records), beside):
-        _print_table(records[first : first + beside])
-    for remark in table_notes(evaluation):
-        typer.echo(printable(remark))
+        _print_table(records[first : first + beside], names, measured)
+    for sentence in (*findings(evaluation), *table_notes(evaluation)):
+        typer.echo(printable(sentence))
     left_out = [*evaluation.errors, *evaluation.unpaired]
     for one in left_out[:NAMED]:
         note(f"left out: {one.file}: {one.reason}")
@@ -138,19 +235,50 @@ def _print(evaluation: Evaluation) -> None:
         note(f"left out: {len(left_out) - NAMED} more files, in table.json")
 
 
-def _print_table(records: list[dict[str, Any]]) -> None:
-    """A table with a column a record."""
+def _print_table(records: list[dict[str, Any]], measures: Sequence[str], measured: dict[str, str]) -> None:
+    """A table with a column a record, and a line a measure; `measured` are the numbers of dances by system, as text."""
     from rich.markup import escape
     from rich.table import Column
 
     from harmolab.lab.evaluate.tables import number_text
 
-    names = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
-    rows = [[count, *(str(record[count]) for record in records)] for count in ("dances", "songs", "seeds")]
-    for name in (name for name in KEY if name in records[0]):
+    systems = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
+    rows = [["dances", *(measured[record["system"]] for record in records)]]
+    rows += [[count, *(str(record[count]) for record in records)] for count in ("songs", "seeds")]
+    for name in measures:
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
         rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])
-    common.print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
+    common.print_table([Column(no_wrap=True), *systems], rows, "means over songs (rank), by columns of table.csv")
+
+
+def submit(folder: Path, out: Path | None = None) -> None:
+    """A row for the leaderboard: make its folder from a table, or check one.
+
+    The folder holds the measures of every dance, the means that are computed from them, command and versions, and the
+    hashes of all files; no motion and no sound. In its row.json you write what the data are. A check computes the
+    numbers anew from the folder's own tables and says what is missing: exit code 1 until nothing is.
+
+    Example: `harmolab evaluate submit table --out my_row`
+
+    Example: `harmolab evaluate submit my_row`
+
+    Parameters
+    ----------
+    folder : Folder that `harmolab evaluate --out` wrote; without --out the folder of a row, to be checked.
+    out : Folder to make of it.
+    """
+    from harmolab.lab.evaluate.submission import ROW, submission_faults, write_submission
+
+    with plain_errors():
+        if out is not None:
+            write_submission(folder, out)
+            wrote(out / ROW)
+        faults = submission_faults(out or folder)
+    for fault in faults:
+        typer.echo(printable(fault))
+    if not faults:
+        typer.echo("nothing is missing: the numbers follow from the files")
+    raise typer.Exit(int(bool(faults) and out is None))
 
 
 # `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.

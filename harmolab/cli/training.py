@@ -1,18 +1,24 @@
 """`harmolab train`: from folders of recordings to a system that dances or plays, or to a part of one."""
 
+import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from harmolab.cli.common import completed, is_told
 from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
-TRAIN_HINT = "in a copy of harmolab, run: pip install '.[train]'"
+if TYPE_CHECKING:
+    from harmolab.types import BeatTrack, Motion
+
+TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors tensorboardX torch"
+# Measures of `harmolab evaluate` that some seconds of movement have: harmony needs more.
+VALIDATED = ("beat_align_motion", "beat_align_music", "mir_eval_f", "foot_skating", "freezing", "jerk")
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
@@ -49,7 +55,7 @@ def train(
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
     generator (the paper's epochs: 225 and 45). history.csv has every loss term and the scores on the validation units,
-    epoch by epoch; so has `tensorboard --logdir RUN`.
+    with measures of `harmolab evaluate`, epoch by epoch; so has `tensorboard --logdir RUN`.
 
     **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
 
@@ -125,8 +131,10 @@ def train(
     with plain_errors(), epoch_bar() as report:
         try:
             from harmolab.systems.contract import PARTS, PLAYERS, trainable
+            from harmolab.systems.training.checkpoints import TrainOptions
 
-            extras = {"report": report, "notice": _notice if first else lambda line: None, "progress": progress}
+            notice = _notice if first else TrainOptions.notice
+            extras = {"report": report, "notice": notice, "progress": progress, "measure": measured}
             learner = trainable(system)
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
@@ -145,6 +153,14 @@ def _notice(line: str) -> None:
         typer.echo(line, err=True)
     else:
         note(line)
+
+
+def measured(motions: Sequence["Motion"], beats: Sequence["BeatTrack"]) -> dict[str, float]:
+    """The numbers of `harmolab evaluate` for dances to validation units, those of `VALIDATED` that there are."""
+    from harmolab.lab.evaluate.metric import evaluate
+
+    numbers = evaluate(motions, beats)
+    return {name: numbers[name] for name in VALIDATED if math.isfinite(numbers[name])}
 
 
 def accepted(function: Callable[..., Any], context: typer.Context, extras: Mapping[str, Any]) -> dict[str, Any]:

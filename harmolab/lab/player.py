@@ -3,6 +3,7 @@
 import base64
 import io
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -26,6 +27,7 @@ from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
 
 # The movement of one dancer as a player's page holds it: positions, parts of the drawn person, and the camera.
@@ -178,6 +180,7 @@ PLAIN_FACTS: Mapping[str, str] = {
 }
 
 
+IN_TIME = 2  # the least level of a verdict that says that a dance is in time
 HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
@@ -294,6 +297,7 @@ def player_of(
     facts: Mapping[str, str] | None = None,
     params: HarmonyParams | None = None,
     command: str = "",
+    looks: int = 1,
 ) -> Player:
     """A player of a clip, or of two dances to the same music side by side, cut to what music and motions share.
 
@@ -304,6 +308,8 @@ def player_of(
     seconds : float, length; to the end of the music when left out
     title, facts, command : as in `Player`; left out, the facts are the verdict on each dance and its number
     params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
+    looks : int, dances among which a clip was picked by its harmony: the page says no verdict that does not hold for so
+        many (Bonferroni)
 
     Raises
     ------
@@ -326,7 +332,7 @@ def player_of(
             (each if is_whole else each.span(begins, length)).shared()
             for each in (replace(clip, beats=beats), replace(_alike(clip, first), beats=beats))
         )
-        dancers.append(_scored(original, picture, params))
+        dancers.append(_picked(_scored(original, picture, params), looks))
         spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
     if facts is None:
@@ -341,6 +347,21 @@ def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Danc
     motion, score = cast(Motion, picture.motion), score_clip(picture, params)
     is_same = cast(Motion, original.motion).fps == motion.fps
     return Dancer(picture.name, motion, score, None if is_same else score_clip(original, params))
+
+
+def _picked(dancer: Dancer, looks: int) -> Dancer:
+    """The dancer, without a verdict of being in time that may be the luck of the best of so many dances."""
+    judgement = (dancer.number or dancer.score).judgement
+    if looks < 2 or judgement is None or judgement.level < IN_TIME:
+        return dancer
+    p = judgement.p_harmony
+    luck = min(1.0, looks * p)
+    if luck <= ALPHA:
+        return dancer
+    return replace(
+        dancer,
+        instead=f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many.",
+    )
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
@@ -360,6 +381,8 @@ def _facts(dancer: Dancer) -> dict[str, str]:
     if score.judgement is None:
         return facts
     level = f"{score.judgement.level} of 4: {' '.join([score.judgement.verdict, *score.judgement.remarks])}"
+    if dancer.instead:
+        return {f"{dancer.name}: level": dancer.instead}
     return {f"{dancer.name}: level": level} | facts
 
 
@@ -463,7 +486,29 @@ def coded_sound(audio: Audio, duration: float) -> dict[str, Any]:
     with soundfile.SoundFile(stream, "w", rate, 1, format="OGG", subtype="VORBIS") as file:
         for first in range(0, samples.size, BLOCK):
             file.write(samples[first : first + BLOCK])
-    return {"rate": rate, "ogg": base64.b64encode(stream.getvalue()).decode()}
+    return {"rate": rate, "ogg": base64.b64encode(_numbered(stream.getvalue())).decode()}
+
+
+def _numbered(stream: bytes) -> bytes:
+    """An Ogg stream with 1 in place of its number, which libsndfile draws at random: the same sound, the same bytes.
+
+    Each page has the number at byte 14, its checksum at 22, and the lengths of its parts from 27 on (RFC 3533).
+    """
+    pages, start = bytearray(stream), 0
+    while start < len(pages):
+        body = start + 27 + pages[start + 26]
+        end = body + sum(pages[start + 27 : body])
+        pages[start + 14 : start + 18] = (1).to_bytes(4, "little")
+        pages[start + 22 : start + 26] = bytes(4)
+        pages[start + 22 : start + 26] = _checksum(bytes(pages[start:end])).to_bytes(4, "little")
+        start = end
+    return bytes(pages)
+
+
+def _checksum(page: bytes) -> int:
+    """The checksum of an Ogg page: zlib's from 0, with the bits of each byte and of the sum in the other order."""
+    mirrored = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+    return int(f"{zlib.crc32(page.translate(mirrored), 0xFFFFFFFF) ^ 0xFFFFFFFF:032b}"[::-1], 2)
 
 
 # A page to begin with, made of what comes with harmolab: one dance twice, in time with its music and late.

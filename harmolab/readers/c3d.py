@@ -1,4 +1,4 @@
-"""Markers of a c3d file to Motion, through the library ezc3d: `pip install '.[c3d]'`.
+"""Markers of a c3d file to Motion, through the library ezc3d: `pip install ezc3d`.
 
 Markers become joints without bones. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A frame
 in which a marker is missing is filled in by a straight line in time and marked not valid. The axis that points up is
@@ -44,7 +44,7 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
     """
     with reading(path, "a c3d motion") as file:
         if find_spec("ezc3d") is None:
-            raise ValueError("to read c3d, install ezc3d; in a copy of harmolab, run: pip install '.[c3d]'")
+            raise ValueError("to read c3d, install ezc3d: pip install ezc3d")
         options.check_no_body()
         arrays = _content(file)
         points, present = _points(arrays)

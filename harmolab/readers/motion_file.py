@@ -120,6 +120,16 @@ def stated_up(positions: FloatArray, own: str, reason: str, options: ReadingOpti
     return turned_upright(positions, up), f"{up} up ({why}){', turned to y up' if up == 'z' else ''}"
 
 
+def head_above_feet(positions: FloatArray, names: Sequence[str]) -> FloatArray | None:
+    """The way from the feet to the head in each frame, (T, 3) of positions (T, J, 3); None where no names say them."""
+    head = [joint for joint, name in enumerate(names) if _HEAD.search(name.rpartition(":")[2])]
+    feet = [joint for joint, name in enumerate(names) if _FEET.search(name.rpartition(":")[2])]
+    if not (head and feet):
+        return None
+    way: FloatArray = positions[:, head].mean(axis=1) - positions[:, feet].mean(axis=1)
+    return way
+
+
 def guessed_up(positions: FloatArray, names: Sequence[str], options: ReadingOptions) -> tuple[FloatArray, str]:
     """Positions with y up and a sentence, where nothing in the file tells: the way from feet to head decides.
 
@@ -127,10 +137,8 @@ def guessed_up(positions: FloatArray, names: Sequence[str], options: ReadingOpti
     """
     if options.up:
         return stated_up(positions, "", "", options)
-    head = [joint for joint, name in enumerate(names) if _HEAD.search(name.rpartition(":")[2])]
-    feet = [joint for joint, name in enumerate(names) if _FEET.search(name.rpartition(":")[2])]
-    if head and feet:
-        way = np.median(positions[:, head].mean(axis=1) - positions[:, feet].mean(axis=1), axis=0)
+    if (ways := head_above_feet(positions, names)) is not None:
+        way = np.median(ways, axis=0)
         for axis, up in ((1, "y"), (2, "z")):
             if np.isfinite(way).all() and way[axis] > UPRIGHT * np.linalg.norm(way):
                 reason = f"guessed: the head is {way[axis]:.2f} m from the feet along {up}, median; --up overrules it"

@@ -308,9 +308,9 @@ _EDGE_HINT = " (EDGE's own settings make 30)"
 _FACT_HINT = " (FACT's own settings make 60)"
 _MOST_BETAS = 1000
 _LODGE = "SMPL vectors of LODGE or FineDance"
-_SEED = Assumption(
+FACT_SEED = Assumption(
     "all frames are the dance: the first 120 too, which are recorded where FACT's own script wrote the file",
-    "the first 120 frames, FACT's recorded seed, left in",
+    "the first 120 frames, FACT's recorded seed, left in (--seed-frames 120 leaves them out)",
 )
 
 
@@ -376,7 +376,7 @@ def vector_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
     axis = ("y", "as FACT writes") if is_fact else ("", "")
     motion, notes = _placed(turns, places, rate, axis, body_for(options.smpl), options)
     layout = f"{values.shape[1]} numbers a frame: {first}translation, rotations"
-    return MotionFile(motion, kind, (layout, note, *notes, *([_SEED] if is_fact else [])))
+    return MotionFile(motion, kind, (layout, note, *notes, *([FACT_SEED] if is_fact else [])))
 
 
 def _kind(content: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -83,6 +83,7 @@ from .figures.results import rates_figure as rates_figure
 from .figures.results import study_title as study_title
 from .figures.sheets import beat_sheet as beat_sheet
 from .figures.sheets import contact_sheet as contact_sheet
+from .figures.sheets import save_blind_sheets as save_blind_sheets
 from .figures.variants import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.variants import LOOKS as LOOKS
 from .figures.variants import MEASURES as MEASURES

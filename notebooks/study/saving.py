@@ -67,6 +67,7 @@ class About(TypedDict):
     seed : the profile's when left out
     title : one line for the report's index
     trained : whether it shows what a network does; of a quick profile the figure then says that it is not trained
+    private : whether it shows recorded people who may be looked at here alone: it is in the report, and not published
     """
 
     notebook: str
@@ -75,6 +76,7 @@ class About(TypedDict):
     seed: NotRequired[int]
     title: NotRequired[str]
     trained: NotRequired[bool]
+    private: NotRequired[bool]
 
 
 def save_figure(figure: Figure, name: str, *, tables: Sequence[str] | None = None, **about: Unpack[About]) -> Saved:
@@ -171,6 +173,7 @@ def _recorded(name: str, suffix: str, more: Mapping[str, Any], **about: Unpack[A
         "source": about["source"],
         "title": about.get("title", ""),
         "version": version("harmolab"),
+        **({"private": True} if about.get("private", False) else {}),
         **more,
     }
     manifest = folder / MANIFEST

@@ -22,8 +22,9 @@ from harmolab.data.recordings import Problem, load_recording
 from harmolab.files import PathLike, Progress, plain, reading
 from harmolab.lab.compare.scores import RecordingVerdict, ScoredClip, recording_verdict, scored_clip
 from harmolab.lab.compare.windows import cut_clips
-from harmolab.lab.evaluate.engine import ERROR, part_path, run_rows
+from harmolab.lab.evaluate.engine import ERROR, run_rows
 from harmolab.lab.evaluate.pairing import input_stamp
+from harmolab.lab.evaluate.parts import part_path
 from harmolab.types import FloatArray
 
 # Records of arrays as cells of a table, and back to the last bit: one text, and one list of all numbers in

@@ -1,13 +1,8 @@
 """One measurement for every task, in this process, in several, or on a cluster: the same table from all of them.
 
-Rows are handed to the client in the order of the tasks and stand in Parquet parts (`harmolab.lab.evaluate.engine`), so
-a run that was stopped goes on where it was. Tasks in flight and rows that wait for an earlier one are bounded, so
-memory does not grow with their number.
-
-Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it grows.
-
-So the files are the same however often the run was stopped, whoever measured the rows, and what is done is read off
-them: every row stands there once or not yet. Needs pyarrow (``pip install '.[cluster]'``).
+Rows are handed to the client in the order of the tasks and stand in parts (`harmolab.lab.evaluate.parts`), so a run
+that was stopped goes on where it was. Tasks in flight and rows that wait for an earlier one are bounded, so memory does
+not grow with their number. Several processes need dask (``pip install "dask[distributed]"``).
 """
 
 from __future__ import annotations
@@ -15,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import platform
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,103 +21,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from uuid import uuid4
 
-import numpy as np
 from filelock import FileLock, Timeout
 
-from harmolab.files import PathLike, Progress, atomic_write, plain, read_json, reading, silent, write_json
-from harmolab.systems.training.about import write_synced
+from harmolab.files import PathLike, Progress, plain, read_json, reading, silent, write_json
+from harmolab.lab.evaluate.parts import PART_ROWS, STAMP, Row, cell, part_frames, part_path, part_texts, write_parts
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pyarrow
     from distributed import Client, Scheduler
-
-Row = Mapping[str, Any]
 
 FORMAT = "harmolab rows 1"
 MANIFEST = "run.json"
 KEY, ERROR = "key", "error"  # the first two columns of every row
-STAMP = "inputs"  # column of the parts, not of the table: the state of the files that a row was measured from
-PART_ROWS = 1024
-FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are being measured
-_WHAT = "a part of a table"
-
-
-def check_installed(*packages: str) -> None:
-    """ValueError unless these packages, which not every harmolab needs, are installed."""
-    for name in packages:
-        if find_spec(name) is None:
-            raise ValueError(f"this needs {name}; in a copy of harmolab, run: pip install '.[cluster]'")
-
-
-def part_path(folder: Path, number: int) -> Path:
-    """The file of one part of the run in `folder`."""
-    return folder / f"part-{number:07d}.parquet"
-
-
-def cell(value: Any) -> Any:
-    """A value as a Parquet column holds it: text, a number, None, or a list of numbers; ValueError for another.
-
-    >>> cell(np.float64(0.5)), cell(np.arange(2))
-    (0.5, [0, 1])
-    """
-    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    if isinstance(plain, list | tuple) and all(isinstance(one, int | float) for one in plain):
-        return list(plain)
-    if plain is None or isinstance(plain, str | int | float):
-        return plain
-    raise ValueError(f"a table holds text, numbers and lists of numbers, not {type(value).__name__}")
-
-
-def write_part(path: Path, rows: Sequence[Row]) -> None:
-    """Write the rows of a part, whole or not at all, and on disk when this returns.
-
-    Columns stand in the order in which they first appear; what a row does not have is missing there.
-
-    Raises
-    ------
-    ValueError
-        For text and numbers in one column; names the file and the column.
-    """
-    import pyarrow.parquet
-
-    columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
-    table = pyarrow.table({name: _column(path, name, values) for name, values in columns.items()})
-    buffer = pyarrow.BufferOutputStream()
-    pyarrow.parquet.write_table(table, buffer, compression="zstd", write_page_checksum=True)
-    with atomic_write(path) as part:
-        write_synced(part, buffer.getvalue().to_pybytes())
-
-
-def _column(path: Path, name: str, values: list[Any]) -> pyarrow.Array[Any]:
-    import pyarrow
-
-    try:
-        return pyarrow.array(values)
-    except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError) as error:
-        raise ValueError(f"{path}: values of several kinds in the column {name!r} ({error})") from None
-
-
-def part_rows(path: Path) -> list[dict[str, Any]]:
-    """The rows of a part, as they were written; ValueError for a damaged file."""
-    with reading(path, _WHAT):
-        return _table(path).to_pylist()
-
-
-def part_texts(path: Path, column: str) -> list[str]:
-    """A column of a part's rows; empty where there is no part, half of one, or no such column."""
-    try:
-        with reading(path, _WHAT):
-            return _table(path, [column])[column].to_pylist()
-    except (ValueError, FileNotFoundError):
-        return []
-
-
-def _table(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
-    import pyarrow.parquet
-
-    with pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file:
-        return file.read(columns, use_threads=False)
 
 
 def read_manifest(folder: PathLike) -> dict[str, Any]:
@@ -152,59 +61,8 @@ def read_rows(folder: PathLike) -> Iterator[pd.DataFrame]:
     FileNotFoundError, ValueError
         Without a run in the folder, for a damaged part, and for a run that is not finished.
     """
-    check_installed("pyarrow")
     folder = Path(folder)
-    count = read_manifest(folder)["rows"]
-    paths = sorted(folder.glob("part-*.parquet"))
-    schema = _common_schema(folder, paths, count)
-    return (_frame(path, schema) for path in paths)
-
-
-def _common_schema(folder: Path, paths: Sequence[Path], count: int) -> pyarrow.Schema:
-    """All columns of the parts with types that hold them, read from their footers alone."""
-    import pyarrow.parquet
-
-    schema, rows = pyarrow.schema([]), 0
-    for path in paths:
-        with reading(path, _WHAT), pyarrow.parquet.ParquetFile(path) as file:
-            schema = pyarrow.unify_schemas([schema, file.schema_arrow], promote_options="permissive")
-            rows += file.metadata.num_rows
-    if rows != count:
-        raise ValueError(f"{folder}: holds {rows} of {count} rows; go on with --resume, or begin anew with --force")
-    return pyarrow.schema([column for column in schema if column.name != STAMP])
-
-
-def _frame(path: Path, schema: pyarrow.Schema) -> pd.DataFrame:
-    import pyarrow
-
-    with reading(path, _WHAT):
-        table = _table(path)
-        own = table.select([name for name in table.column_names if name != STAMP])
-        both = pyarrow.concat_tables([schema.empty_table(), own], promote_options="permissive")
-        return both.to_pandas(use_threads=False)
-
-
-def write_parts(folder: Path, size: int, rows: Iterable[tuple[int, Row]]) -> None:
-    """Write (number, row) that come in their order into the parts of a folder; some may be there already.
-
-    A part is written when it is full, every `FLUSH_SECONDS`, and at the end, be it by an error.
-    """
-    part: list[Row] = []
-    path, last, is_written = folder, time.monotonic(), True
-    try:
-        for index, row in rows:
-            number, place = divmod(index, size)
-            if path != part_path(folder, number):  # a part is full before the next one begins
-                path = part_path(folder, number)
-                part = [*part_rows(path)[:place]] if place else []
-            part.append(row)
-            is_written = len(part) == size or time.monotonic() - last >= FLUSH_SECONDS
-            if is_written:
-                write_part(path, part)
-                last = time.monotonic()
-    finally:
-        if not is_written:
-            write_part(path, part)
+    return part_frames(folder, read_manifest(folder)["rows"])
 
 
 PER_WORKER = 4  # tasks under way for each: one runs, the others wait, so that it never does
@@ -213,6 +71,7 @@ TURNS = 256  # rows after which the workers are counted again: a cluster may gro
 SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
 CONNECT_SECONDS = 30
 LOCK = ".lock"
+_BUSY = "another process is at this run; wait until it ends, or stop it"
 _KILLED = "kills the process that measures it, each time (out of memory, or a fault in compiled code)"
 
 
@@ -248,8 +107,12 @@ class Measurement(NamedTuple):
 
 
 def check_engine_installed(jobs: int, scheduler: str = "") -> None:
-    """ValueError unless the packages of the extra ``cluster`` that `run_rows` needs for these are installed."""
-    check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
+    """ValueError unless dask is installed, where `run_rows` needs it for these."""
+    if (jobs or scheduler) and find_spec("distributed") is None:
+        raise ValueError(
+            'several processes need dask; install it by: pip install "dask[distributed]"; or measure in this process: '
+            "--jobs 0"
+        )
 
 
 def run_rows(
@@ -278,7 +141,7 @@ def run_rows(
     measure : function of a module (or a `functools.partial` of one), from a task to cells: text, numbers, lists of
         numbers. An exception becomes a row with a text in the column "error", and so does a task that kills its
         process again and again.
-    out : folder of the run: ``run.json`` and the Parquet parts
+    out : folder of the run: ``run.json`` and the parts
     jobs : int, worker processes on this machine; 0 measures in this process, without dask
     scheduler : str, address of a dask scheduler, such as ``tcp://10.0.0.5:8786``, in place of `jobs`; its workers need
         the same packages and files
@@ -299,7 +162,7 @@ def run_rows(
     ------
     ValueError
         For tasks out of order or none, negative jobs, a folder that may not be written to, a run with other settings,
-        tasks or versions, and without the packages of the extra ``cluster``.
+        tasks or versions, and without dask where it is needed.
     ConnectionError
         When the scheduler does not answer, or not any more; what was measured is kept.
     """
@@ -317,6 +180,37 @@ def run_rows(
             with _rows(tasks, measurement, indices, jobs, scheduler) as rows:
                 counted = zip(progress(range(missing), "measured"), rows, strict=True)
                 write_parts(out, size, (row for _, row in counted))
+    return read_rows(out)
+
+
+def adopt_rows(
+    tasks: Sequence[Task],
+    rows: Iterable[Row],
+    out: PathLike,
+    *,
+    settings: Mapping[str, Any],
+    part_rows: int,
+    of: Mapping[Path, Mapping[str, Any]],
+) -> Iterator[pd.DataFrame]:
+    """The table of rows that runs elsewhere have measured, written as `run_rows` would have done in one run.
+
+    Parameters
+    ----------
+    tasks, out, settings, part_rows : as in `run_rows`; a run in `out` is replaced
+    rows : the row of each task, in their order, with "key" and "error" first
+    of : folder of each run that they come from -> its manifest
+
+    Raises
+    ------
+    ValueError
+        A run was begun with other settings or versions; names the folder and what differs.
+    """
+    out, manifest = Path(out), _manifest(tasks, settings)
+    common = {name: manifest[name] for name in ("format", "settings", "versions")}
+    for folder, other in of.items():
+        _check_same(folder / MANIFEST, {name: other.get(name) for name in common}, common)
+    with _open_folder(out, manifest, resume=False, force=True):
+        write_parts(out, part_rows, enumerate(rows))
     return read_rows(out)
 
 
@@ -340,20 +234,32 @@ def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, A
 @contextmanager
 def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force: bool) -> Iterator[None]:
     """Lock the folder of a run and write its manifest, or compare it with the one that is there."""
+    check_free(out)
     is_run = _check_folder(out, resume=resume, force=force)
     out.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(out / LOCK, timeout=0):
             if is_run and not force:
                 _check_same(out / MANIFEST, read_manifest(out), manifest)
-            old = [*out.glob(".*.tmp"), *(out.glob("part-*.parquet") if force else ())]
+            old = [*out.glob(".*.tmp"), *(out.glob("part-*") if force else ())]
             for path in old:
                 path.unlink()
             if force or not is_run:
                 write_json(out / MANIFEST, manifest)
             yield
     except Timeout:
-        raise ValueError(f"{out}: another process is at this run") from None
+        raise ValueError(f"{out}: {_BUSY}") from None
+
+
+def check_free(out: Path) -> None:
+    """ValueError where another process is at the run of a folder, which is neither to be resumed nor begun anew."""
+    if not (out / LOCK).is_file():
+        return
+    try:
+        with FileLock(out / LOCK, timeout=0):
+            return
+    except Timeout:
+        raise ValueError(f"{out}: {_BUSY}") from None
 
 
 def _check_folder(out: Path, *, resume: bool, force: bool) -> bool:

@@ -1,7 +1,9 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
+import itertools
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -14,10 +16,25 @@ import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import pairing, summary
-from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
-from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.engine import (
+    MANIFEST,
+    check_engine_installed,
+    check_free,
+    read_manifest,
+    read_rows,
+    run_rows,
+)
+from harmolab.lab.evaluate.measured import MEASURES, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.reference import (
+    Reference,
+    is_saved,
+    load_reference,
+    measured_reference,
+    save_reference,
+    weights_digest,
+)
 from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_file, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.readers.motion_file import ReadingOptions
@@ -34,26 +51,32 @@ class EvaluationSettings:
     ----------
     systems : name -> folder of its dances (str or path, as all that follow; they are kept as Paths)
     music : folder of songs
-    reference : folder of recorded dances
+    reference : folder of recorded dances, or file of a `Reference`, or "synthetic" for the one that comes with harmolab
     pairs : file of a list of pairs, or None
-    protocol : str, name of a protocol, "" for none
-    fps, scale, smpl, up : as in `RowOptions`
+    protocols : names of protocols (`harmolab.lab.PROTOCOLS`)
+    fps : as in `RowOptions`; of all files, or by the name of a system
+    scale, smpl, up : as in `RowOptions`
     pose_net : weights of a pose network, or None for the shipped one
     resamples, seed : of the intervals
+    slice_stride : seconds between two slices of a song, for dances that are named by their slice, or None
+    seed_frames : frames at the start of each dance that its system was given, and that are left out; of all systems, or
+        by the name of a system
     """
 
     systems: Mapping[str, PathLike]
     music: PathLike
     reference: PathLike
     pairs: PathLike | None = None
-    protocol: str = ""
-    fps: float | None = None
+    protocols: Sequence[str] = ()
+    fps: float | Mapping[str, float] | None = None
     scale: float | None = None
     pose_net: PathLike | None = None
     resamples: int = summary.RESAMPLES
     seed: int = 0
     smpl: PathLike | None = None
     up: str = ""
+    slice_stride: float | None = None
+    seed_frames: int | Mapping[str, int] = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "systems", {name: Path(folder) for name, folder in self.systems.items()})
@@ -65,12 +88,21 @@ class EvaluationSettings:
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
         ReadingOptions(up=self.up)  # an error for another axis
-        if self.protocol:
-            protocol_of(self.protocol)
+        object.__setattr__(self, "protocols", tuple(dict.fromkeys(self.protocols)))
+        for name in self.protocols:
+            protocol_of(name)
+
+    def seed_frames_of(self, system: str) -> int:
+        """The frames at the start of a system's dances that are left out."""
+        return self.seed_frames if isinstance(self.seed_frames, int) else self.seed_frames.get(system, 0)
+
+    def fps_of(self, system: str) -> float | None:
+        """The frame rate of a system's files that hold none; None where it was not passed."""
+        return self.fps.get(system) if isinstance(self.fps, Mapping) else self.fps
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """All files and folders that are read."""
+        """All files and folders that are read; "synthetic" is none of them."""
         more = (self.pairs, self.pose_net, self.smpl)
         paths = (*self.systems.values(), self.music, self.reference, *more)
         return tuple(Path(path) for path in paths if path is not None)
@@ -81,23 +113,36 @@ class EvaluationSettings:
         return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
 
 
+_ERROR = re.compile(r"^(?:ValueError|FileNotFoundError|MissingFrameRate): ")  # of this package: their words say all
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
+PART_DANCES = 256  # rows of a part: a row has some 200 numbers, and the part that grows is held
+Keep = Callable[[Pair], bool]
 
 
 class Counts(NamedTuple):
-    """Numbers of the dances of a system that were measured, of their songs, and of their seeds."""
+    """Numbers of the dances of a system that were measured, of their songs, of their seeds, and of the dances in all.
+
+    `total` counts also the dances that cannot be read or have a fault, and those that go with no song.
+    """
 
     dances: int
     songs: int
     seeds: int
+    total: int
+
+    @property
+    def text(self) -> str:
+        """The number of dances, "22 of 40" where some were not measured."""
+        return f"{self.dances}" if self.dances == self.total else f"{self.dances} of {self.total}"
 
 
 class Extreme(NamedTuple):
-    """The best or the worst dance of a system by harmony above chance."""
+    """The best or the worst dance of a system by harmony above chance, and the number of dances it was picked among."""
 
     pair: Pair
     harmony: float
+    dances: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +157,8 @@ class Evaluation:
     controls : names of the controls that there are
     songs : DataFrame by system and song, means of every measure over dances and seeds; by group of songs where there
         are more than `MOST_SONGS`
-    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
+    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them; the means of the
+        columns of a protocol are those of `dance_means`, its sets those of `protocol_sets`
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
     facts : system -> each of `harmolab.lab.evaluate.sets.FACTS` -> how many dances have which value
@@ -142,14 +188,18 @@ class Evaluation:
         return (*self.systems, *self.controls)
 
     @property
+    def missing(self) -> int:
+        """Number of dances of the systems, and of recorded ones, that were not measured."""
+        counts = (self.counts[name] for name in (*self.systems, RECORDED))
+        return sum(one.total - one.dances for one in counts)
+
+    @property
     def measures(self) -> tuple[str, ...]:
         """The measures of single dances that anything was measured of, in the order of the table."""
         measured = dict.fromkeys(measure for _, measure in self.means)
-        protocol = f"{self.settings.protocol} "
-        return (
-            *(name for name in MEASURES if name in measured),
-            *(name for name in measured if self.settings.protocol and name.startswith(protocol)),
-        )
+        protocols = self.settings.protocols
+        published = (name for protocol in protocols for name in measured if name.startswith(f"{protocol} "))
+        return (*(name for name in MEASURES if name in measured), *published)
 
     @property
     def set_measures(self) -> tuple[str, ...]:
@@ -186,29 +236,111 @@ def evaluate_dances(
     check_engine_installed(jobs, scheduler)
     out = Path(out)
     check_table_folder(out, settings, force=force)
-    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
-        read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
-    pairs, unpaired = evaluation_pairs(settings)
+    check_unfinished(out, resume=resume, force=force)
+    plan = planned(settings, progress=progress)
+    if resume:
+        _check_limits(out / ROWS, settings, plan.options)
+    write_mark(out, settings)
+    parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
+    return finished(settings, plan, parts, out)
+
+
+class Plan(NamedTuple):
+    """All that an evaluation measures, before it is measured.
+
+    `tasks` are the pairs of all rows, in the order of the table, `saved` the reference whose rows are measured already,
+    `unpaired` the files that have no part in the table.
+    """
+
+    options: RowOptions
+    tasks: tuple[Pair, ...]
+    saved: Reference | None
+    unpaired: tuple[Unpaired, ...]
+
+
+def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, progress: Progress = silent) -> Plan:
+    """The plan of an evaluation; of its tasks those that `keep` is true of, so that a shard does not hold the others.
+
+    Errors as `evaluate_dances`.
+    """
+    saved = saved_reference(settings)
+    pairs, unpaired = evaluation_pairs(settings, keep=keep)
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
-    same = {name: getattr(settings, name) for name in ("fps", "scale", "protocol", "smpl", "up")}
-    options = RowOptions(pose_net=_pose_net(settings), **same)
+    same = {name: getattr(settings, name) for name in ("scale", "smpl", "up")}
+    options = RowOptions(pose_net=_pose_net(settings), protocols=tuple(settings.protocols), **same)
     _check_rates(pairs, options)
-    options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
-    if resume:
-        _check_limits(out / ROWS, settings, options)
-    tasks = (*(pair for pair in pairs if pair.kind != RECORDED), *control_pairs(recorded))
+    limits = recorded_limits(recorded, options, progress=progress) if saved is None else saved.limits
+    options = replace(options, limits=limits)
+    controls = (pair for pair in control_pairs(recorded) if keep(pair))
+    return Plan(options, (*(pair for pair in pairs if pair.kind != RECORDED), *controls), saved, unpaired)
+
+
+def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
+    """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
+    check_free(out / ROWS)
+    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
+        read_rows(out / ROWS)
+
+
+def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
+    """Make the folder of an evaluation, and write its settings there."""
     out.mkdir(parents=True, exist_ok=True)
-    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict(), **more}
     write_json(out / MARK, about)
-    parts = run_rows(
-        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
-        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
-        progress=progress,
+
+
+def measured_parts(
+    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int, scheduler: str, resume: bool, progress: Progress
+) -> Iterator[pd.DataFrame]:
+    """The rows of some tasks of a plan, by `run_rows`."""
+    return run_rows(
+        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
+        stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip
-    collected = collect(written_parts(parts, out / CLIPS, tasks))
-    return _evaluation(settings, options, tasks, collected, unpaired)
+
+
+def finished(settings: EvaluationSettings, plan: Plan, parts: Iterable[pd.DataFrame], out: Path) -> Evaluation:
+    """The evaluation that rows come to, which are written to clips.csv on the way."""
+    saved, tasks = plan.saved, plan.tasks
+    controls = () if saved is None else (saved.for_pose_net(weights_digest(plan.options.pose_net)).rows,)
+    collected = collect(itertools.chain(controls, written_parts(parts, out / CLIPS, tasks)))
+    return _evaluation(settings, plan.options, (*tasks, *(saved.pairs if saved else ())), collected, plan.unpaired)
+
+
+def saved_reference(settings: EvaluationSettings) -> Reference | None:
+    """The reference that settings name; None for a folder of recorded dances.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_reference`; and where it lacks the numbers of a protocol.
+    """
+    if not is_saved(settings.reference):
+        return None
+    reference = load_reference(settings.reference)
+    if missing := [name for name in settings.protocols if name not in reference.protocols]:
+        raise ValueError(
+            f"{settings.reference}: has no numbers of the protocol {missing[0]}; save it anew with --protocol"
+        )
+    return reference
+
+
+def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> None:
+    """Write the recorded dances of an evaluation that was measured into `out` as a `Reference`, into one file.
+
+    Raises
+    ------
+    ValueError
+        Its recorded dances come out of such a file themselves.
+    """
+    settings, options = evaluation.settings, evaluation.options
+    if is_saved(settings.reference):
+        raise ValueError(f"{settings.reference}: is a saved reference already; name a folder of recorded dances")
+    rows = Path(out) / ROWS
+    save_reference(path, measured_reference(rows, options.limits, settings.protocols, options.pose_net))
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
@@ -237,33 +369,51 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
         raise ValueError(f"{out.parent}: no such folder")
 
 
-def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
-    """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
+def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: True) -> Pairing:
+    """The dances of all systems that `keep` is true of, and the recorded ones, with their songs.
+
+    Errors as `evaluate_dances`.
+    """
     songs = pairing.songs_in(settings.music)
-    parts = [pairing.folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    has_folder = not is_saved(settings.reference)
+    in_folder = partial(pairing.folder_pairs, songs=songs, slice_stride=settings.slice_stride)
+    parts = [in_folder(RECORDED, settings.reference, kind=RECORDED)] if has_folder else []
     if settings.pairs is None:
-        parts += [pairing.folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+        folders = (in_folder(name, folder) for name, folder in settings.systems.items())
+        parts += [Pairing(tuple(filter(keep, part.pairs)), part.unpaired) for part in folders]
     else:
-        default = next(iter(settings.systems), "generated")
-        parts.append(pairing.listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
-    pairs = tuple(pair for part in parts for pair in part.pairs)
-    if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
+        default, stride = next(iter(settings.systems), "generated"), settings.slice_stride
+        listed = partial(pairing.listed_pairs, settings.pairs, settings.music, settings.systems)
+        parts.append(listed(default=default, slice_stride=stride, keep=keep))
+    pairs = tuple(_with_answers(settings, pair) for part in parts for pair in part.pairs)
+    _check_names(settings, {*settings.systems, *(pair.system for pair in pairs)})
+    if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
 
 
+def _with_answers(settings: EvaluationSettings, pair: Pair) -> Pair:
+    """The pair with its system's frame rate and with the frames that it was given; a recorded dance was given none."""
+    seed_frames = 0 if pair.kind == RECORDED else settings.seed_frames_of(pair.system)
+    return replace(pair, seed_frames=seed_frames, fps=settings.fps_of(pair.system))
+
+
+def _check_names(settings: EvaluationSettings, systems: Collection[str]) -> None:
+    """ValueError for a rate or a seed of a system that is not there."""
+    for option, value in (("fps", settings.fps), ("seed-frames", settings.seed_frames)):
+        if isinstance(value, Mapping) and (unknown := [name for name in value if name not in systems]):
+            raise ValueError(f"--{option} {unknown[0]}={value[unknown[0]]:g}: no system is called {unknown[0]!r}")
+
+
 def _pose_net(settings: EvaluationSettings) -> Path | None:
     """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
-    if find_spec("torch") is None:
-        return None
-    if settings.pose_net is not None:
+    if settings.pose_net is not None and find_spec("torch") is not None:
         from harmolab.systems.training.pose_network import load_pose_net
 
         load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
         return Path(settings.pose_net)
-    spec = find_spec("harmolab.systems.harmogan")
-    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
+    return shipped_pose_net()
 
 
 def _check_rates(pairs: Sequence[Pair], options: RowOptions) -> None:
@@ -285,9 +435,10 @@ def _evaluation(
     """The record of what was collected."""
     by_key = {pair.key: pair for pair in tasks}
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
-    errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
-    names = tuple(dict.fromkeys(pair.system for pair in tasks))
-    counts = {name: _counts(name, tasks, collected.errors) for name in names}
+    errors = tuple(dict.fromkeys(_failure(by_key[key].motion, reason) for key, reason in collected.errors.items()))
+    names, unpaired = tuple(dict.fromkeys(pair.system for pair in tasks)), tuple(dict.fromkeys(unpaired))
+    unmatched = Counter(one.system for one in unpaired)
+    counts = {name: _counts(name, tasks, collected.errors, unmatched[name]) for name in names}
     if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
@@ -296,22 +447,36 @@ def _evaluation(
     interval = partial(summary.song_interval, count=settings.resamples, seed=settings.seed)
     differences = summary.system_differences(songs, names, interval=interval)
     sets = set_numbers(collected.features, seed=settings.seed)
-    if settings.protocol:
-        sets |= protocol_sets(collected.features, settings.protocol)
+    for name in settings.protocols:
+        sets |= protocol_sets(collected.features, name)
+    published = [name for name in map(str, songs.columns) if name.partition(" ")[0] in settings.protocols]
+    means = summary.system_means(songs, interval=interval)
+    means |= summary.dance_means(collected.sums, collected.counts, published, interval=interval)
     rank = partial(summary.ranks, differences, systems)
     ranks = {name: rank(name, better=summary.measure_of(name).better) for name in map(str, songs.columns)}
     extremes = {
-        name: tuple(Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+        name: tuple(
+            Extreme(by_key[key], harmony, int(collected.counts.loc[name]["harmony"].sum()))
+            for harmony, key in collected.extremes[name]
+        )
         for name in (*systems, RECORDED)
         if name in collected.extremes
     }
     return Evaluation(
         settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
-        summary.system_means(songs, interval=interval), differences, sets, ranks, counts, collected.facts, extremes,
+        means, differences, sets, ranks, counts, collected.facts, extremes,
         tuple(dict.fromkeys(unpaired)), errors,
     )  # fmt: skip
 
 
-def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
-    measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
-    return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
+def _failure(motion: Path, reason: str) -> Unpaired:
+    """A dance that was not measured, and the reason without its kind of error and without the name of the dance."""
+    return Unpaired(motion, _ERROR.sub("", reason).removeprefix(f"{motion}: "))
+
+
+def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str], unmatched: int) -> Counts:
+    """The counts of a system of which so many dances go with no song."""
+    own = [pair for pair in tasks if pair.system == system]
+    measured = [pair for pair in own if pair.key not in errors]
+    songs, seeds = {pair.song for pair in measured}, {pair.seed for pair in measured}
+    return Counts(len(measured), len(songs), len(seeds), len(own) + unmatched)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, cast
@@ -27,7 +28,8 @@ from harmolab.metrics.likeness import Likeness, LikenessLimits, likeness
 from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc, relative_jerk
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore, harmony_from_hits
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.systems.choreographer.form import Form
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion
 from harmolab.verdict.judge import Judgement, score_motion
 
 # Does the body come to rest on the beats? The plainest number of a dance, beside that of half a beat later.
@@ -62,6 +64,18 @@ def later(music: BeatTrack, beats: float) -> BeatTrack:
     return replace(music, times=times, duration=max(music.duration, times[-1])).span(0.0, music.duration)
 
 
+def silent_frames(motion: Motion, audio: Audio, music: BeatTrack, *, start: float = 0.0) -> BoolArray:
+    """Frames (T,) of a motion from audio time `start` in which the song of these beats is silent for a second or more.
+
+    Whoever holds a pose there has not stopped dancing (`likeness`, `held`).
+    """
+    period = float(np.median(np.diff(music.times))) if len(music) > 1 else 0.0
+    times, silent = start + np.arange(motion.n_frames) / motion.fps, np.zeros(motion.n_frames, bool)
+    for first, last in Form.of(audio).silences(period):
+        silent |= (first <= times) & (times < last)
+    return silent
+
+
 PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
 ALPHA = 0.05  # a dance whose p-value is at most this is in harmony beyond luck
 # Motion beats of AIST++ between frames: on frames they lie half a frame late, and slow frame rates lower the scores.
@@ -80,6 +94,7 @@ class Dance(NamedTuple):
     seed : str or int, of the draw or the training
     dance : str, such as "waltz", "" where unknown
     limits : LikenessLimits of the recorded dancers; the shipped ones when left out
+    silent : (T,) bool array, frames in which the music is silent, which the guard leaves out
     """
 
     system: str
@@ -89,6 +104,7 @@ class Dance(NamedTuple):
     seed: str | int = ""
     dance: str = ""
     limits: LikenessLimits | None = None
+    silent: BoolArray | None = None
 
 
 class Measure(NamedTuple):
@@ -282,7 +298,7 @@ def quality_numbers(dance: Dance) -> dict[str, float]:
 
 def guard_numbers(dance: Dance) -> dict[str, float]:
     """1 where the dance moves like the recorded dancers, 0 where not, the share of its measures within, and each."""
-    judged = likeness(dance.motion, dance=dance.dance, limits=dance.limits)
+    judged = likeness(dance.motion, dance=dance.dance, limits=dance.limits, held=dance.silent)
     values = {name: judged.values.get(name, float("nan")) for name in BODY_MEASURES}
     return {
         "likeness": float("nan") if judged.passed is None else float(judged.passed),
@@ -325,6 +341,14 @@ def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str
             continue
     pose = pose_features(motion, pose_net) if pose_net is not None and "pose" in kinds else None
     return features if pose is None else features | {"pose": pose}
+
+
+def shipped_pose_net() -> Path | None:
+    """The weights of the pose network that comes with harmolab; None without torch."""
+    spec = find_spec("harmolab.systems.harmogan")
+    if find_spec("torch") is None or spec is None or spec.origin is None:
+        return None
+    return Path(spec.origin).parent / "weights" / "pose_net"
 
 
 def pose_features(motion: Motion, weights: Path) -> FloatArray | None:

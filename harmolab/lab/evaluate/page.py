@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 from harmolab.files import PathLike, plain, write_text
 from harmolab.lab.evaluate import tables
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
-from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.findings import findings
+from harmolab.lab.evaluate.latex import table_tex
+from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
@@ -39,18 +41,19 @@ class Shown(NamedTuple):
 
 
 def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
-    """Write table.csv, table.json, table.tex and index.html into a folder, each whole; nothing unless all can be made.
+    """Write index.html, methods.txt, table.csv, .json and .tex into a folder, each whole; nothing unless all are made.
 
     Returns
     -------
     name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
     """
-    content = plain(tables.table_content(evaluation))
+    content = plain({**tables.table_content(evaluation), "findings": list(findings(evaluation))})
     texts = {
         "index.html": evaluation_page(evaluation),
+        "methods.txt": f"{tables.methods_paragraph(evaluation)}\n\n{tables.full_methods(evaluation)}\n",
         "table.csv": tables.table_csv(evaluation),
         "table.json": json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-        "table.tex": tables.table_tex(evaluation),
+        "table.tex": table_tex(evaluation),
     }
     paths = {name: Path(out) / name for name in texts}
     for name, text in texts.items():
@@ -61,15 +64,16 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
 def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
     records = tables.table_records(evaluation)
-    panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
+    drawn = (*DRAWN, *(name for name in evaluation.measures if name not in MEASURES))
+    panels = [_panel(evaluation, name) for name in drawn if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
-    notes, groups = list(tables.table_notes(evaluation)), (evaluation.measures, evaluation.set_measures)
+    notes = list(tables.table_notes(evaluation))
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
         findings=list(findings(evaluation)),
-        records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
-        groups=[[_line(records, name, notes) for name in names] for names in groups],
+        records=[_marked(evaluation, record, notes) for record in records],
+        groups=[(title, [_line(records, name, notes) for name in names]) for title, names in _groups(evaluation)],
         wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
         differences=list(_differences(evaluation)),
@@ -78,10 +82,21 @@ def evaluation_page(evaluation: Evaluation) -> str:
         shown_seconds=SHOWN_SECONDS,
         notes=notes,
         methods=tables.methods_paragraph(evaluation),
+        full_methods=tables.full_methods(evaluation).split("\n\n"),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
         version=version("harmolab"),
     )
+
+
+def _groups(evaluation: Evaluation) -> Iterator[tuple[str, Sequence[str]]]:
+    """Title and measures of each part of the table: our own of single dances and of sets, then those of protocols."""
+    columns = (*evaluation.measures, *evaluation.set_measures)
+    yield "", [name for name in evaluation.measures if name in MEASURES]
+    yield "", [name for name in evaluation.set_measures if " " not in name]
+    for protocol in evaluation.settings.protocols:
+        title = f"by the published code of {protocol}, its faults included: means over dances"
+        yield title, [name for name in columns if name.startswith(f"{protocol} ")]
 
 
 def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]) -> dict[str, Any]:
@@ -91,28 +106,15 @@ def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]
     return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
 
 
+def _marked(evaluation: Evaluation, record: dict[str, Any], notes: Sequence[tables.Note]) -> dict[str, Any]:
+    """A record with the numbers of the remarks that concern it, and how many of its dances were measured."""
+    name = record["system"]
+    return {**record, "marks": _marks(notes, name), "measured": evaluation.counts[name].text}
+
+
 def _marks(notes: Sequence[tables.Note], name: str) -> list[int]:
     """Numbers of the remarks that concern a row or a measure, from 1."""
     return [number for number, note in enumerate(notes, 1) if name in note.about]
-
-
-def findings(evaluation: Evaluation) -> Iterator[str]:
-    """A sentence for each system: its harmony above chance beside that of the recorded dances, and its likeness."""
-    clear = {frozenset((one.a, one.b)): one.is_clear for one in evaluation.differences if one.measure == "harmony"}
-    recorded = evaluation.means.get((RECORDED, "harmony"))
-    for system in evaluation.systems:
-        mean = evaluation.means.get((system, "harmony"))
-        if mean is None or recorded is None:
-            yield f"{system}: no harmony above chance could be measured."
-            continue
-        if not clear.get(frozenset((system, RECORDED))):
-            relation = "cannot be told from the recorded dances by its harmony with the music"
-        else:
-            relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
-        likeness = evaluation.means.get((system, "likeness"))
-        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
-        numbers = f"{tables.number_text(mean.mean)} above chance, theirs {tables.number_text(recorded.mean)}"
-        yield f"{system} {relation} ({numbers}).{likely}"
 
 
 def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -153,9 +155,10 @@ def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
 def _players(evaluation: Evaluation) -> Iterator[Shown]:
     """The best and the worst dance of each system and of the recorded ones."""
     for system, (worst, best) in evaluation.extremes.items():
-        yield _in_player(evaluation, best, f"{system}: best")
+        among = f" of {best.dances}" if best.dances > 1 else ""
+        yield _in_player(evaluation, best, f"{system}: best{among}")
         if worst.pair != best.pair:
-            yield _in_player(evaluation, worst, f"{system}: worst")
+            yield _in_player(evaluation, worst, f"{system}: worst{among}")
 
 
 def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
@@ -165,7 +168,8 @@ def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)
-        player = player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended())
+        params = HarmonyParams.recommended()
+        player = player_of([clip], seconds=seconds, title=title, params=params, looks=extreme.dances)
         return Shown(title, player.page, "")
     except (ValueError, OSError) as error:
         return Shown(title, "", str(error))

@@ -3,17 +3,25 @@
 A motion goes with the song of the same name; else with the song whose name stands in the motion's as a word
 ("demo_mBR0_seed3.npz" and "mBR0.wav"); else with the only song that has the motion's music id of AIST++. A recording's
 own folder holds its song. What goes with nothing is listed with the reason, and no motion is ever given a song by luck.
+
+The published codes name their dances so, and the rules above pair them:
+
+* EDGE, ``test.py``: ``test_mBR0.pkl``, which begins at a random slice of the song; which one is not written.
+* EDGE, in training: ``2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl``; slice 7 begins 7 strides into the song.
+* FACT: ``gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy``, the recording of its seed and then the song.
+* Bailando: ``gBR_sBM_cAll_d04_mBR0_ch01.json.npy``, or a folder ``gBR_sBM_cAll_d04_mBR0_ch01.json`` of frames.
 """
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from harmolab.data.recordings import find_audio, natural, recording_files
-from harmolab.files import PathLike, read_columns, reading
+from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
+from harmolab.files import MissingFrameRate, PathLike, column_lines, reading
 from harmolab.readers.keypoints import FRAME_ENDS
 
 SONGS = (".wav", ".flac", ".ogg", ".mp3")
@@ -22,6 +30,12 @@ GENERATED, RECORDED = "generated", "recorded"
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
 _WORD = re.compile(r"[^\W_]+")
 _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
+_SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a recording's name, then the song
+_SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
+COLUMNS = ("motion", "music", "system", "seed", "offset")  # of a list of pairs; the first two must be there
+NO_MOTION = "is no motion file"
+LISTED, SLICED = "listed", "slice"  # where the start of a dance is from: a list, the number of its slice
+MOST_SECONDS = 36_000.0  # ten hours: no dance begins later in its song
 
 
 class Song(NamedTuple):
@@ -42,6 +56,11 @@ class Pair:
     song : str, name of the song: intervals are drawn over songs
     motion, music : Path
     kind : str, "generated", or the name of a control (`harmolab.lab.evaluate.rows`)
+    offset : float or None, seconds into the song at which the file's first frame is danced; None where neither a list
+        nor a slice says it
+    begins : str, where the offset is from, `LISTED` or `SLICED`; "" without one
+    seed_frames : int, frames at the start of the file that the system was given, and that are left out
+    fps : float or None, hertz, where the file holds no rate; None for that of all files
     """
 
     system: str
@@ -50,6 +69,10 @@ class Pair:
     motion: Path
     music: Path
     kind: str = GENERATED
+    offset: float | None = None
+    begins: str = ""
+    seed_frames: int = 0
+    fps: float | None = None
 
     @property
     def key(self) -> str:
@@ -58,15 +81,16 @@ class Pair:
 
     @property
     def stamp(self) -> str:
-        """A text that changes with the files of dance and song."""
-        return input_stamp(self.motion, self.music)
+        """A text that changes with the files of dance and song, and with frames, rate and start of the dance."""
+        return f"{input_stamp(self.motion, self.music)} {self.offset} {self.seed_frames} {self.fps}"
 
 
 class Unpaired(NamedTuple):
-    """A file that has no part in the table, and the reason."""
+    """A file that has no part in the table, the reason, and the system of which it is a missing dance, "" for none."""
 
     file: Path
     reason: str
+    system: str = ""
 
 
 class Pairing(NamedTuple):
@@ -95,22 +119,34 @@ def songs_in(folder: PathLike) -> tuple[Song, ...]:
     return tuple(songs)
 
 
-def folder_pairs(system: str, folder: PathLike, songs: Sequence[Song], *, kind: str = GENERATED) -> Pairing:
+def folder_pairs(
+    system: str, folder: PathLike, songs: Sequence[Song], *, kind: str = GENERATED, slice_stride: float | None = None
+) -> Pairing:
     """The dances of one system, those of each seed in a subfolder where there are any, with their songs.
+
+    Parameters
+    ----------
+    system : str
+    folder : str or path
+    songs : Songs that they may be danced to
+    kind : str, as in `Pair`
+    slice_stride : float or None, seconds between two slices of a song, for files that are named by their slice
 
     Raises
     ------
     FileNotFoundError, ValueError
-        There is no such folder, or nothing in it goes with a song; names it and the first reason.
+        There is no such folder, or nothing in it goes with a song; names it and the first reason. A file is named by
+        its slice, and there is no stride.
     """
     pairs: list[Pair] = []
     unpaired: list[Unpaired] = []
-    for seed, motion in _motions(Path(folder), unpaired):
+    for seed, motion in _motions(Path(folder), unpaired, system):
         song = song_of(motion, songs)
         if isinstance(song, str):
-            unpaired.append(Unpaired(motion, song))
+            unpaired.append(Unpaired(motion, song, system) if _is_dance(motion) else Unpaired(motion, NO_MOTION))
         else:
-            pairs.append(Pair(system, seed, song.name, motion, song.path, kind))
+            offset, begins = slice_start(motion, song, slice_stride)
+            pairs.append(Pair(system, seed, song.name, motion, song.path, kind, offset, begins))
     if not pairs:
         first = next((f"{one.file.name}: {one.reason}" for one in unpaired), "there is no motion file")
         raise ValueError(f"{folder}: no dance goes with a song ({first}); --pairs names them in a list")
@@ -130,8 +166,44 @@ def song_of(motion: Path, songs: Sequence[Song]) -> Song | str:
     return Song(name, own[0]) if own else "no song has its name, or a word of its name"
 
 
+def slice_start(motion: Path, song: Song, stride: float | None) -> tuple[float | None, str]:
+    """The `offset` of a dance that is named by its slice of a song, and `SLICED`; None and "" for another name.
+
+    A dance to a file that is the slice begins with it.
+
+    >>> slice_start(Path("mBR0_slice7.pkl"), Song("mBR0", Path("mBR0.wav")), 0.5)
+    (3.5, 'slice')
+
+    Raises
+    ------
+    ValueError
+        The name has the number of a slice, and there is no stride; names the file and the option.
+    """
+    number = _SLICE.search(motion.stem)
+    if number is None:
+        return None, ""
+    if _SLICE.search(song.path.stem):
+        return 0.0, SLICED
+    if stride is None:
+        raise ValueError(
+            f"{motion}: is slice {number[1]} of its song; pass --slice-stride, the seconds between the starts of two "
+            "slices (0.5 in EDGE's training, 2.5 in its test.py), or name the offset in --pairs"
+        )
+    return int(number[1]) * stride, SLICED
+
+
 def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if song.name.casefold() == name.casefold()]
+
+
+def _song_behind_seed(name: str, songs: Sequence[Song]) -> list[Song]:
+    number = _SEED_AND_SONG.search(name)
+    return [song for song in songs if number and number[1] == song.name]
+
+
+def is_named_by_seed(motion: Path) -> bool:
+    """True for a file that is named as FACT names its dances, by the recording of its seed and by its song."""
+    return _SEED_AND_SONG.search(motion.stem) is not None
 
 
 def _word_of_name(name: str, songs: Sequence[Song]) -> list[Song]:
@@ -145,7 +217,9 @@ def _same_music_id(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if number and number[1] in _MUSIC_ID.findall(song.name)]
 
 
-_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (_same_name, _word_of_name, _same_music_id)
+_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (
+    *(_same_name, _song_behind_seed, _word_of_name, _same_music_id),
+)
 
 
 def _words(name: str) -> str:
@@ -153,17 +227,43 @@ def _words(name: str) -> str:
     return f" {' '.join(_WORD.findall(name.casefold()))} "
 
 
-def _motions(folder: Path, unpaired: list[Unpaired]) -> Iterator[tuple[str, Path]]:
+def _motions(folder: Path, unpaired: list[Unpaired], system: str = "") -> Iterator[tuple[str, Path]]:
     """(seed, motion) of the motions in a folder and in its subfolders; the other files are added to `unpaired`."""
     for path in _entries(folder):
-        if is_motion(path):
+        if path.is_symlink() and (reason := _useless_link(path)):
+            unpaired.append(Unpaired(path, reason, system))
+        elif is_motion(path):
             yield "", path
         elif path.is_dir():
             inside = _entries(path)
             yield from ((path.name, motion) for motion in inside if is_motion(motion))
-            unpaired += [Unpaired(one, "is no motion file") for one in inside if not is_motion(one)]
+            unpaired += [Unpaired(one, NO_MOTION) for one in inside if not is_motion(one)]
         else:
-            unpaired.append(Unpaired(path, "is no motion file"))
+            unpaired.append(Unpaired(path, NO_MOTION))
+
+
+def _useless_link(path: Path) -> str:
+    """The reason why a link leads to no dances of its own; "" where it does."""
+    try:
+        target, folder = path.resolve(strict=True), path.parent.resolve()
+    except (OSError, RuntimeError):  # RuntimeError: a link to itself, before Python 3.13
+        return "is a link that leads nowhere"
+    if target == folder or target in folder.parents:
+        return "is a link to a folder that it lies in"
+    return f"is a link to {target.name}, which is there too" if target.parent == folder else ""
+
+
+def _is_dance(path: Path) -> bool:
+    """False for a JSON file that holds something else than a motion, as many do that lie in folders of dances."""
+    if path.is_dir() or path.suffix.lower() not in (".json", ".jsonl"):
+        return True
+    try:
+        read_any_motion(path)
+    except MissingFrameRate:
+        return True
+    except (ValueError, OSError):
+        return False
+    return True
 
 
 def is_motion(path: Path) -> bool:
@@ -177,9 +277,10 @@ def is_motion(path: Path) -> bool:
 
 
 def listed_pairs(
-    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, PathLike], *, default: str = GENERATED
-) -> Pairing:
-    """The pairs of a CSV file with the columns motion and music, and perhaps system and seed.
+    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, PathLike], *, default: str = GENERATED,
+    slice_stride: float | None = None, keep: Callable[[Pair], bool] = lambda pair: True,
+) -> Pairing:  # fmt: skip
+    """The pairs of a CSV file with the columns motion and music, and perhaps system, seed and offset.
 
     Paths are relative to the folder of the system and to that of the songs, else to the folder of the CSV file. Motions
     in the systems' folders that it does not name are listed.
@@ -190,34 +291,60 @@ def listed_pairs(
     songs_folder : str or path, or None
     systems : name -> folder of the systems that have one
     default : str, the system where there is no such column, or nothing in it
+    slice_stride : as in `folder_pairs`, for lines without an offset
+    keep : function of a Pair; those that it is false of are left out as the list is read, line by line
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file; ValueError also where none of its pairs is there, or one stands in it twice.
+        Both name the file; ValueError also for a column that is not known, an offset that is no time, where none of
+        its pairs is there, and where one stands in it twice.
     """
     folders = {name: Path(folder) for name, folder in systems.items()}
-    with reading(table, "a list of pairs") as file:
-        columns = read_columns(file, ("motion", "music"))
-        count = len(columns["motion"])
-        names = [name or default for name in columns.get("system", [""] * count)]
-        seeds = columns.get("seed", [""] * count)
+    with reading(table, "a list of pairs", max_bytes=None) as file:
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
-        for motion, music, system, seed in zip(columns["motion"], columns["music"], names, seeds, strict=True):
+        is_empty = True
+        for motion, music, named, seed, start in _lines(column_lines(file, COLUMNS[:2])):
+            system = named or default
             dance = _first_there(motion, (folders.get(system), file.parent))
             song = _first_there(music, (None if songs_folder is None else Path(songs_folder), file.parent))
             if dance is None or song is None:
                 missing = motion if dance is None else music
-                unpaired.append(Unpaired(Path(motion), f"{missing}: no such file"))
+                unpaired.append(Unpaired(Path(motion), f"{missing}: no such file", system))
                 continue
-            pair = Pair(system, seed, _song_name(song), dance, song)
+            name = _song_name(song)
+            offset, begins = (_seconds(start), LISTED) if start else slice_start(dance, Song(name, song), slice_stride)
+            pair = Pair(system, seed, name, dance, song, offset=offset, begins=begins)
+            is_empty = False
+            if not keep(pair):
+                continue
             if pair.key in pairs:
                 raise ValueError(f"names {motion} with {music} twice for one system and seed")
             pairs[pair.key] = pair
-        if not pairs:
+        if is_empty:
             raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
     return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), folders)))
+
+
+def _lines(lines: Iterable[Mapping[str, str]]) -> Iterator[tuple[str, ...]]:
+    """The words of each line of a list in the order of `COLUMNS`, "" where there is no such column."""
+    for line in lines:
+        if unknown := [name for name in line if name not in COLUMNS]:
+            perhaps = ", ".join(COLUMNS[2:])
+            raise ValueError(f"has a column {unknown[0]!r}; columns are motion and music, and perhaps {perhaps}")
+        yield tuple(line.get(name, "") for name in COLUMNS)
+
+
+def _seconds(text: str) -> float:
+    """An offset in a list."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not abs(seconds) <= MOST_SECONDS:
+        raise ValueError(f"offset must be the second of the song at which the dance begins, got {text[:30]!r}")
+    return seconds
 
 
 def _song_name(song: Path) -> str:

@@ -6,6 +6,7 @@ Written from the definitions, to put a number beside one that a paper printed. `
 in seconds and without the faults. Published codes compute partly in single precision; all here is double.
 """
 
+import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +21,10 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import argrelextrema
 
-from harmolab.beats.audio import HOP, librosa_beats
+from harmolab.beats.audio import CACHE_VERSION, HOP, librosa_beats
 from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_joints, skeleton_part
+from harmolab.files import Arrays, cached_once
+from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.metrics.beats import beat_align
 from harmolab.metrics.features import (
     AIST_FPS,
@@ -259,6 +262,7 @@ FRAME_RATES = (10.0, 250.0)  # hertz, of motions on the frames of which beats ar
 MOST_FRAMES = 54_000  # of a song: 15 minutes at 60 a second take 5 GB, which Bailando's way of tracking holds at once
 TRACKS_KEPT = 2  # songs of which a process holds the beats, as dances to one song come in a row
 OTHER_TEMPO = 120.0  # beats per minute, librosa's own, for songs that are not of AIST
+_TRACK = ("times", "strengths", "fps", "duration")  # what is kept of published beats
 _AIST_SONG = re.compile(r"(?:^|_)m(BR|PO|LO|MH|LH|WA|KR|JS|JB|HO)(\d)(?=_|$)")
 
 
@@ -311,14 +315,25 @@ def published_music_and_motion(
         )
     if (frames := round(clip.audio.duration * fps)) > MOST_FRAMES:
         raise ValueError(f"{music} has {frames} frames, more than the {MOST_FRAMES} that are tracked at once; cut it")
-    beats = _song_beats(music, music.stat().st_mtime_ns, song, fps, music_beats)
+    beats = _song_beats(music, input_stamp(music), song, fps, music_beats)
     return music_and_motion(replace(clip, beats=beats))
 
 
 @lru_cache(maxsize=TRACKS_KEPT)
-def _song_beats(music: Path, _: int, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
-    """The beats of a song; the second argument, its time of change, keeps them up to date."""
-    return music_beats(load_sound(music, sample_rate=HOP * fps), song)
+def _song_beats(music: Path, stamp: str, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
+    """The beats of a song, from the cache where they were tracked before, in whichever process: see `cached_once`.
+
+    `stamp` changes with the file.
+    """
+    about = f"{CACHE_VERSION} {music.resolve()} {stamp} {song} {fps} {music_beats.__qualname__}"
+
+    def tracked() -> Arrays:
+        track = music_beats(load_sound(music, sample_rate=HOP * fps), song)
+        return {name: np.asarray(getattr(track, name)) for name in _TRACK}
+
+    arrays = cached_once(hashlib.sha256(about.encode()).hexdigest()[:40], _TRACK, tracked)
+    times, strengths, rate, duration = (arrays[name] for name in _TRACK)
+    return BeatTrack(times, strengths, float(rate), float(duration))
 
 
 def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:
@@ -353,6 +368,8 @@ class Protocol:
         there: `remarks` says so.
     notes : tuple of str
         Conventions and known faults, a sentence each.
+    missing : str
+        A sentence on numbers that the paper prints and that cannot be reproduced; "" where there are none.
     clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
         takes none
@@ -374,6 +391,7 @@ class Protocol:
     music_beats: MusicBeats | None = None
     features: Callable[[Motion], dict[str, FloatArray]] = _nothing
     sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]] = _nothing
+    missing: str = ""
 
     def remarks(self, motion: Motion, scores: Mapping[str, float]) -> tuple[str, ...]:
         """Sentences on one dance: another frame rate, other joints, filler frames, numbers that are NaN.
@@ -401,7 +419,9 @@ _UNDEFINED: Mapping[str, str] = {
     "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
 }
 _FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
-_MEANS = "Published means are over dances; here a song counts once, however many dances there are to it."
+_MEANS = "Means are over dances, as published, however many there are to a song."
+# 1 where more is better, -1 where less is. Diversity has neither: papers wish for more, which flailing has.
+BETTER: Mapping[str, int] = MappingProxyType({"BeatAlign": 1, "BAS": 1, "PFC": -1, "FID_k": -1, "FID_g": -1})
 _MUSIC_BEATS = (
     "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
     "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
@@ -417,6 +437,8 @@ _OF_SETS = (
     "Div_k and Div_g are mean distances between dances, of features standardised by the reference.",
     "Published tables take all motions of AIST++ for the reference, training included; here it is the one of the "
     "table. Fewer than two dances on a side give NaN.",
+    "The recorded dances' own line, the ground truth, is of those to the systems' songs against all of them; where "
+    "these are the same dances, FID is that between halves of the songs.",
     "Versions differ: FID_g and Div_g in the paper of AIST++ are of earlier geometric features, with one more fault; "
     "copies in which the bracket is mended have other FID_k and Div_k.",
 )
@@ -441,7 +463,8 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 ),
                 *_OF_SETS,
                 "Features depend on where in the room a dancer is, by the bracket.",
-                "The published script leaves out the first 120 frames, which FACT is given; here all frames count.",
+                "The published script leaves out the first 120 frames, which FACT is given; --seed-frames 120 does so "
+                "here, before beats are taken, so that none lies in the ten frames behind them.",
             ),
             *(_beat_align, aist_beats, smpl_features, set_scores),
         ),
@@ -460,9 +483,10 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "The code takes z for up; motions here have y up, and axes are taken accordingly.",
                 "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
                 "here all count.",
-                "No code for beat alignment, FID or diversity is public (issues 11, 27 and 46), so there is none here.",
             ),
             _pfc,
+            missing="Its paper also prints beat alignment and diversity (Dist_k, Dist_g); no code for them is public "
+            "(issues 11, 27 and 46), so they cannot be reproduced and are not here.",
         ),
         "bailando": Protocol(
             "Li Siyao et al. 2022, lisiyao21/Bailando",

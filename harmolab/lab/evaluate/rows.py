@@ -15,21 +15,56 @@ from typing import Any
 
 import numpy as np
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.clips import song_beats
+from harmolab.data.oddities import (
+    Oddity,
+    beat_oddities,
+    brief_text,
+    faults_of,
+    late_end,
+    motion_oddities,
+    sound_oddities,
+    span_oddities,
+)
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
-from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER, Dance, dance_numbers, motion_features
-from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, annotation_of, dance_of, input_stamp
+from harmolab.lab.evaluate.measured import (
+    BEATS,
+    BODY,
+    HARMONY,
+    PAPER,
+    Dance,
+    dance_numbers,
+    motion_features,
+    silent_frames,
+)
+from harmolab.lab.evaluate.pairing import (
+    FROZEN,
+    GENERATED,
+    LISTED,
+    OTHER_SONG,
+    RECORDED,
+    SLICED,
+    Pair,
+    annotation_of,
+    dance_of,
+    input_stamp,
+    is_named_by_seed,
+)
 from harmolab.lab.evaluate.published import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
 from harmolab.metrics.likeness import LikenessLimits, window_measures
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion_file import MotionFile
+from harmolab.readers.smpl import FACT_SEED
 from harmolab.types import Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
 # Columns of a dance's numbers, in their order.
 NUMBERS = (*("seconds", *HARMONY, *PAPER, *BEATS), *("pfc", "foot_skating", "freezing", "jerk", "likeness", *BODY))
+KEPT, ASSUMED, ASSUMED_OF_EDGE = "kept in the file", "assumed", "assumed, file of EDGE"
+BEGINS = (LISTED, SLICED, KEPT, ASSUMED, ASSUMED_OF_EDGE)  # sources of the start of a dance in its song
 SONGS_KEPT = 2  # songs that a process holds, as dances to one song come in a row
 Row = dict[str, float | int | str]
 
@@ -43,14 +78,14 @@ class RowOptions:
     fps : float or None, hertz, of files that hold no rate
     scale, smpl : as in `harmolab.readers.motion.load_motion`; `smpl` for files of SMPL parameters only
     up : str, the axis that points up in files that leave it open, "" to have it guessed
-    protocol : str, name in `harmolab.lab.evaluate.published.PROTOCOLS`, "" for none
+    protocols : names in `harmolab.lab.evaluate.published.PROTOCOLS`
     pose_net : Path or None, weights of the pose network; None leaves its features out
     limits : LikenessLimits of the recorded dancers; the shipped ones when left out
     """
 
     fps: float | None = None
     scale: float | None = None
-    protocol: str = ""
+    protocols: tuple[str, ...] = ()
     pose_net: Path | None = None
     limits: LikenessLimits | None = None
     smpl: PathLike | None = None
@@ -66,35 +101,49 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
 
     Returns
     -------
-    dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
-        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in
-        short, on how the motion was read), remarks (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high
-        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocol;
-        f_NAME_000 and so on, the features of the dance by name. NaN for what this motion does not have.
+    dict : system, seed, song, motion, music, kind; offset (seconds into the song at which it is danced) and begins (one
+        of `BEGINS`, the source of that); fps, joints, skeleton (a hash of the joints' names), beats ("annotated" or
+        "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in short, on how the
+        motion was read), odd (in short, odd things in motion and song) and oddities (the same in sentences), remarks
+        (of the protocols); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score,
+        p_value_dance of that by the dance's pattern; the numbers of the protocols; f_NAME_000 and so on, the features
+        of the dance by name. NaN for what this motion does not have.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Motion or song cannot be read, or they do not overlap; names the file.
+        Motion or song cannot be read, the motion has a fault (`harmolab.data.oddities`) or no frame behind its seed,
+        or they do not overlap; names the file.
     """
     file = pair_file(pair, options)
     clip = _clip(pair, file.motion)
+    odd = () if pair.kind == FROZEN else _oddities(pair, clip)
     music, motion = music_and_motion(clip)
+    silent = silent_frames(motion, clip.shared().audio, music)
     joints = motion.skeleton.joints
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
-        "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
+        "skeleton": skeleton_digest(motion.skeleton),
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
-        "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions),
+        "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
+        "begins": _begins(pair, file), "odd": brief_text(odd), "oddities": "; ".join(odd),
     }  # fmt: skip
-    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits)
+    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
     numbers = dance_numbers(dance, NUMBERS)
     features = motion_features(motion, options.pose_net)
-    if options.protocol:
-        own, vectors, about["remarks"] = protocol_numbers(clip, pair, options.protocol)
+    remarks = []
+    for name in options.protocols:
+        own, vectors, remark = protocol_numbers(clip, pair, name)
         numbers, features = numbers | own, features | vectors
+        remarks += [f"{name}: {remark}"] if remark else []
+    about |= {"remarks": " ".join(remarks)} if options.protocols else {}
     return about | numbers | feature_cells(features)
+
+
+def skeleton_digest(skeleton: Skeleton) -> str:
+    """A text that is another one for other names of joints."""
+    return hashlib.sha256(" ".join(skeleton.joints).encode()).hexdigest()[:8]
 
 
 def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float], dict[str, FloatArray], str]:
@@ -115,8 +164,9 @@ def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float
 def pair_clip(pair: Pair, options: RowOptions) -> Clip:
     """The motion of a pair on the time line of its song, with the beats of the song; errors as `clip_row`.
 
-    A motion begins where its file or its recording says, else with the song. To another song than its own it begins
-    there too, or earlier, so that it ends with a song that is shorter.
+    A motion begins where a list or its slice says (`Pair.offset`), else where its file or its recording says, else
+    with the song; later by the frames of its seed. To another song than its own it begins there too, or earlier, so
+    that it ends with a song that is shorter.
     """
     return _clip(pair, pair_file(pair, options).motion)
 
@@ -124,7 +174,8 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
 def _clip(pair: Pair, motion: Motion) -> Clip:
     """As `pair_clip`, of a motion that was read."""
     song = _song(pair.music, input_stamp(pair.music))
-    offset = recorded_offset(pair.motion) or 0.0
+    start = recorded_offset(pair.motion) if pair.offset is None else pair.offset
+    offset = (start or 0.0) + pair.seed_frames / motion.fps
     if pair.kind == OTHER_SONG:
         offset = min(offset, max(0.0, song.audio.duration - motion.duration))
     try:
@@ -133,14 +184,52 @@ def _clip(pair: Pair, motion: Motion) -> Clip:
         raise ValueError(f"{pair.motion} with {pair.music}: {error}") from None
 
 
+def _assumptions(pair: Pair, file: MotionFile) -> tuple[str, ...]:
+    """Assumptions in short; of a file that is named as FACT names its dances that its seed is in it, too."""
+    brief = tuple(one.brief for one in file.assumptions)
+    has_seed = is_named_by_seed(pair.motion) and pair.kind == GENERATED and not pair.seed_frames
+    return (*brief, FACT_SEED.brief) if has_seed and FACT_SEED.brief not in brief else brief
+
+
+def _begins(pair: Pair, file: MotionFile) -> str:
+    """The source of a dance's start in its song, one of `BEGINS`."""
+    if pair.begins:
+        return pair.begins
+    if recorded_offset(pair.motion) is not None:
+        return KEPT
+    return ASSUMED_OF_EDGE if file.kind.startswith("EDGE") else ASSUMED
+
+
+def _oddities(pair: Pair, clip: Clip) -> tuple[Oddity, ...]:
+    """All that `harmolab data check` finds odd in a dance and its song."""
+    if clip.motion is None:
+        return ()
+    late = () if pair.kind == OTHER_SONG else late_end(clip.offset, clip.motion, clip.audio)
+    span = () if pair.seed_frames else span_oddities(pair.motion, clip.motion)
+    return (*span, *motion_oddities(clip.motion), *late, *_song_oddities(pair.music, input_stamp(pair.music)))
+
+
+@lru_cache(maxsize=SONGS_KEPT)
+def _song_oddities(music: Path, stamp: str) -> tuple[Oddity, ...]:
+    """Odd things in a song, and in its beats where they are annotated."""
+    song = _song(music, stamp)
+    beats = None if annotation_of(music) is None else song.beats
+    return (*sound_oddities(song.audio), *(() if beats is None else beat_oddities(beats.times)))
+
+
 def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
-    """The motion of a pair, with notes on how it was read; of the control "frozen pose" its middle frame, held.
+    """The motion of a pair without its seed, with notes on how it was read; of "frozen pose" its middle frame, held.
 
     Errors as `clip_row`.
     """
+    fps = options.fps if pair.fps is None else pair.fps
     file = read_any_motion(
-        pair.motion, fps=options.fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
+        pair.motion, fps=fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
     )
+    if pair.seed_frames:
+        file = _without_seed(pair, file)
+    if faults := faults_of(file.motion):
+        raise ValueError(f"{pair.motion}: {'; '.join(faults)}")
     if pair.kind != FROZEN:
         return file
     motion = file.motion
@@ -148,6 +237,15 @@ def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
     middle = frames[len(frames) // 2] if len(frames) else 0
     held = np.repeat(motion.positions[middle : middle + 1], motion.n_frames, axis=0)
     return file._replace(motion=replace(motion, positions=held))
+
+
+def _without_seed(pair: Pair, file: MotionFile) -> MotionFile:
+    """The file without the frames that the system was given."""
+    motion, first = file.motion, pair.seed_frames
+    if motion.n_frames < first + 2:
+        raise ValueError(f"{pair.motion}: has {motion.n_frames} frames, none behind its seed (--seed-frames {first})")
+    dance = replace(motion, positions=motion.positions[first:], valid=motion.valid[first:])
+    return file._replace(motion=dance, notes=tuple(note for note in file.notes if note != FACT_SEED))
 
 
 @lru_cache(maxsize=SONGS_KEPT)

@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from harmolab.files import atomic_write
-from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED, Pair
-from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair
+from harmolab.lab.evaluate.published import LEAST_SPREAD, protocol_of
 from harmolab.metrics.features import diversity, frechet_distance, multimodality, standardise
 from harmolab.types import FloatArray
 
@@ -31,11 +31,11 @@ FEATURE_DANCES = 5000  # of a system, of which the features are kept
 MOST_SONGS = 5000  # more of them are put together in so many groups
 GROUP = ["system", "song", "seed"]
 # Of which values are counted, where a row has them.
-FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks")
+FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks", "begins", "odd")
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
-    *("music_beats", "p_value", "p_value_dance", "harmony_low", "harmony_high", "level"),
+    *("offset", "oddities", "music_beats", "p_value", "p_value_dance", "harmony_low", "harmony_high", "level"),
 )
 _FEATURE = re.compile(r"f_(.+)_\d{3}")
 
@@ -181,13 +181,15 @@ class FeatureSet(NamedTuple):
 class SetNumber(NamedTuple):
     """A number of a set of dances; of a distance also the number before its bias is taken off. NaN for what is not.
 
-    n is the number of dances, n_recorded that of the dances on the other side of a distance.
+    n is the number of dances, n_recorded that of the dances on the other side of a distance; `constant` are the places
+    of features that are constant on that side, not in the dances, where a protocol divides by what is left of them.
     """
 
     value: float
     n: int
     raw: float = math.nan
     n_recorded: float = math.nan
+    constant: tuple[int, ...] = ()
 
 
 SetNumbers = dict[tuple[str, str], SetNumber]  # (system, measure) -> number
@@ -275,19 +277,44 @@ def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
 def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:
     """The numbers that a protocol of `harmolab.lab.evaluate.published` has for a set of dances, called as there.
 
-    The recorded dances are its reference, and have none.
+    The recorded dances are its reference. Their own line is the ground truth of published tables: those to the songs
+    that the systems danced to, against all; where these are all, the distance is that between halves of their songs.
     """
-    skeleton = common_skeleton(features[RECORDED])
-    recorded = _protocol_features(features[RECORDED], protocol, skeleton)
+    recorded = features[RECORDED]
     numbers: SetNumbers = {}
     for system, table in features.items():
-        danced = _protocol_features(table, protocol, skeleton)
-        if system == RECORDED or danced.keys() != recorded.keys() or min(_least(danced), _least(recorded)) < 2:
-            continue
-        for name, value in protocol_of(protocol).sets(danced, recorded).items():
-            number = SetNumber(value, _least(danced), n_recorded=_least(recorded))
-            numbers[system, f"{protocol} {name}"] = number
+        if system != RECORDED:
+            numbers |= _protocol_numbers(system, table, recorded, protocol)
+    danced = {song for system, table in features.items() if system not in (RECORDED, FROZEN) for song in table["song"]}
+    truth, places = recorded[recorded["song"].isin(danced)], recorded["song"].rank(method="dense") % 2
+    numbers |= _protocol_numbers(RECORDED, truth, recorded, protocol)
+    if len(truth) == len(recorded):
+        halves = _protocol_numbers(RECORDED, recorded[places == 0], recorded[places == 1], protocol)
+        distances = [key for key in numbers if key[0] == RECORDED and "FID" in key[1]]
+        numbers = {key: one for key, one in numbers.items() if key not in distances}
+        numbers |= {key: one for key, one in halves.items() if "FID" in key[1]}
     return numbers
+
+
+def _protocol_numbers(system: str, danced: pd.DataFrame, recorded: pd.DataFrame, protocol: str) -> SetNumbers:
+    """The numbers of a table of features against another; none where either has fewer than two dances."""
+    skeleton = common_skeleton(recorded)
+    sides = [_protocol_features(table, protocol, skeleton) for table in (danced, recorded)]
+    if sides[0].keys() != sides[1].keys() or min(map(_least, sides)) < 2:
+        return {}
+    constant = {name[0]: _blown_up(*(side[name] for side in sides)) for name in sides[0]}
+    n, n_recorded = map(_least, sides)
+    return {
+        (system, f"{protocol} {name}"): SetNumber(value, n, n_recorded=n_recorded, constant=constant.get(name[-1], ()))
+        for name, value in protocol_of(protocol).sets(*sides).items()
+    }
+
+
+def _blown_up(danced: FloatArray, recorded: FloatArray) -> tuple[int, ...]:
+    """The places of features that are constant in the reference, beside a protocol's 1e-10, and not in the dances."""
+    is_constant = recorded.std(axis=0) < LEAST_SPREAD
+    is_other = np.abs(danced - recorded.mean(axis=0)).max(axis=0) > LEAST_SPREAD
+    return tuple(map(int, np.flatnonzero(is_constant & is_other)))
 
 
 def _protocol_features(table: pd.DataFrame, protocol: str, skeleton: str) -> dict[str, FloatArray]:

@@ -10,6 +10,7 @@ import pandas as pd
 from scipy.special import ndtr, stdtrit
 
 from harmolab.lab.evaluate.measured import MEASURES, Measure
+from harmolab.lab.evaluate.published import BETTER
 from harmolab.lab.evaluate.sets import FEATURES, SETS
 from harmolab.significance import LEVEL, bootstrap_interval, mean_interval
 from harmolab.types import FloatArray
@@ -156,6 +157,30 @@ def system_means(songs: pd.DataFrame, *, interval: Interval = song_interval) -> 
     return {key: mean for key, mean in means.items() if mean is not None}
 
 
+def dance_means(
+    sums: pd.DataFrame, counts: pd.DataFrame, measures: Iterable[str], *, interval: Interval = song_interval
+) -> dict[tuple[str, str], Mean]:
+    """(system, measure) -> its mean over dances, as published codes take it, however many there are to a song.
+
+    The interval is over songs all the same: of values whose mean is that of the dances, each song's moved from it by
+    what its dances move it (the linearised ratio of sum and number).
+
+    Parameters
+    ----------
+    sums, counts : DataFrames as of `Collected`
+    measures : columns of both
+    interval : as in `summary`
+    """
+    means = {}
+    for measure in measures:
+        songs = pd.DataFrame({"sum": sums[measure], "n": counts[measure]}).groupby(["system", "song"]).sum()
+        for system, each in songs[songs["n"] > 0].groupby("system"):
+            mean = each["sum"].sum() / each["n"].sum()
+            moved = mean + len(each) * (each["sum"] - each["n"] * mean) / each["n"].sum()
+            means[str(system), measure] = Mean(float(mean), *interval(moved.to_numpy()), len(each))
+    return means
+
+
 def system_differences(
     songs: pd.DataFrame, systems: Sequence[str], *, interval: Interval = song_interval
 ) -> list[Difference]:
@@ -199,8 +224,8 @@ def ranks(
 
 
 def measure_of(name: str) -> Measure:
-    """Words and direction of a column of the table; a column of a protocol is called as there, and has no direction."""
+    """Words and direction of a column of the table; a column of a protocol is called as there."""
     kind, _, features = name.partition("_")
     if kind in SETS and features in FEATURES:
         return Measure(f"{SETS[kind]}, {features} features", -1 if kind == "fid" else 0)
-    return MEASURES.get(name, Measure(name, 0))
+    return MEASURES.get(name, Measure(name, BETTER.get(name.partition(" ")[2], 0)))

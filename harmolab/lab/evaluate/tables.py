@@ -1,21 +1,21 @@
-"""The table of an evaluation as text: CSV, JSON and LaTeX."""
+"""The table of an evaluation as text: CSV, JSON, remarks and methods."""
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import version
-from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
 
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.measured import PIECE
-from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
+from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED
 from harmolab.lab.evaluate.published import protocol_of
-from harmolab.lab.evaluate.rows import LIMIT_DANCES
+from harmolab.lab.evaluate.rows import ASSUMED, ASSUMED_OF_EDGE, LIMIT_DANCES
 from harmolab.lab.evaluate.sets import FEATURE_DANCES, FEATURES, MOST_SONGS, SetNumber
 from harmolab.lab.evaluate.summary import FEWEST_SONGS, Mean, measure_of
+from harmolab.metrics.features import GEOMETRIC_FEATURES
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 
 # Words about a table: remarks on this one, and the paragraph on how it was made, to paste into a paper.
@@ -24,12 +24,14 @@ MUSICAL = (  # of which more must be reached with the own song than with another
     *("harmony", "harmony_dance", "paper_harmony", "paper_hit_rate"),
     *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
 )
+PUBLISHED_MUSICAL = ("BeatAlign", "BAS")  # the same of protocols
 FEW = 100  # dances below which a distance of features says little
 ENOUGH = 12  # recorded dances from which on limits let pass nine in ten of the others, among 23 of ballroom
 _NARROW = (
     " Those of so few are narrow: of 23 recordings of ballroom dances the limits of four let pass two thirds of the "
     "others, those of one a tenth."
 )
+KINETIC = 72  # numbers of the kinetic features of SMPL's joints
 LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
 
 
@@ -51,10 +53,7 @@ class Note(str):
 
 def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
-    counts, protocol = evaluation.counts, evaluation.settings.protocol
-    columns = (*evaluation.measures, *evaluation.set_measures)
-    if protocol and not any(name.startswith(f"{protocol} ") for name in columns):
-        yield Note(f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name.")
+    counts = evaluation.counts
     if OTHER_SONG not in evaluation.controls:
         yield Note(
             "The recorded dances have one song only, so there is no row of recorded dances with another song.", RECORDED
@@ -62,31 +61,9 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
     yield from _doubtful_inputs(evaluation)
-    if deaf := list(_deaf_measures(evaluation)):
-        yield Note(
-            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
-            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
-            *deaf,
-        )
-    for name in FEATURES:
-        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
-            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
-    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
-    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
-    if distances and min(one.n for one in distances) < FEW:
-        yield Note(
-            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
-            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
-            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
-            "Chance stays too: below "
-            f"about {FEW} dances small differences mean nothing.",
-            *frechet,
-        )
-    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
-        yield Note(
-            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
-            *below,
-        )
+    yield from _control_notes(evaluation)
+    yield from _published_notes(evaluation)
+    yield from _distance_notes(evaluation)
     for row in evaluation.systems:
         if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
             yield Note(
@@ -107,9 +84,90 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
             + (_NARROW if counts[RECORDED].dances < ENOUGH else ""),
             "likeness",
         )
+    yield from input_notes(evaluation)
+
+
+def input_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on the dances themselves: how they were read, where they begin, what is odd, and which are missing."""
     yield from _assumptions(evaluation)
-    if evaluation.errors:
-        yield Note(f"{len(evaluation.errors)} dances could not be measured and are in no number.")
+    yield from _starts(evaluation)
+    for row in (*evaluation.systems, RECORDED):
+        if counts := {text: count for text, count in evaluation.facts[row]["odd"].items() if text}:
+            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+            yield Note(f"Odd in {row} (dances): {dances}. The column oddities of clips.csv says where.", row)
+    if evaluation.missing:
+        yield Note(f"Measured: {measured_text(evaluation)}. The others are in no number, and are named beside why.")
+
+
+def measured_text(evaluation: Evaluation) -> str:
+    """The number of dances of each row that were measured, "22 of 40" where some were not."""
+    rows = (*evaluation.systems, RECORDED)
+    return ", ".join(f"{evaluation.counts[row].text} dances of {row}" for row in rows)
+
+
+def _starts(evaluation: Evaluation) -> Iterator[Note]:
+    """A remark on the dances that are taken to begin with their song, since nothing says where they begin."""
+    rows = (*evaluation.systems, RECORDED)
+    begins = {row: evaluation.facts[row]["begins"] for row in rows}
+    assumed = {row: counts[ASSUMED] + counts[ASSUMED_OF_EDGE] for row, counts in begins.items()}
+    if not any(assumed.values()):
+        return
+    listed = ", ".join(f"{row} ({assumed[row]} of {evaluation.counts[row].dances})" for row in rows if assumed[row])
+    edge = ", ".join(row for row in rows if begins[row][ASSUMED_OF_EDGE])
+    of_edge = f" EDGE wrote those of {edge}: its test.py begins anywhere in the song, and does not say where."
+    yield Note(
+        f"Taken to begin with their song, since nothing says where in it they begin: {listed}."
+        f"{of_edge if edge else ''} Of a dance that begins elsewhere, harmony and the measures of beats say nothing: "
+        "name its start in the column offset of --pairs.",
+        *(row for row in rows if assumed[row]),
+    )
+
+
+def _control_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on measures in which the controls do not stand where they must."""
+    songs = evaluation.counts[RECORDED].songs
+    if OTHER_SONG in evaluation.controls and songs < FEWEST_SONGS:
+        yield Note(
+            f"The recorded dances are to {songs} songs, too few to see which measures tell them from "
+            f"the same with another song: {FEWEST_SONGS} are needed.",
+            RECORDED,
+            OTHER_SONG,
+        )
+    if deaf := list(deaf_measures(evaluation)):
+        yield Note(
+            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
+            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
+            *deaf,
+        )
+    if still := list(_won_by_a_held_pose(evaluation)):
+        yield Note(
+            "By these measures a held pose is better than the recorded dances, so that alone they say nothing about "
+            f"dancing: {'; '.join(measure_of(name).words for name in still)}.",
+            *still,
+        )
+
+
+def _distance_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on Fréchet distances that are missing, of few dances, or below 0."""
+    for name in FEATURES:
+        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
+            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
+    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
+    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
+    if distances and min(one.n for one in distances) < FEW:
+        yield Note(
+            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
+            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
+            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
+            "Chance stays too: below "
+            f"about {FEW} dances small differences mean nothing.",
+            *frechet,
+        )
+    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
+        yield Note(
+            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
+            *below,
+        )
 
 
 def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
@@ -121,10 +179,11 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
         ("likeness", "shorter than 10 s, two-dimensional, or without names of joints"),
     ):
         songs = evaluation.songs[name].groupby(level="system").agg(["count", "size"])
-        if few := [f"{row} ({one['count']} of {one['size']})" for row, one in songs.iterrows() if one.nunique() > 1]:
+        if few := [f"{row} {one['count']} of {one['size']}" for row, one in songs.iterrows() if one.nunique() > 1]:
             yield Note(
-                f'No number "{measure_of(name).words}" for some songs of {", ".join(few)}: {reason}. Means over '
-                "different songs do not compare; the differences are over common songs.",
+                f'The measure "{measure_of(name).words}" is of fewer songs than there are: {", ".join(few)}. The other '
+                f"dances are {reason}. Means over different songs do not compare; the differences are over common "
+                "songs.",
                 name,
             )
     if len(set(rates.values())) > 1:
@@ -146,13 +205,70 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
             )
 
 
-def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
+def deaf_measures(evaluation: Evaluation) -> Iterator[str]:
     """The `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
     for one in evaluation.differences:
-        if {one.a, one.b} == {RECORDED, OTHER_SONG} and one.measure in MUSICAL:
+        is_musical = one.measure in MUSICAL or one.measure.partition(" ")[2] in PUBLISHED_MUSICAL
+        if {one.a, one.b} == {RECORDED, OTHER_SONG} and is_musical:
             low = one.low if one.a == RECORDED else -one.high
             if one.songs >= FEWEST_SONGS and not low > 0:
                 yield one.measure
+
+
+def _won_by_a_held_pose(evaluation: Evaluation) -> Iterator[str]:
+    """The measures with a direction in which a held pose is clearly better than the recorded dances."""
+    for one in evaluation.differences:
+        if {one.a, one.b} == {RECORDED, FROZEN} and one.is_clear:
+            gain = one.mean if one.a == FROZEN else -one.mean
+            if gain * measure_of(one.measure).better > 0:
+                yield one.measure
+
+
+def _published_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on the columns of protocols: those that are missing, small samples, and numbers that mean nothing."""
+    columns = (*evaluation.measures, *evaluation.set_measures)
+    for protocol in evaluation.settings.protocols:
+        own = [name for name in columns if name.startswith(f"{protocol} ")]
+        if not own:
+            yield Note(f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name.")
+        if missing := protocol_of(protocol).missing:
+            yield Note(f"{protocol}: {missing}", *own)
+        distances = [name for name in own if measure_of(name).words.startswith(f"{protocol} FID")]
+        sizes = [one.n for (row, name), one in evaluation.sets.items() if name in distances and row != RECORDED]
+        if sizes and min(sizes) < FEW:
+            sides = [one for (row, name), one in evaluation.sets.items() if name in distances and row == RECORDED]
+            truth = f" Their own is between {sides[0].n} and {sides[0].n_recorded:g} of them." if sides else ""
+            yield Note(
+                f"FID of {protocol} rests on {min(sizes)} dances at the least and keeps the bias of small samples, as "
+                f"published: it compares only with that of as many dances, beside as many recorded dances.{truth}",
+                *distances,
+            )
+    yield from _constant_notes(evaluation)
+
+
+def _constant_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on the numbers that rest on features in which the reference does not vary, and the dances do."""
+    columns: dict[tuple[str, tuple[int, ...], tuple[str, ...]], list[str]] = {}
+    for name in evaluation.set_measures:
+        if places := constant_features(evaluation, name):
+            rows = tuple(row for row in evaluation.rows if evaluation.sets.get((row, name), NO_NUMBER).constant)
+            columns.setdefault((name[-1], places, rows), []).append(name)
+    for (letter, places, rows), names in columns.items():
+        kind, count = ("kinetic", KINETIC) if letter == "k" else ("geometric", len(GEOMETRIC_FEATURES))
+        numbered = (GEOMETRIC_FEATURES[one] if kind == "geometric" else f"number {one + 1}" for one in places)
+        yield Note(
+            f"{', '.join(names)}: {len(places)} of {count} {kind} features are constant in the reference: meaningless "
+            f"for {', '.join(rows)}, where they are not, as the published codes divide by the spread + 1e-10. They "
+            f"are: {', '.join(numbered)}.",
+            *names,
+        )
+
+
+def constant_features(evaluation: Evaluation, name: str) -> tuple[int, ...]:
+    """The places of the features behind a number of sets that are constant in the reference and not in a row of it."""
+    return tuple(
+        sorted({place for (_, each), one in evaluation.sets.items() if each == name for place in one.constant})
+    )
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
@@ -166,8 +282,44 @@ def _reason(evaluation: Evaluation, name: str) -> str:
 
 
 def methods_paragraph(evaluation: Evaluation) -> str:
-    """The way the table was made: data, frame rates, beats, settings, statistics, and the protocol's remarks."""
-    return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
+    """The way the table was made, to be pasted into a paper: at most 200 words, however many systems there are."""
+    counts, settings, protocols = evaluation.counts, evaluation.settings, evaluation.settings.protocols
+    dances = number_range(counts[row].dances for row in evaluation.systems)
+    rates = number_range(float(rate) for row in evaluation.rows for rate in evaluation.facts[row]["fps"])
+    number = len(evaluation.systems)
+    beats = sum((evaluation.facts[row]["beats"] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+    published = (
+        f" Columns of {', '.join(protocols)} follow these published codes, faults and small-sample bias included, as "
+        "means over dances."
+    )
+    return (
+        f"{'The system' if number == 1 else f'Each of {number} systems'} has {dances} dances; beside them stand "
+        f"{counts[RECORDED].dances} recorded dances, these with another song, and a held pose ({rates} frames per "
+        f"second). Music beats were annotated for {beats['annotated']} dances and tracked for {beats['tracked']}. "
+        "Harmony above chance is the percentile rank of the music beats among all moments of the movement's shape (0: "
+        "chance, 1: the most). Harmony h and hit rate (reaction delay "
+        f"{HarmonyParams.paper().reaction_delay:g} s) stand beside what as many beats at random moments reach. Beat "
+        "alignment has the widths of AIST++ in seconds. Fréchet distances are from the recorded dances, in their "
+        "units, less the estimated bias of small samples. Likeness is the share of dances whose thirteen measures of "
+        f"movement lie within the limits of recorded dancers.{published if protocols else ''} Intervals are 95 %, from "
+        f"{settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for small samples (Hesterberg "
+        "2015); dances to one song, and seeds, are averaged before. Differences are paired by song; ranks need an "
+        f"interval that excludes 0 over {FEWEST_SONGS} songs, uncorrected for the number of comparisons. Computed with "
+        f"harmolab {version('harmolab')}."
+    )
+
+
+def number_range(numbers: Iterable[float]) -> str:
+    """The least and the largest of some numbers."""
+    ordered = sorted(numbers)
+    few, many = f"{ordered[0]:g}", f"{ordered[-1]:g}"
+    return few if few == many else f"{few} to {many}"
+
+
+def full_methods(evaluation: Evaluation) -> str:
+    """All of the way the table was made: data, frame rates, beats, settings, statistics, and the protocols' remarks."""
+    parts = (_data(evaluation), _measurement(evaluation), _statistics(evaluation), _protocols(evaluation))
+    return "\n\n".join(text for part in parts if (text := " ".join(part)))
 
 
 def _data(evaluation: Evaluation) -> Iterator[str]:
@@ -176,12 +328,15 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
     for row in (*evaluation.systems, RECORDED):
         seeds = f", {counts[row].seeds} seeds" if counts[row].seeds > 1 else ""
         yield (
-            f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
+            f"{row}: {counts[row].text} dances to {counts[row].songs} songs{seeds}, "
             f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
         )
+        if row != RECORDED and (first := evaluation.settings.seed_frames_of(row)):
+            yield f"The first {first} frames of each dance of {row}, which the system was given, were left out."
     rows = (*evaluation.systems, RECORDED)
     beats, dances = (sum((facts[row][name] for row in rows), Counter[str]()) for name in ("beats", "dance"))
     yield from _assumptions(evaluation)
+    yield from _starts(evaluation)
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
@@ -246,45 +401,32 @@ def _statistics(evaluation: Evaluation) -> Iterator[str]:
         yield f"Distances and diversity are of {FEATURE_DANCES} dances of a system at most, drawn by name."
 
 
-def _protocol(evaluation: Evaluation) -> Iterator[str]:
-    name = evaluation.settings.protocol
-    if name:
-        yield f"Columns called {name} follow the published code of that protocol: {' '.join(protocol_of(name).notes)}"
-        for row in (*evaluation.systems, RECORDED):
-            remarks = {text: count for text, count in evaluation.facts[row]["remarks"].items() if text}
-            yield from (f"{row}, {count} dances: {text}" for text, count in remarks.items())
+def _protocols(evaluation: Evaluation) -> Iterator[str]:
+    for name in evaluation.settings.protocols:
+        protocol = protocol_of(name)
+        yield f"Columns called {name} follow the published code of that protocol ({protocol.source}):"
+        yield " ".join((*protocol.notes, protocol.missing)).strip()
+    for row in (*evaluation.systems, RECORDED):
+        remarks = {text: count for text, count in evaluation.facts[row]["remarks"].items() if text}
+        yield from (f"{row}, {count} dances: {text}" for text, count in remarks.items())
 
 
-# Columns of the LaTeX table, those that were measured: name -> heading. The others are in the CSV file.
-COLUMNS: Mapping[str, str] = {
-    **{"harmony": "Harmony", "harmony_dance": "H. of dance"},
-    **{"paper_harmony": r"$h$", "paper_harmony_chance": r"$h$ by chance"},
-    **{"beat_align_motion": r"BA$_\mathrm{motion}$", "beat_align_music": r"BA$_\mathrm{music}$"},
-    "mir_eval_f": "Beat $F$",
-    **{"fid_kinetic": r"FID$_k$", "fid_geometric": r"FID$_g$", "fid_pose": r"FID$_\mathrm{pose}$"},
-    **{"diversity_kinetic": r"Div$_k$", "diversity_geometric": r"Div$_g$"},
-    **{"pfc": "PFC", "foot_skating": "Skating", "freezing": "Freezing", "likeness": "Likeness"},
-}
-ARROWS = MappingProxyType({1: r" $\uparrow$", -1: r" $\downarrow$", 0: ""})
 NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
+HUGE = 1e6  # from here on a power of ten stands for the digits
 # Below so much, so many digits; rounding must not lead over the edge.
 _DIGITS = ((0.00005, 2), (0.00995, 4), (0.0995, 3), (9.995, 2), (99.95, 1))
-_LATEX = MappingProxyType(
-    {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-    | {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"}
-    | {"[": "{[}", "*": "{*}"}  # at the begin of a row, the end of the row before would take them for its own
-    | {mark: f"\\{mark}" for mark in "&%$#_{}"}
-)
 
 
 def number_text(value: float) -> str:
     """A number with two digits or three, "-" where there is none; never -0.
 
-    >>> [number_text(value) for value in (0.1234, 0.00123, -0.00001, 12.34, 123.4, float("nan"))]
-    ['0.12', '0.0012', '0.00', '12.3', '123', '-']
+    >>> [number_text(value) for value in (0.1234, 0.00123, -0.00001, 12.34, 123.4, 3.4e18, float("nan"))]
+    ['0.12', '0.0012', '0.00', '12.3', '123', '3.4e18', '-']
     """
     if not math.isfinite(value):
         return "-"
+    if abs(value) >= HUGE:
+        return f"{value:.1e}".replace("e+", "e")
     digits = next((digits for most, digits in _DIGITS if abs(value) < most), 0)
     return f"{round(value, digits) + 0.0:.{digits}f}"
 
@@ -304,6 +446,8 @@ def table_records(evaluation: Evaluation) -> list[dict[str, Any]]:
             record |= {measure: number.value, f"{measure}_n": number.n}
             if measure.startswith("fid_"):
                 record |= {f"{measure}_raw": number.raw, f"{measure}_n_recorded": number.n_recorded}
+            if " " in measure:
+                record |= {f"{measure}_n_recorded": number.n_recorded, f"{measure}_constant": len(number.constant)}
         records.append(record)
     return records
 
@@ -327,79 +471,7 @@ def table_content(evaluation: Evaluation) -> dict[str, Any]:
                   for row, facts in evaluation.facts.items()},
         "notes": list(table_notes(evaluation)),
         "methods": methods_paragraph(evaluation),
+        "methods_in_full": full_methods(evaluation),
         "unpaired": [{"file": str(one.file), "reason": one.reason} for one in evaluation.unpaired],
         "errors": [{"file": str(one.file), "reason": one.reason} for one in evaluation.errors],
     }  # fmt: skip
-
-
-def table_tex(evaluation: Evaluation) -> str:
-    """A table for LaTeX with the package booktabs, those of `COLUMNS` that were measured, then those of a protocol.
-
-    Intervals stand small behind the numbers. Bold is a first rank: better than another system beyond luck, and none
-    better than it; where no difference excludes 0, nothing is bold.
-    """
-    records, protocol = table_records(evaluation), evaluation.settings.protocol
-    own = {name: head + ARROWS[measure_of(name).better] for name, head in COLUMNS.items()}
-    columns = (name.partition(" ") for name in (*evaluation.measures, *evaluation.set_measures))
-    published = {"".join(parts): latex_text(parts[2]) for parts in columns if parts[0] == protocol}
-    lines = [
-        "% needs \\usepackage{booktabs}",
-        "\\begin{table*}",
-        "\\centering\\scriptsize\\setlength{\\tabcolsep}{2.5pt}",
-        f"\\caption{{{_caption(evaluation)}}}",
-        *_tabular(records, own),
-        *_tabular(records, published, f"by the published code of {latex_text(protocol)}"),
-        "\\end{table*}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _tabular(records: list[dict[str, Any]], heads: Mapping[str, str], group: str = "") -> Iterator[str]:
-    """Lines of the columns that hold a number, with a heading over them all where `group` is one; none without any."""
-    names = [name for name in heads if any(math.isfinite(record.get(name, math.nan)) for record in records)]
-    if not names:
-        return
-    if group:
-        yield "\n\\medskip"
-    yield f"\\begin{{tabular}}{{l{'c' * len(names)}}}"
-    yield "\\toprule"
-    if group:
-        yield f" & \\multicolumn{{{len(names)}}}{{c}}{{{group}}} \\\\"
-        yield f"\\cmidrule(lr){{2-{len(names) + 1}}}"
-    yield f"{' & '.join(['System', *(heads[name] for name in names)])} \\\\"
-    for controls in (False, True):
-        yield "\\midrule"
-        for record in (record for record in records if record["control"] == controls):
-            yield f"{' & '.join([latex_text(record['system']), *(_cell(record, name) for name in names)])} \\\\"
-    yield "\\bottomrule"
-    yield "\\end{tabular}"
-
-
-def _caption(evaluation: Evaluation) -> str:
-    numbers = [count.songs for count in evaluation.counts.values()]
-    few, many = min(numbers), max(numbers)
-    songs = f"{few}" if few == many else f"{few} to {many}"
-    protocol = latex_text(evaluation.settings.protocol)
-    published = f" Columns of {protocol} follow that code, its faults and the bias included." if protocol else ""
-    return (
-        f"Means over {songs} songs with 95\\,\\% intervals by resampling songs. Bold: better than another system, the "
-        "interval of the paired difference excluding 0, and none better. FID corrected for the bias of small samples. "
-        f"Below the line: controls.{published} Computed with harmolab {latex_text(version('harmolab'))}."
-    )
-
-
-def _cell(record: dict[str, Any], name: str) -> str:
-    """A number with its interval, bold for a first rank."""
-    value = number_text(record.get(name, math.nan))
-    text = f"\\textbf{{{value}}}" if record.get(f"{name}_rank") == 1 else value
-    low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
-    return text if math.isnan(low) else f"{text} {{\\tiny[{number_text(low)}, {number_text(high)}]}}"
-
-
-def latex_text(text: str) -> str:
-    """Text with the marks that LaTeX reads as commands written out; new lines and other controls are blanks.
-
-    >>> latex_text("my_model & 50%")
-    'my\\\\_model \\\\& 50\\\\%'
-    """
-    return "".join(_LATEX.get(mark, mark if mark.isprintable() else " ") for mark in text)

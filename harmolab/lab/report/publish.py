@@ -47,12 +47,13 @@ def notebook_of(entry: Mapping[str, Any]) -> str:
 def publish(run: NotebookRun, pictures: Path, figures: Path, commit: str) -> None:
     """Copy what a notebook saved in `pictures` to `figures`, and last the manifest that lists it.
 
-    What the notebook published before and saved no more is removed. The manifest gets the commit, the day, and the
-    seconds that the notebook took.
+    What the notebook published before and saved no more is removed, and what is private is left out. The manifest gets
+    the commit, the day, and the seconds that the notebook took.
     """
     name = run.path.stem
     about = {"commit": commit, "date": f"{datetime.now(UTC):%Y-%m-%d}", "seconds": round(run.seconds)}
-    drawn = {file: entry | about for file, entry in manifest_of(pictures).items() if notebook_of(entry) == name}
+    saved = {file: entry for file, entry in manifest_of(pictures).items() if not entry.get("private")}
+    drawn = {file: entry | about for file, entry in saved.items() if notebook_of(entry) == name}
     others = {file: entry for file, entry in manifest_of(figures).items() if notebook_of(entry) != name}
     figures.mkdir(parents=True, exist_ok=True)
     for file in drawn:

@@ -12,14 +12,17 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 ==========================  ==================================================================
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import cycle, islice
 from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from torch import Tensor
 
 from harmolab.files import PathLike, plain
 from harmolab.params import BarPattern, HarmonyParams
@@ -29,15 +32,18 @@ from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan.networks import Generator, Networks, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES
-from harmolab.systems.training.checkpoints import Report, TrainOptions, check_pretrained
+from harmolab.systems.training.checkpoints import Measure, Report, TrainOptions, check_pretrained
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, make_fabric
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
 from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import save_weights
+from harmolab.types import BeatTrack, Motion
 
 POSE_NET, PRETRAINED = "pose_net", "pretrained"
 VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
+MEASURED = 64  # validation units at most that `TrainOptions.measure` is asked about
+Validate = Callable[[], dict[str, float]]
 HARD = 1e-8  # softness at which the relaxed score is the hard one
 
 
@@ -86,7 +92,7 @@ def train_harmogan(
             networks.generator.load_state_dict(load_generator(before / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
             fabric.to_device(part)
-        run.fit(phases(networks, validation, params, run.folder, run.settings, patterns), train)
+        run.fit(phases(networks, validation, params, run.folder, run.settings, patterns, options.measure), train)
         run.save(networks.generator, {"settings": run.settings, "source": units.source, "units": len(units)})
     return networks.generator
 
@@ -103,7 +109,7 @@ def _pose_net(split: Split, params: TrainParams, pretrained: Path | None, report
 
 def phases(
     networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any],
-    patterns: Sequence[BarPattern] = (),
+    patterns: Sequence[BarPattern] = (), measure: Measure = TrainOptions.measure,
 ) -> list[Phase]:  # fmt: skip
     """Pretraining of the generator alone, then discriminators and generator in turn.
 
@@ -115,13 +121,15 @@ def phases(
     folder : of the run; ``pretrained.safetensors`` and ``.json`` are kept in it
     settings : JSON-able; kept beside those weights
     patterns : bar patterns that the units name by number
+    measure : as in `TrainOptions`
     """
-    first = _pretraining(networks, validation, params, folder, settings)
-    return [first, _adversarial(networks, validation, params, patterns)]
+    validated = partial(validate, networks.generator, validation, params, measure)
+    first = _pretraining(networks, params, folder, settings, validated)
+    return [first, _adversarial(networks, params, patterns, validated)]
 
 
 def _pretraining(
-    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+    networks: Networks, params: TrainParams, folder: Path, settings: dict[str, Any], validated: Validate
 ) -> Phase:
     """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
     generator = networks.generator
@@ -139,7 +147,7 @@ def _pretraining(
         players=[learner],
         forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
         schedule=lambda number: {"tau": ""},
-        validate=lambda: validate(generator, validation, params),
+        validate=validated,
         validate_every=VALIDATE_EVERY,
         patience=params.patience,
         keep=lambda: save_weights(folder / PRETRAINED, generator, {"settings": settings}),
@@ -147,7 +155,7 @@ def _pretraining(
     )
 
 
-def _adversarial(networks: Networks, validation: Tensors, params: TrainParams, patterns: Sequence[BarPattern]) -> Phase:
+def _adversarial(networks: Networks, params: TrainParams, patterns: Sequence[BarPattern], validated: Validate) -> Phase:
     """Discriminators and generator in turn on every batch (Eq. 28-32)."""
     generator = networks.generator
     discriminators = Player(
@@ -174,7 +182,7 @@ def _adversarial(networks: Networks, validation: Tensors, params: TrainParams, p
         players=[discriminators, dancer] if params.gan_weight else [dancer],
         forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
         schedule=lambda number: {"tau": anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)},
-        validate=lambda: validate(generator, validation, params),
+        validate=validated,
     )
 
 
@@ -199,13 +207,18 @@ def adversarial_rate(epoch: int, params: TrainParams) -> float:
 
 
 @torch.no_grad()
-def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[str, float]:
+def validate(
+    generator: Generator, units: Tensors, params: TrainParams, measure: Measure = TrainOptions.measure
+) -> dict[str, float]:
     """Means over units: error, harmony by the paper and above chance, and what a guard of likeness would ask.
+
+    `measure` is asked about the dances to `MEASURED` of the units at most.
 
     Returns
     -------
     dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_body_above_chance, val_count_ratio
-    (valleys within 0.1 s; of the speed in the room but for the second), val_spread and val_turning (over recorded)
+    (valleys within 0.1 s; of the speed in the room but for the second), val_spread and val_turning (over recorded);
+    val_NAME of each number of `measure`
     """
     motion = generator(units.audio, units.initial).motion
     room, body = generator.positions(motion), losses.body_joints(generator, motion)
@@ -220,5 +233,19 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
         "val_above_chance": float(valleys.above_chance.mean()),
         "val_body_above_chance": float(in_body.above_chance.mean()),
         "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
-        **{f"val_{name}": value for name, value in ratios.items()},
+        **{f"val_{name}": value for name, value in (ratios | dict(measure(*_dances(generator, room, units)))).items()},
     }
+
+
+def _dances(generator: Generator, positions: Tensor, units: Tensors) -> tuple[list[Motion], list[BeatTrack]]:
+    """Dances and beats of some units evenly through all, from joints (N, T, J, 3), the padding left out."""
+    motions, tracks = [], []
+    for number in sorted(set(np.linspace(0, len(units) - 1, min(len(units), MEASURED)).astype(int).tolist())):
+        joints = positions[number, : int(units.mask[number].sum())].double().cpu().numpy()
+        motion = Motion(joints, generator.fps, generator.skeleton)
+        is_beat = units.beat_mask[number] > 0
+        times, strengths = (values[number][is_beat].double().cpu().numpy() for values in (units.beats, units.strengths))
+        inside = (times >= 0) & (times <= motion.duration)
+        tracks.append(BeatTrack(times[inside], strengths[inside], generator.fps, motion.duration))
+        motions.append(motion)
+    return motions, tracks

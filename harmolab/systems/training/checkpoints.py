@@ -9,7 +9,7 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from harmolab import files
 from harmolab.systems.training.about import write_synced
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import read_tensors, renamed
+from harmolab.types import BeatTrack, Motion
 
 # The history of a run, one row an epoch: a table for people and notebooks, events for TensorBoard.
 
@@ -83,6 +84,7 @@ def _tag(name: str) -> str:
 
 
 Notice = Callable[[str], None]
+Measure = Callable[[Sequence[Motion], Sequence[BeatTrack]], Mapping[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +99,7 @@ class TrainOptions:
     report : called with each epoch's row of the history and the epoch that its phase ends at
     notice : called with a line about the material
     progress : function(iterable, label) -> iterable, of the reading
+    measure : function(motions, beats) -> name -> number, of dances to validation units; further columns of the history
     """
 
     out: files.PathLike
@@ -105,6 +108,7 @@ class TrainOptions:
     report: Report = lambda row, end: None
     notice: Notice = lambda line: None
     progress: files.Progress = files.silent
+    measure: Measure = lambda motions, beats: {}
 
 
 class Sides(Protocol):

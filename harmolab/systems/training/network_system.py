@@ -10,7 +10,7 @@ from torch import nn
 
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
-from harmolab.systems.training.checkpoints import Notice, Report, TrainOptions, check_folder
+from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
 from harmolab.systems.training.dancing import danced
 from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
@@ -48,6 +48,7 @@ class Learner:
         report: Report = TrainOptions.report,
         notice: Notice = TrainOptions.notice,
         progress: Progress = silent,
+        measure: Measure = TrainOptions.measure,
         **own: Any,
     ) -> Any:
         """The result of a training on corpora, in a folder of its own.
@@ -55,7 +56,7 @@ class Learner:
         Parameters
         ----------
         data : folders of recordings
-        out, resume, accelerator, report, notice, progress
+        out, resume, accelerator, report, notice, progress, measure
             As of `harmolab.systems.training.checkpoints.TrainOptions`.
         own : keywords of `learn`: ``preset``, ``split_seed``, or other values for fields of the settings, as ``seed``
 
@@ -66,7 +67,7 @@ class Learner:
         """
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume)
-        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress), **own)
+        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress, measure), **own)
         return cls.load(out)
 
 

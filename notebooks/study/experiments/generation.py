@@ -86,6 +86,11 @@ def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
     return (*recorded, SYNTHETIC)
 
 
+def song_folder(kind: str, *, clips: int, seconds: float, seed: int) -> Path:
+    """A folder of synthetic songs and their dancers in the cache, written if it is not there."""
+    return write_corpus(_home() / f"{kind}_{clips}x{seconds:g}s_seed{seed}", clips=clips, seconds=seconds, seed=seed)
+
+
 @cache
 def training_split(profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...] = ()) -> Split:
     """Units of a corpus, but for the recordings named in `without`, split by motion group with the profile's seed.
@@ -109,10 +114,7 @@ def corpus_root(profile: RunProfile, corpus: str) -> Path:
         If there is no corpus of that name.
     """
     if corpus == SYNTHETIC:
-        clips = min(profile.n_clips // 2, MOST_CLIPS)
-        root = _home() / f"dances_{clips}x{SECONDS:g}s_seed{profile.seed}"
-        write_corpus(root, clips=clips, seconds=SECONDS, seed=profile.seed)
-        return root
+        return song_folder("dances", clips=min(profile.n_clips // 2, MOST_CLIPS), seconds=SECONDS, seed=profile.seed)
     if corpus not in corpus_folders(profile):
         raise ValueError(f"there is no corpus {corpus!r}; there are {', '.join(generator_corpora(profile))}")
     return corpus_folders(profile)[corpus]
@@ -168,7 +170,7 @@ def _run(
     split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None, of_songs: Sketched | None = None
 ) -> Path:
     """Folder of a finished training of these settings."""
-    model, more = _model(profile), {} if of_songs is None else of_songs._asdict()
+    model, more = model_params(profile), {} if of_songs is None else of_songs._asdict()
     more.pop("split", None)
     about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
     return kept_run(
@@ -192,7 +194,7 @@ def kept_run(kind: str, about: Any, train: Callable[[TrainOptions], object]) -> 
     return folder
 
 
-def _model(profile: RunProfile) -> ModelParams:
+def model_params(profile: RunProfile) -> ModelParams:
     """The small preset, or one with as many units as the profile says in proportion."""
     small = ModelParams.small()
     hidden = profile.hidden or small.hidden

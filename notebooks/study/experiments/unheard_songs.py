@@ -1,6 +1,10 @@
 """Songs that no training heard, and what is danced to them: how long, how often, beside which recorded dancers."""
 
+from dataclasses import replace
 from functools import cache
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from harmolab.beats.meter import with_one
 from harmolab.data.synthetic import ClipSettings, planted_clip
@@ -12,6 +16,8 @@ from study.experiments.generation import SYNTHETIC, generator_corpora
 from study.profile import RunProfile
 
 QUICK_SECONDS, QUICK_DRAWS, QUICK_DANCES = 10.0, 2, ("cha-cha", "waltz")
+LEVELS = (0.0, -6.0, -12.0, -18.0)  # decibels of the parts of a song with form, each twice
+STOP_SECONDS, FADE = 4.0, 0.05  # of its silence; standard deviation, seconds, of a change of loudness
 UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from another sequence
 
 
@@ -25,6 +31,26 @@ def unheard_song(dance: str, number: int, seconds: float) -> Excerpt:
     track = with_one(beats, float(downbeats[0]), DANCES[dance].meter)
     clip = Clip(f"{dance} {number}", planted.clip.audio, None, 0.0, "synthetic", track, dance)
     return Excerpt(clip.name, clip, 0.0, seconds)
+
+
+def songs_with_form(profile: RunProfile, seconds: float) -> list[Excerpt]:
+    """`song_with_form` of two songs of each dance; of one of two dances in a quick profile."""
+    dances, count = (QUICK_DANCES, 1) if profile.epochs else (tuple(DANCES), 2)
+    return [song_with_form(dance, number, seconds) for dance in dances for number in range(count)]
+
+
+def song_with_form(dance: str, number: int, seconds: float) -> Excerpt:
+    """An `unheard_song` that has loud and quiet parts, in an order of its own, and a silence between two of them."""
+    song = unheard_song(dance, number, seconds)
+    audio, rng = song.clip.audio, np.random.default_rng([UNHEARD, list(DANCES).index(dance), number])
+    levels = np.concatenate([rng.permutation(LEVELS), rng.permutation(LEVELS)])
+    times, part = np.arange(0.0, seconds, FADE / 5), seconds / levels.size
+    gains = 10 ** (levels[(times / part).astype(int)] / 20)
+    stop = part * rng.integers(3, 6)
+    gains[(stop <= times) & (times < stop + STOP_SECONDS)] = 0.0
+    gain = np.interp(np.arange(audio.samples.size) / audio.sample_rate, times, gaussian_filter1d(gains, 5.0))
+    shaped = replace(audio, samples=(audio.samples * gain).astype(audio.samples.dtype))
+    return replace(song, song=f"{song.song} with form", clip=replace(song.clip, audio=shaped))
 
 
 def common_points(motion: Motion) -> Motion:

@@ -13,10 +13,12 @@ import numpy as np
 import pandas as pd
 
 from harmolab.body.kinematics import in_body, resample_motion
+from harmolab.body.skeletons import side_pairs
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
 from harmolab.lab.evaluate.measured import SOURCES, Dance, later, measure_dances, rests_on_beat
 from harmolab.lab.harmonise import harmonise
 from harmolab.metrics.features import frechet_distance, kinetic_features, standardise
+from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.significance import mean_interval
 from harmolab.systems.choreographer.generate import Choreographer
@@ -41,7 +43,7 @@ SONG_COLUMNS = {f"likeness_{name}": name for name in GUARDED}
 SONG_COLUMNS |= {"rests": "body", "rests_late": "body, late", "rests_other": "body, other song"}
 SONG_COLUMNS |= {"pattern": "pattern", "pattern_late": "pattern, late", "pattern_other": "pattern, other song"}
 SONG_COLUMNS |= {"room_rests": "room", "statue_rests": "statue", "fid": "fid", "fid_kinetic": "fid_kinetic"}
-SONG_COLUMNS |= {"moved": "moved"}
+SONG_COLUMNS |= {"trunk": "trunk", "moved": "moved"}
 
 SKETCH, SEARCH, CORRECTED, UNJUDGED = "sketch", "search", "recommended", "recommended, no discriminators"
 WITHOUT = f"{CORRECTED}, without"
@@ -97,6 +99,7 @@ class OwnSongs:
     others : all other recordings
     systems : (name in `GENERATORS`, number of the training) -> system, trained on the others
     pose_net : that of the first system, which measures the Frechet distances
+    limits : LikenessLimits of the guard, the shipped ones when left out
     """
 
     profile: RunProfile
@@ -104,6 +107,7 @@ class OwnSongs:
     others: tuple[Recording, ...]
     systems: Mapping[tuple[str, int], HarmoGAN]
     pose_net: PoseNet
+    limits: LikenessLimits | None = None
 
     @property
     def corrector(self) -> HarmoGAN:
@@ -153,6 +157,7 @@ def own_dances(own: OwnSongs) -> pd.DataFrame:
             dances.append(as_dance(name, seed, song, resample_motion(motion, RATE)))
             if name != "paper":
                 moved.append((name, song.folder.name, seed, "moved", moved_cm(motion, sketch)))
+    dances = [one._replace(limits=own.limits) for one in dances]
     table = song_table(dances, distances_from([half_a_minute(song) for song in own.others], own.pose_net), own.songs)
     return pd.concat([table, pd.DataFrame(moved, columns=table.columns)], ignore_index=True)
 
@@ -167,6 +172,12 @@ def searched(sketch: Motion, song: Recording, bank: Choreographer) -> Motion:
 def moved_cm(motion: Motion, sketch: Motion) -> float:
     """Mean way of the joints of a dance from those of its sketch, centimetres, both seen from the root."""
     return 100 * float(np.linalg.norm(in_body(motion).positions - in_body(sketch).positions, axis=-1).mean())
+
+
+def trunk_cm(motion: Motion) -> float:
+    """Standard deviation of the trunk's width, centimetres, mean of hips and shoulders; NaN without their names."""
+    widths = [motion.positions[:, left] - motion.positions[:, right] for left, right in side_pairs(motion.skeleton)]
+    return 100 * float(np.mean([np.linalg.norm(width, axis=1).std() for width in widths])) if widths else np.nan
 
 
 def hearing(own: OwnSongs) -> pd.DataFrame:
@@ -216,6 +227,7 @@ def song_table(
     """
     single = [name for name in SONG_COLUMNS if name in SOURCES]
     others = dict(PATTERN) | {f"{name}_other": _with_others(measure, songs) for name, measure in OF_MUSIC.items()}
+    others["trunk"] = lambda dance: trunk_cm(dance.motion)
     return measure_dances(dances, [*single, "likeness"], others=others, of_sets=distances)
 
 

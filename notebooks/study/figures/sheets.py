@@ -1,15 +1,18 @@
 """Contact sheets: whole dances as rows of people, for people who want to see what numbers cannot say."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from harmolab.files import PathLike, atomic_write
 from harmolab.lab.figures.people import draw_film, figure_stage, middles_of, person_polygons, posed, stage_shapes
-from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
+from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes, write_figure
 from harmolab.lab.person import Stage
 from harmolab.types import FloatArray, IntArray, Motion
 
@@ -17,6 +20,7 @@ WIDTH = 1600 / 150  # inches: 1600 pixels at the resolution that figures are sav
 CELL = (0.74, 1.42)  # room of a figure across and up, in heights of the dancer
 TITLE = 0.22  # the same, of a dance's name
 GHOSTS = (0.2, 0.1)  # seconds before a beat
+STRIP, PAIRS = 0.3, 6  # seconds between the figures of a blind strip, and pairs of strips on a sheet
 
 
 def contact_sheet(motions: Mapping[str, Motion], *, every: float = 0.5, columns: int = 20, turn: float = 0.0) -> Figure:
@@ -92,6 +96,45 @@ def _beats_within(motion: Motion, beats: FloatArray) -> FloatArray:
     """The beats that have movement before them."""
     times = np.asarray(beats, np.float64)
     return times[(times >= GHOSTS[0]) & (times < motion.duration)]
+
+
+def blind_strips(
+    pairs: Sequence[tuple[Motion, Motion]], rng: np.random.Generator
+) -> tuple[dict[str, Motion], pd.DataFrame]:
+    """Strips of pairs (recorded, made) in a new order, "1 A", "1 B", "2 A" and so on, and which of each pair is made.
+
+    Returns
+    -------
+    (label -> Motion, DataFrame with the columns pair, made ("A" or "B") and place, that of the pair among `pairs`)
+    """
+    strips: dict[str, Motion] = {}
+    answers: list[dict[str, int | str]] = []
+    for number, place in enumerate(rng.permutation(len(pairs)).tolist(), 1):
+        made = int(rng.integers(2))
+        strips |= {f"{number} A": pairs[place][made], f"{number} B": pairs[place][1 - made]}
+        answers.append({"pair": number, "made": "BA"[made], "place": place})
+    return strips, pd.DataFrame(answers)
+
+
+def save_blind_sheets(pairs: Sequence[tuple[Motion, Motion]], out: PathLike, rng: np.random.Generator) -> list[Path]:
+    """Contact sheets of `blind_strips` in a folder, six pairs on each, and answers.csv, to be opened afterwards.
+
+    What the sheets show of recordings that may not be passed on may not be passed on either.
+
+    Returns
+    -------
+    Paths of the sheets.
+    """
+    strips, answers = blind_strips(pairs, rng)
+    folder, labels = Path(out), list(strips)
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = [labels[first : first + 2 * PAIRS] for first in range(0, len(labels), 2 * PAIRS)]
+    sheets = [folder / f"sheet_{number}.png" for number in range(1, len(parts) + 1)]
+    for path, part in zip(sheets, parts, strict=True):
+        write_figure(contact_sheet({label: strips[label] for label in part}, every=STRIP), path)
+    with atomic_write(folder / "answers.csv") as part_file:
+        answers.to_csv(part_file, index=False)
+    return sheets
 
 
 def _draw_dance(ax: Axes, motion: Motion, moments: FloatArray, columns: int, turn: float, top: float) -> None:

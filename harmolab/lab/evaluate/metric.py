@@ -1,0 +1,299 @@
+"""The evaluation in memory: dances of a training loop in, the numbers of `harmolab evaluate` out."""
+
+import json
+import math
+import os
+from collections.abc import Iterable, Sequence
+from copy import copy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from harmolab.body.skeletons import Skeleton
+from harmolab.files import PathLike, named_faults
+from harmolab.lab.evaluate.measured import MEASURES, Dance, dance_numbers, motion_features, shipped_pose_net
+from harmolab.lab.evaluate.pairing import GENERATED, RECORDED
+from harmolab.lab.evaluate.reference import Reference, load_reference, weights_digest
+from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
+from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
+from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
+from harmolab.readers.array_files import SKELETONS
+from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.verdict.evidence import FEWEST_BEATS
+
+if TYPE_CHECKING:
+    from torchmetrics import Metric
+
+Positions = Any  # (T, J, 3) array or tensor, metres, y up; or a Motion
+ReferenceLike = Reference | PathLike | Sequence[Positions] | None
+
+
+def evaluate(
+    motions: Iterable[Positions],
+    beats: Iterable[Any],
+    *,
+    reference: ReferenceLike = None,
+    fps: float | None = None,
+    skeleton: Skeleton | None = None,
+    songs: Sequence[str] | None = None,
+    seeds: Sequence[str | int] | None = None,
+    dances: Sequence[str] | None = None,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """The numbers of some dances, as `harmolab evaluate` has them for a system.
+
+    Parameters
+    ----------
+    motions : N Motions, or (T, J, 3) arrays or tensors of joint positions, metres, y up: a batch (N, T, J, 3) will do
+    beats : N BeatTracks on the time line of each motion, or arrays of the seconds of the music's beats
+    reference : recorded dances, for Fréchet distances and likeness: a list of motions, a file of `harmolab evaluate
+        --save-reference`, or "synthetic", the file that comes with harmolab; None leaves these out
+    fps : float, frames per second; arrays need it
+    skeleton : Skeleton of arrays; those of 17, 22 and 24 joints are taken for COCO and SMPL without one
+    songs : N names; dances to one song are averaged first. Each its own when left out
+    seeds : N names of the draws or trainings
+    dances : N names of dances such as "waltz", for harmony by the bar pattern of the dance
+    seed : int, of the splits behind the correction of distances
+
+    Returns
+    -------
+    dict : name of a measure -> float, NaN where it cannot be measured; "remarks" -> list of the reasons, in sentences
+
+    Raises
+    ------
+    ValueError
+        A motion has a gradient, no frame rate, or a wrong shape, or beats are not on its time line; names which.
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> clips = [synthetic_clip("jive", seconds=5.0, seed=seed) for seed in (1, 2)]
+    >>> numbers = evaluate([clip.motion for clip in clips], [clip.beats for clip in clips])
+    >>> numbers["beat_align_motion"] > 0.6, numbers["harmony"]
+    (True, nan)
+    >>> numbers["remarks"][0]  # doctest: +ELLIPSIS
+    'harmony of 2 of 2 dances is NaN: it needs 16 beats of the music, some 8 s, and a body that moves; ...'
+    """
+    metric = DanceMetric(reference, fps=fps, skeleton=skeleton, seed=seed)
+    metric.update(motions, beats, songs=songs, seeds=seeds, dances=dances)
+    return {**metric.compute(), "remarks": list(metric.remarks)}
+
+
+class DanceMetric:
+    """The numbers of `harmolab evaluate`, dance by dance: `update` after each batch, `compute` once, then `reset`.
+
+    Measured on the CPU, in double precision and without gradients; nothing of it is a loss. `merge_state` joins what
+    other processes measured, in any order: the numbers are those of one process. `torchmetrics` gives the same as a
+    `torchmetrics.Metric`, which does that by itself.
+
+    Parameters
+    ----------
+    reference, fps, skeleton, seed : as in `evaluate`
+    """
+
+    def __init__(
+        self,
+        reference: ReferenceLike = None,
+        *,
+        fps: float | None = None,
+        skeleton: Skeleton | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.fps, self.skeleton, self.seed = fps, skeleton, seed
+        self.pose_net = shipped_pose_net()
+        self.reference = self._as_reference(reference)
+        self.rows: list[Row] = []
+
+    def _as_reference(self, reference: ReferenceLike) -> Reference | None:
+        if reference is None:
+            return None
+        if not isinstance(reference, Reference | str | os.PathLike):
+            return reference_of(_motions(reference, self.fps, self.skeleton), pose_net=self.pose_net)
+        saved = reference if isinstance(reference, Reference) else load_reference(reference)
+        return saved.for_pose_net(weights_digest(self.pose_net))
+
+    def update(
+        self,
+        motions: Iterable[Positions],
+        beats: Iterable[Any],
+        *,
+        songs: Sequence[str] | None = None,
+        seeds: Sequence[str | int] | None = None,
+        dances: Sequence[str] | None = None,
+    ) -> None:
+        """Measure the dances of a batch; parameters and errors as `evaluate`."""
+        bodies = _motions(motions, self.fps, self.skeleton)
+        tracks = _tracks(beats, bodies)
+        first = len(self.rows)
+        named = {
+            "songs": songs or [f"dance {first + place:07d}" for place in range(len(bodies))],
+            "seeds": seeds or [""] * len(bodies), "dances": dances or [""] * len(bodies),
+        }  # fmt: skip
+        for name, words in named.items():
+            if len(words) != len(bodies):
+                raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(words)}")
+        limits = None if self.reference is None else self.reference.limits
+        self.rows += [
+            self._row(Dance(GENERATED, str(song), motion, music, str(seed), dance, limits))
+            for motion, music, song, seed, dance in zip(bodies, tracks, *named.values(), strict=True)
+        ]
+
+    def _row(self, dance: Dance) -> Row:
+        """A dance as a row of the table of clips; its features only where there are some to compare them with."""
+        kinds = [] if self.reference is None else feature_names(self.reference.features)
+        return {
+            "system": GENERATED, "seed": str(dance.seed), "song": dance.song, "kind": GENERATED, "error": "",
+            "skeleton": skeleton_digest(dance.motion.skeleton), "music_beats": len(dance.music),
+            **dance_numbers(dance, NUMBERS), **feature_cells(motion_features(dance.motion, self.pose_net, kinds)),
+        }  # fmt: skip
+
+    def compute(self) -> dict[str, float]:
+        """Name of a measure -> its mean over songs, or its number for the set; NaN where it cannot be measured.
+
+        Raises
+        ------
+        ValueError
+            Nothing was measured yet.
+        """
+        collected = self._collected()
+        means = collected.song_means.mean()
+        numbers = {name: float(means[name]) for name in MEASURES}
+        if self.reference is None:
+            return numbers
+        features = {RECORDED: self.reference.features, GENERATED: collected.features[GENERATED]}
+        sets = set_numbers(features, seed=self.seed)
+        return numbers | {name: one.value for (system, name), one in sets.items() if system == GENERATED}
+
+    def _collected(self) -> Collected:
+        if not self.rows:
+            raise ValueError("nothing was measured yet; call update with dances and their beats first")
+        # In an order that does not depend on which process measured which.
+        ordered = sorted(self.rows, key=lambda row: (row["seed"], row["song"], json.dumps(row)))
+        collected = Collected()
+        collected.add(pd.DataFrame([{"key": f"{place:09d}", **row} for place, row in enumerate(ordered)]))
+        return collected
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The reasons for numbers that are NaN or missing, a sentence each; none where all could be measured."""
+        return tuple(_remarks(self.rows, self.reference))
+
+    def reset(self) -> None:
+        """Forget all dances."""
+        self.rows = []
+
+    def merge_state(self, other: "DanceMetric | Iterable[Row]") -> None:
+        """Take in the dances of a metric of another process, or its `rows`, which can be sent from there."""
+        self.rows = [*self.rows, *(other.rows if isinstance(other, DanceMetric) else other)]
+
+    def torchmetrics(self) -> "Metric":
+        """The same as a `torchmetrics.Metric` of its own, which gathers the dances of all processes in `compute`.
+
+        Raises
+        ------
+        ValueError
+            torchmetrics is not installed.
+        """
+        try:
+            from harmolab.lab.evaluate.torch_metric import TorchDanceMetric
+        except ModuleNotFoundError as error:
+            raise ValueError(f"this needs {error.name}; run: pip install torchmetrics") from None
+        return TorchDanceMetric(copy(self))
+
+
+def reference_of(motions: Sequence[Motion], *, pose_net: Path | None = None) -> Reference:
+    """The reference that recorded dances in memory are: their features, and their limits of likeness."""
+    rows = [
+        {"key": f"{place:09d}", "error": "", "system": RECORDED, "seed": "", "song": f"{place:09d}", "kind": RECORDED,
+         "skeleton": skeleton_digest(motion.skeleton), **feature_cells(motion_features(motion, pose_net))}
+        for place, motion in enumerate(motions)
+    ]  # fmt: skip
+    if not rows:
+        raise ValueError("the reference holds no motion")
+    windows = [each for motion in motions if (each := _windows(motion))]
+    limits = LikenessLimits.of_windows(windows, [""] * len(windows)) if windows else None
+    return Reference(pd.DataFrame(rows), limits, pose_net=weights_digest(pose_net))
+
+
+def _windows(motion: Motion) -> tuple[dict[str, float], ...]:
+    try:
+        return tuple(filter(None, window_measures(motion)))
+    except ValueError:  # two-dimensional, or too short
+        return ()
+
+
+def _motions(values: Iterable[Positions], fps: float | None, skeleton: Skeleton | None) -> list[Motion]:
+    """The motions of a batch; ValueError that names the first that is none."""
+    if isinstance(values, Motion) or getattr(values, "ndim", 4) == 3:
+        raise ValueError("motions are several dances: put the one that there is into a list")
+    return [_motion(value, f"motions[{place}]", fps, skeleton) for place, value in enumerate(values)]
+
+
+def _motion(value: Positions, name: str, fps: float | None, skeleton: Skeleton | None) -> Motion:
+    if isinstance(value, Motion):
+        return value
+    positions = _array(value, name)
+    if fps is None:
+        raise ValueError(f"{name} is an array, which has no frame rate: pass fps, such as fps=30.0")
+    with named_faults(name):
+        if positions.ndim != 3:
+            raise ValueError(f"positions must be (frames, joints, 3), got shape {positions.shape}")
+        joints = positions.shape[1]
+        if skeleton is None and joints not in SKELETONS:
+            raise ValueError(f"has {joints} joints: pass skeleton=harmolab.Skeleton(names, parents)")
+        return Motion(positions, fps, SKELETONS[joints] if skeleton is None else skeleton)
+
+
+def _array(value: Any, name: str) -> FloatArray:
+    """An array or tensor in double precision, on the CPU; ValueError for a tensor with a gradient."""
+    if getattr(value, "requires_grad", False):
+        raise ValueError(f"{name} is a tensor with a gradient, and nothing here is a loss: pass {name}.detach()")
+    if hasattr(value, "detach"):
+        value = value.detach().cpu().double().numpy()  # bfloat16 has no kind of numpy's
+    with named_faults(name):
+        try:
+            return np.asarray(value, dtype=np.float64)
+        except TypeError as error:
+            raise ValueError(f"is no array of numbers ({error})") from None
+
+
+def _tracks(beats: Iterable[Any], motions: Sequence[Motion]) -> list[BeatTrack]:
+    """The beats of each motion, on its time line and no longer than it; ValueError that names the first that fails."""
+    if isinstance(beats, BeatTrack):
+        raise ValueError("beats are those of several dances: pass a list with one entry a dance")
+    tracks = list(beats)
+    if len(tracks) != len(motions):
+        raise ValueError(f"beats must have one entry a dance ({len(motions)}), got {len(tracks)}")
+    return [_track(value, f"beats[{place}]", motions[place]) for place, value in enumerate(tracks)]
+
+
+def _track(value: Any, name: str, motion: Motion) -> BeatTrack:
+    if isinstance(value, BeatTrack):
+        is_longer = value.duration > motion.duration + 1 / motion.fps
+        return value.span(0.0, motion.duration) if is_longer else value
+    times = _array(value, name).ravel()
+    with named_faults(name):
+        return BeatTrack(times, np.ones(times.size), motion.fps, motion.duration)
+
+
+def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
+    """Sentences on what is NaN in rows, and on the numbers of sets that are missing."""
+    beats = max((int(row["music_beats"]) for row in rows), default=0)
+    reasons = {
+        "harmony": f"it needs {FEWEST_BEATS} beats of the music, some 8 s, and a body that moves; the most beats of a "
+        f"dance here are {beats}",
+        "likeness": f"it needs {SHORTEST:g} s of movement in three dimensions, of joints with names",
+        "foot_skating": "no joint is called a foot or an ankle",
+    }
+    for name, reason in reasons.items():
+        if count := sum(math.isnan(float(row[name])) for row in rows):
+            yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
+    if reference is None:
+        return
+    recorded = reference.features
+    if min(len(rows), len(recorded)) < LEAST:
+        yield f"There is no Fréchet distance: it needs {LEAST} dances on either side."
+    if not {row["skeleton"] for row in rows} & set(recorded["skeleton"]):
+        yield "There is no Fréchet distance on kinetic features: the joints are not those of the reference."

@@ -1,0 +1,302 @@
+"""A row for the leaderboard: a folder made from a table, that can be sent, and whose numbers follow from its files.
+
+==============  ======================================================================================================
+``row.json``    "about", which people write: what the data are; "measured": command, versions, settings, numbers
+evidence.csv    a line a dance with its measures: all numbers are computed from it
+files.csv       name and SHA-256 of every file of motion and music; the digest of the data is computed from it
+README.md       the means and what the files are, for people
+==============  ======================================================================================================
+"""
+
+import datetime
+import hashlib
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
+from harmolab.lab.evaluate.evaluation import CLIPS, MARK, ROWS
+from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
+from harmolab.lab.evaluate.rows import CONTROLS
+from harmolab.lab.evaluate.sets import collect
+from harmolab.lab.evaluate.summary import measure_of, ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.tables import MUSICAL, number_text
+
+ROW, EVIDENCE, FILES, README = "row.json", "evidence.csv", "files.csv", "README.md"
+ABOUT = ("title", "by", "synthetic", "data", "licence", "obtain", "note", "commands")
+MAY_BE_EMPTY = ("note", "commands", "synthetic")
+# Of a dance, beside its measures.
+NAMES = ("system", "seed", "song", "kind", "dance", "beats", "fps", "joints", "offset", "begins")
+TABLE_MEASURES = (
+    *("harmony", "harmony_dance", "significant", "paper_harmony", "paper_harmony_chance", "beat_align_motion"),
+    *("beat_align_music", "mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness"),
+)
+# Settings of an evaluation that its numbers depend on, beside the folders.
+OPTIONS = ("protocol", "fps", "scale", "up", "slice_stride", "seed_frames", "resamples", "seed")
+LARGEST = 100_000  # bytes of the evidence
+MOST_RESAMPLES = 100_000  # of the intervals of a row that others send
+_PLACE = re.compile(r"(?:^|[\s\"',=])(?:/|~/|[A-Za-z]:\\)\S")  # a path of somebody's disk
+
+
+class Submission(NamedTuple):
+    """The content of a row but for "about": its evidence, its files, and what was measured."""
+
+    evidence: pd.DataFrame
+    files: pd.DataFrame
+    measured: dict[str, Any]
+
+
+def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Mean over songs, interval and rank of each measure of each system, from the evidence.
+
+    Parameters
+    ----------
+    dances : DataFrame, the evidence
+    settings : with the entries resamples and seed
+
+    Returns
+    -------
+    dict : "systems", name -> numbers of dances and songs, and measure -> mean, interval and rank; "deaf", the measures
+        of music by which recorded dances are not better than the same with another song
+    """
+    part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
+    songs = collect([part]).song_means
+    interval = partial(song_interval, count=settings["resamples"], seed=settings["seed"])
+    present = dict.fromkeys(dances["system"])
+    systems = [name for name in present if name not in CONTROLS]
+    names = [*systems, *(name for name in CONTROLS if name in present)]
+    means = system_means(songs, interval=interval)
+    differences = system_differences(songs, names, interval=interval)
+    numbers: dict[str, dict[str, Any]] = {}
+    for name in names:
+        own = dances[dances["system"] == name]
+        numbers[name] = {"dances": len(own), "songs": own["song"].nunique()}
+        for measure in (*TABLE_MEASURES, *_published(dances)):
+            if (name, measure) in means:
+                mean, low, high, _ = means[name, measure]
+                places = ranks(differences, systems, measure, better=measure_of(measure).better)
+                numbers[name][measure] = {"mean": mean, "interval": [low, high], "rank": places.get(name)}
+    pair = (RECORDED, OTHER_SONG)
+    clear = {one.measure for one in differences if (one.a, one.b) == pair and one.is_clear and one.low > 0}
+    deaf = {*MUSICAL, "significant"} - clear
+    return {"systems": numbers, "deaf": [name for name in TABLE_MEASURES if name in deaf]}
+
+
+def _published(dances: pd.DataFrame) -> list[str]:
+    """The columns of published protocols: their names have a blank, and no others do."""
+    return [name for name in map(str, dances) if " " in name]
+
+
+def submission_of(table: PathLike) -> Submission:
+    """The content of a row, from the folder that `harmolab evaluate --out` wrote.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        There is no table in the folder, or some of its dances were not measured; names it.
+    """
+    table = Path(table)
+    with reading(table / MARK, "an evaluation") as path:
+        settings = read_json(path)["settings"]
+    with reading(table / CLIPS, "the dances of an evaluation") as path:
+        clips = pd.read_csv(path, dtype={"seed": str, "dance": str})
+    if failed := int(clips["error"].notna().sum()) + _unmatched(table):
+        raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
+    dances = clips[[name for name in (*NAMES, *MEASURES, *_published(clips)) if name in clips]]
+    files = file_hashes([*clips["motion"], *clips["music"]])
+    options = {name: settings[name] for name in OPTIONS if settings.get(name) not in (None, "", 0) or name == "seed"}
+    measured = {
+        "kind": "evaluate", "command": _command(settings), "settings": options, "digest": digest_of(files),
+        "recordings": sorted(set(dances["song"])),
+        "versions": read_manifest(table / ROWS)["versions"] if (table / ROWS / MANIFEST).is_file() else {},
+    }  # fmt: skip
+    return Submission(dances, files, measured)
+
+
+def _unmatched(table: Path) -> int:
+    """The number of dances in a table's folder that go with no song."""
+    if not (table / "table.csv").is_file():
+        return 0
+    counts = pd.read_csv(table / "table.csv")
+    measured = 0 if "total" not in counts else (counts["total"] - counts["dances"])[~counts["control"]].sum()
+    return int(measured)
+
+
+def _command(settings: Mapping[str, Any]) -> str:
+    """The command of an evaluation, without the places of its folders."""
+    words: list[tuple[str, Any]] = [
+        ("system", f"{key}={Path(place).name}") for key, place in settings["systems"].items()
+    ]
+    words += [(name, Path(settings[name]).name) for name in ("music", "reference", "pairs") if settings.get(name)]
+    for name in OPTIONS:
+        value = settings.get(name)
+        several = [f"{key}={one}" for key, one in value.items()] if isinstance(value, dict) else value
+        values = several if isinstance(several, list) else [value]
+        words += [(name, one) for one in values if one not in (None, "") and (one != 0 or name == "seed")]
+    options = (f"--{name.replace('_', '-')} {word}" for name, word in words)
+    return " ".join(["harmolab evaluate", *options, "--out table"])
+
+
+def file_hashes(paths: Iterable[PathLike]) -> pd.DataFrame:
+    """Name and SHA-256 of some files and of all files in some folders, whatever lies above them; sorted."""
+    lines = sorted(
+        (path.relative_to(top.parent).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest())
+        for top in map(Path, set(paths))
+        for path in (top.rglob("*") if top.is_dir() else [top])
+        if path.is_file()
+    )
+    return pd.DataFrame(lines, columns=["file", "sha256"])
+
+
+def digest_of(files: pd.DataFrame) -> str:
+    """SHA-256 over the names and hashes of files, in the order of their names."""
+    lines = sorted(f"{name} {digest}\n" for name, digest in zip(files["file"], files["sha256"], strict=True))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def sources_digest() -> str:
+    """SHA-256 over the Python files of the package: two copies of one version that differ have different ones."""
+    folder = Path(__file__).resolve().parents[2]
+    lines = (path.relative_to(folder).as_posix().encode() + path.read_bytes() for path in sorted(folder.rglob("*.py")))
+    return hashlib.sha256(b"".join(lines)).hexdigest()
+
+
+def write_submission(table: PathLike, out: PathLike) -> None:
+    """Write the folder of a row from that of a table; an "about" that is there stays as it is.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `submission_of`; `out` holds other files than those of a row.
+    """
+    out = Path(out)
+    strangers = sorted({path.name for path in out.iterdir()} - {ROW, EVIDENCE, FILES, README}) if out.is_dir() else []
+    if strangers:
+        raise ValueError(f"{out}: holds {strangers[0]}, which is no part of a row; name a new folder")
+    row = submission_of(table)
+    about = dict.fromkeys(ABOUT, "") | {"synthetic": False, "commands": []} | _former_about(out)
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / EVIDENCE, csv_text(row.evidence))
+    write_text(out / FILES, csv_text(row.files))
+    code = {"version": version("harmolab"), "sources": sources_digest(), "date": datetime.date.today().isoformat()}
+    numbers = evaluate_numbers(read_evidence(out), row.measured["settings"])
+    measured = row.measured | {"harmolab": code, "numbers": numbers}
+    write_text(out / README, "\n".join(_readme(about, measured)) + "\n")
+    write_json(out / ROW, {"about": about, "measured": measured})
+
+
+def _former_about(out: Path) -> dict[str, Any]:
+    return dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    """A table as the files of a row hold it: six digits."""
+    return str(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+
+
+def row_content(folder: Path) -> dict[str, Any]:
+    """The content of row.json in a folder; errors as `harmolab.files.reading`."""
+    with reading(folder / ROW, "a row of the leaderboard") as path:
+        content = read_json(path)
+        if not isinstance(content, dict):
+            raise ValueError("must be an object with about and measured")
+        return content
+
+
+def read_evidence(folder: Path) -> pd.DataFrame:
+    """The evidence of a row; what stands for no seed or no dance is an empty text."""
+    with reading(folder / EVIDENCE, "the evidence of a row") as path:
+        text = dict.fromkeys(("seed", "dance", "recording", "song"), str)
+        evidence = pd.read_csv(io.BytesIO(path.read_bytes()), dtype=text)
+    return evidence.fillna(dict.fromkeys(evidence.select_dtypes(exclude="number"), ""))
+
+
+def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[str]:
+    """The lines of a row for people: a table of means, and what the files are."""
+    systems = measured["numbers"]["systems"]
+    yield f"# {about['title'] or 'A row for the leaderboard of harmolab'}\n"
+    yield f"Means over songs, by harmolab {measured['harmolab']['version']}; intervals and ranks are in {ROW}.\n"
+    yield f"| | {' | '.join(systems)} |"
+    yield f"|---|{'---|' * len(systems)}"
+    for count in ("dances", "songs"):
+        yield f"| {count} | {' | '.join(str(numbers[count]) for numbers in systems.values())} |"
+    for name in dict.fromkeys(
+        name for numbers in systems.values() for name in numbers if name not in ("dances", "songs")
+    ):
+        means = (number_text(numbers[name]["mean"]) if name in numbers else "-" for numbers in systems.values())
+        yield f"| {measure_of(name).words} | {' | '.join(means)} |"
+    yield f"\n    {measured['command']}\n"
+    yield f"- `{ROW}`: what the data are (about), command, versions, settings and numbers (measured)"
+    yield f"- `{EVIDENCE}`: a line a dance, from which the numbers are computed"
+    yield f"- `{FILES}`: names and SHA-256 of the files of motion and music"
+    yield "\n`harmolab evaluate submit FOLDER` computes the numbers anew, and says what is missing."
+
+
+def submission_faults(folder: PathLike) -> list[str]:
+    """Sentences on what a row lacks or what does not follow from its own files; empty for a row that can be sent.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A file of the row is missing or damaged; names it.
+    """
+    folder = Path(folder)
+    content, evidence = row_content(folder), read_evidence(folder)
+    with reading(folder / FILES, "the files of a row") as path:
+        files = pd.read_csv(path, dtype=str)
+        if list(files) != ["file", "sha256"]:
+            raise ValueError(f"must have the columns file and sha256, got {list(files)}")
+    about, measured = content.get("about"), content.get("measured")
+    if not (isinstance(about, dict) and isinstance(measured, dict)):
+        return [f"{ROW}: lacks about or measured; make the row by harmolab evaluate submit TABLE --out FOLDER"]
+    with reading(folder / ROW, "a row of the leaderboard"):  # a setting or a column may be missing, or be no number
+        return [*about_faults(about), *_number_faults(measured, evidence, files), *_text_faults(folder)]
+
+
+def about_faults(about: Mapping[str, Any]) -> Iterator[str]:
+    """One sentence on the fields that people have not written yet."""
+    empty = [name for name in ABOUT if name not in about or (name not in MAY_BE_EMPTY and not about[name])]
+    if empty:
+        yield f'{ROW}: "about" lacks {", ".join(empty)}'
+
+
+def _number_faults(measured: Mapping[str, Any], evidence: pd.DataFrame, files: pd.DataFrame) -> Iterator[str]:
+    if not 100 <= measured["settings"]["resamples"] <= MOST_RESAMPLES:
+        yield f"{ROW}: resamples must lie between 100 and {MOST_RESAMPLES}"
+        return
+    follows = is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"])
+    if not follows:
+        yield f"{ROW}: its numbers do not follow from {EVIDENCE}; make the row anew"
+    if measured.get("digest") != digest_of(files):
+        yield f"{ROW}: the digest of the data does not follow from {FILES}"
+    if sorted(set(evidence["song"])) != measured.get("recordings"):
+        yield f"{ROW}: its recordings are not the songs of {EVIDENCE}"
+
+
+def _text_faults(folder: Path) -> Iterator[str]:
+    size = (folder / EVIDENCE).stat().st_size
+    if size >= LARGEST:
+        yield f"{EVIDENCE}: has {size} bytes; a row stays below {LARGEST}"
+    for name in (ROW, EVIDENCE, FILES, README):
+        if (folder / name).is_file() and (place := _PLACE.search((folder / name).read_text("utf-8"))):
+            yield f"{name}: names a place on a disk ({place[0].strip()}...); it would be published"
+
+
+def is_close(a: Any, b: Any) -> bool:
+    """True for two contents of JSON that are the same but for the last digits of their numbers."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(is_close(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(is_close, a, b))
+    if isinstance(a, float) or isinstance(b, float):
+        return None not in (a, b) and bool(np.isclose(a, b, rtol=1e-9, atol=1e-9))
+    return bool(a == b)

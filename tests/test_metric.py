@@ -1,0 +1,311 @@
+"""`harmolab.evaluate` and `DanceMetric`: the command's numbers in memory, from one process or several."""
+
+import json
+import math
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harmolab import DanceMetric, Skeleton, evaluate, synthetic_clip
+from harmolab.cli import app
+from harmolab.data.synthetic import write_corpus
+from harmolab.lab.evaluate.evaluation import (
+    Evaluation,
+    EvaluationSettings,
+    evaluate_dances,
+    evaluation_pairs,
+    write_reference,
+)
+from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.page import write_evaluation
+from harmolab.lab.evaluate.pairing import FROZEN, RECORDED
+from harmolab.lab.evaluate.reference import SYNTHETIC, Reference, load_reference, save_reference
+from harmolab.lab.evaluate.rows import pair_clip
+from harmolab.readers.motion import load_motion, save_motion
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import music_and_motion
+from tests.builders import called, cases, refused
+
+SYSTEM = "ours"
+run = partial(called, app)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A system whose dances the command has measured, and the same dances in memory."""
+
+    root: Path
+    table: Evaluation
+    dances: list[dict[str, Any]]
+
+    @property
+    def saved(self) -> Path:
+        return self.root / "reference.npz"
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        means = {measure: mean.mean for (system, measure), mean in self.table.means.items() if system == SYSTEM}
+        return means | {name: one.value for (system, name), one in self.table.sets.items() if system == SYSTEM}
+
+
+def settings(root: Path, **others: Any) -> EvaluationSettings:
+    recorded = root / "recorded"
+    named: dict[str, Any] = {"music": recorded, "reference": recorded, "resamples": 100}
+    return EvaluationSettings({SYSTEM: root / SYSTEM}, **(named | others))
+
+
+def updates(root: Path, table: Evaluation) -> list[dict[str, Any]]:
+    """The dances of the system as arguments of `update`, one a call."""
+    pairs = [pair for pair in evaluation_pairs(settings(root)).pairs if pair.system == SYSTEM]
+    clips = [(pair, pair_clip(pair, table.options)) for pair in pairs]
+    named = [(pair, clip.dance, *music_and_motion(clip)) for pair, clip in clips]
+    return [
+        {"motions": [motion], "beats": [music], "songs": [pair.song], "seeds": [pair.seed], "dances": [dance]}
+        for pair, dance, music, motion in named
+    ]
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Evaluated:
+    """Five recorded dances, and a system that dances like them with noise, twice."""
+    root = tmp_path_factory.mktemp("metric")
+    common: dict[str, Any] = {"clips": 5, "seconds": 12.0, "fps": 30.0, "seed": 4}
+    write_corpus(root / "recorded", **common)
+    for seed, noise in (("1", 0.001), ("2", 0.002)):
+        (folder := root / SYSTEM / seed).mkdir(parents=True)
+        for clip in sorted(write_corpus(root / f"corpus{seed}", noise=noise, **common).glob("clip_*")):
+            save_motion(folder / f"{clip.name}.npz", load_motion(clip / "motion.npz"))
+    table = evaluate_dances(settings(root), root / "table")
+    write_reference(root / "reference.npz", table, root / "table")
+    return Evaluated(root, table, updates(root, table))
+
+
+@pytest.mark.slow
+def test_the_metric_has_the_numbers_of_the_command(evaluated: Evaluated):
+    metric = DanceMetric(evaluated.saved)
+    for dance in evaluated.dances:
+        metric.update(**dance)
+    numbers = metric.compute()
+    assert numbers.keys() == {*MEASURES, *evaluated.numbers}
+    assert {"harmony", "likeness", "fid_kinetic", "fid_geometric", "multimodality_kinetic"} <= evaluated.numbers.keys()
+    for name, value in evaluated.numbers.items():
+        assert numbers[name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    assert metric.remarks == ()
+    metric.reset()
+    refused("nothing was measured yet", metric.compute)
+
+
+def rows_of(saved: Path, dances: list[dict[str, Any]]) -> list[Any]:
+    """The rows that a process of its own measures."""
+    metric = DanceMetric(saved)
+    for dance in dances:
+        metric.update(**dance)
+    return metric.rows
+
+
+@pytest.mark.slow
+def test_two_processes_have_the_numbers_of_one(evaluated: Evaluated):
+    halves = [evaluated.dances[1::2], evaluated.dances[::2]]
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        parts = list(pool.map(rows_of, [evaluated.saved] * 2, halves))
+    both, one = DanceMetric(evaluated.saved), DanceMetric(evaluated.saved)
+    for part in parts:
+        both.merge_state(json.loads(json.dumps(part)))  # as it may be sent
+    one.merge_state(rows_of(evaluated.saved, evaluated.dances))
+    assert both.compute() == one.compute()
+    assert both.compute()["fid_kinetic"] == pytest.approx(evaluated.numbers["fid_kinetic"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_saved_reference_stands_for_the_folder(evaluated: Evaluated, tmp_path: Path):
+    table = evaluate_dances(settings(evaluated.root, reference=evaluated.saved), tmp_path / "table")
+    assert table.rows == evaluated.table.rows
+    assert table.counts == evaluated.table.counts
+    for key, mean in evaluated.table.means.items():
+        np.testing.assert_allclose(table.means[key], mean, rtol=1e-9, atol=1e-12, err_msg=str(key))
+    for key, number in evaluated.table.sets.items():
+        assert table.sets[key]._replace(value=0.0, raw=0.0) == number._replace(value=0.0, raw=0.0), key
+        values = [(one.value, one.raw) for one in (table.sets[key], number)]
+        np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-9, err_msg=str(key))
+    assert {system for system, _ in table.means} == {SYSTEM, *table.controls}
+    assert "index.html" in write_evaluation(tmp_path / "table", table)
+    again = tmp_path / "again.npz"
+    refused("is a saved reference already", write_reference, again, table, tmp_path / "table")
+    refused("has no numbers of the protocol edge", evaluate_dances,
+            settings(evaluated.root, reference=evaluated.saved, protocols=["edge"]), tmp_path / "edge")  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_command_saves_a_reference_that_it_reads(evaluated: Evaluated, tmp_path: Path):
+    recorded, saved = evaluated.root / "recorded", tmp_path / "saved.npz"
+    common = ("evaluate", evaluated.root / SYSTEM, "--music", recorded, "--resamples", 100, "--jobs", 0)
+    first = run(*common, "--reference", recorded, "--save-reference", saved, "--out", tmp_path / "a")
+    assert first.exit_code == 0, first.output
+    assert saved.read_bytes() == evaluated.saved.read_bytes()
+    second = run(*common, "--reference", saved, "--out", tmp_path / "b")
+    assert second.exit_code == 0, second.output
+    rows = [json.loads((tmp_path / name / "table.json").read_text())["rows"] for name in "ab"]
+    assert [row["system"] for row in rows[1]] == [SYSTEM, "recorded", "recorded, other song", "frozen pose"]
+    assert rows[1][0]["fid_kinetic"] == pytest.approx(rows[0][0]["fid_kinetic"], rel=1e-9)
+    assert rows[1][1]["harmony"] == pytest.approx(rows[0][1]["harmony"], rel=1e-9)
+
+
+def test_the_reference_that_is_shipped_is_of_synthetic_dances():
+    reference = load_reference(SYNTHETIC)
+    assert len(reference.features) == 28 and reference.limits is not None
+    harmony = reference.rows.groupby("system")["harmony"].mean()
+    assert harmony[RECORDED] > 0.5 and harmony[FROZEN] == 0
+
+
+def test_a_reference_is_the_same_after_its_file(tmp_path: Path):
+    reference = load_reference(SYNTHETIC)
+    save_reference(tmp_path / "a.npz", reference)
+    again = load_reference(tmp_path / "a.npz")
+    assert again.rows.equals(reference.rows) and again.limits == reference.limits
+    save_reference(tmp_path / "b.npz", again)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def damaged(path: Path, **changes: Any) -> Path:
+    """A file like that of a reference, with other arrays, or another entry of its description."""
+    save_reference(path, load_reference(SYNTHETIC))
+    arrays = dict(np.load(path))
+    about = json.loads(arrays["about"].tobytes()) | {
+        name: value for name, value in changes.items() if name != "numbers"
+    }
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    arrays["numbers"] = changes.get("numbers", arrays["numbers"])
+    np.savez(path, **arrays)
+    return path
+
+
+@cases(
+    "changes, fault",
+    ({"format": "x"}, "has format 'x'; this version reads"),
+    ({"columns": ["song"]}, "its columns do not fit"),
+    ({"text": {}}, "its columns do not fit"),
+    ({"numbers": np.zeros((3, 2))}, "zip|fit"),
+    ({"limits": {"pooled": 3}}, "no limits of likeness"),
+    ({"numbers": np.array([{}])}, "only plain numbers are read, never Python objects"),
+)
+def test_a_reference_that_is_damaged_is_an_error_that_names_the_file(
+    tmp_path: Path, changes: dict[str, Any], fault: str
+):
+    refused(rf"ref\.npz: .*({fault})", load_reference, damaged(tmp_path / "ref.npz", **changes))
+
+
+def test_another_file_is_no_reference(tmp_path: Path):
+    np.savez(tmp_path / "x.npz", positions=np.zeros((3, 2)))
+    refused(r"x\.npz: is no reference", load_reference, tmp_path / "x.npz")
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        load_reference(tmp_path / "nowhere.npz")
+
+
+# In memory
+
+
+def short(count: int = 4, *, seconds: float = 5.0) -> tuple[list[Motion], list[BeatTrack]]:
+    clips = [synthetic_clip("waltz", seconds=seconds, fps=30.0, seed=seed) for seed in range(count)]
+    return [clip.motion for clip in clips], [clip.beats for clip in clips]
+
+
+def test_arrays_and_tensors_have_the_numbers_of_motions():
+    torch = pytest.importorskip("torch")
+    motions, beats = short(2)
+    skeleton, times = motions[0].skeleton, [track.times for track in beats]
+    expected = evaluate(motions, times)
+    batch = np.stack([motion.positions for motion in motions])
+    assert evaluate(batch, times, fps=30.0, skeleton=skeleton)["jerk"] == expected["jerk"]
+    tensors = torch.as_tensor(batch).requires_grad_()
+    seconds = [torch.as_tensor(np.array(each)) for each in times]
+    own = evaluate(tensors.detach(), seconds, fps=30.0, skeleton=skeleton)
+    assert own["beat_align_motion"] == expected["beat_align_motion"] > 0.5
+    half = evaluate(torch.as_tensor(batch).bfloat16(), seconds, fps=30.0, skeleton=skeleton)
+    assert half["foot_skating"] == half["foot_skating"]
+    refused(r"motions\[0\] is a tensor with a gradient.*motions\[0\]\.detach\(\)", evaluate, tensors, seconds, fps=30.0)
+
+
+def test_clips_of_five_seconds_have_no_harmony_and_say_so():
+    motions, beats = short(2)
+    numbers = evaluate(motions, beats)
+    assert math.isnan(numbers["harmony"]) and math.isnan(numbers["likeness"])
+    assert says(numbers["remarks"], "harmony of 2 of 2 dances is NaN: it needs 16 beats of the music, some 8 s")
+    assert says(numbers["remarks"], "likeness of 2 of 2 dances is NaN: it needs 10 s")
+    assert numbers["beat_align_motion"] > 0.5 and "fid_kinetic" not in numbers
+
+
+def says(remarks: list[str], text: str) -> bool:
+    return any(text in remark for remark in remarks)
+
+
+def test_a_reference_may_be_motions_or_a_file_and_what_is_missing_has_its_reason():
+    motions, beats = short(4)
+    numbers = evaluate(motions, beats, reference=[motion.positions for motion in motions], fps=30.0,
+                       skeleton=motions[0].skeleton)  # fmt: skip
+    assert numbers["fid_kinetic"] < 0 < numbers["diversity_kinetic"]  # the same dances: raw 0, the bias taken off
+    assert evaluate(motions, beats, reference=SYNTHETIC)["fid_geometric"] > 0
+    few = evaluate(motions[:1], beats[:1], reference=SYNTHETIC)
+    assert "fid_kinetic" not in few
+    assert says(few["remarks"], "There is no Fréchet distance: it needs 4 dances on either side.")
+    other = Skeleton(tuple(f"j{number}" for number in range(21)), motions[0].skeleton.parents)
+    named = evaluate([motion.positions for motion in motions], beats, fps=30.0, skeleton=other, reference=SYNTHETIC)
+    assert says(named["remarks"], "on kinetic features: the joints are not those of the reference")
+
+
+def test_a_reference_of_another_pose_network_has_no_pose_features():
+    rows = load_reference(SYNTHETIC).rows.assign(f_pose_000=1.0)
+    reference = Reference(rows, None, pose_net="old")
+    assert "f_pose_000" in reference.for_pose_net("old").rows
+    assert "f_pose_000" not in reference.for_pose_net("new").rows
+
+
+@cases(
+    "motions, beats, options, fault",
+    (np.zeros((30, 24, 3)), [[1.0]], {"fps": 30.0}, "motions are several dances: put the one that there is"),
+    ([np.zeros((30, 24, 3))], [[1.0]], {}, r"motions\[0\] is an array, which has no frame rate: pass fps"),
+    ([np.zeros((30, 7, 3))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: has 7 joints: pass skeleton=harmolab\.Skeleton"),
+    ([np.zeros((30, 72))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: positions must be \(frames, joints, 3\)"),
+    ([np.full((30, 24, 3), np.nan)], [[1.0]], {"fps": 30.0}, r"motions\[0\]: "),
+    ([np.zeros((30, 24, 3))], [], {"fps": 30.0}, r"beats must have one entry a dance \(1\), got 0"),
+    ([np.zeros((30, 24, 3))], [[20.0]], {"fps": 30.0}, r"beats\[0\]: beat times reach 20 in a clip of 1 s; were these"),
+    ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "songs": []}, None),
+    ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "songs": ["a", "b"]}, "songs must have one entry a dance"),
+    ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "reference": []}, "the reference holds no motion"),
+)
+def test_what_cannot_be_measured_is_named(motions: Any, beats: Any, options: dict[str, Any], fault: str | None):
+    if fault is None:
+        assert evaluate(motions, beats, **options)["seconds"] == 1.0
+    else:
+        refused(fault, evaluate, motions, beats, **options)
+
+
+def test_beats_beyond_the_motion_are_left_out():
+    (motion,), (track,) = short(1)
+    motion = motion.span(0.0, 3.0)
+    assert evaluate([motion], [track])["paper_hit_rate"] == evaluate([motion], [track.span(0.0, 3.0)])["paper_hit_rate"]
+
+
+def test_without_torchmetrics_it_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "torchmetrics", None)
+    monkeypatch.delitem(sys.modules, "harmolab.lab.evaluate.torch_metric", raising=False)
+    refused("this needs torchmetrics; run: pip install torchmetrics", DanceMetric().torchmetrics)
+
+
+def test_torchmetrics_has_the_same_numbers():
+    torchmetrics = pytest.importorskip("torchmetrics")
+    motions, beats = short(4)
+    metric = DanceMetric(SYNTHETIC)
+    metric.update(motions, beats)
+    collection = torchmetrics.MetricCollection({"dance": DanceMetric(SYNTHETIC).torchmetrics()})
+    for first in (0, 2):
+        collection.update(motions[first : first + 2], beats[first : first + 2], songs=[f"{first}", f"{first + 1}"])
+    np.testing.assert_equal(
+        {name.removeprefix("dance_"): float(value) for name, value in collection.compute().items()}, metric.compute()
+    )
