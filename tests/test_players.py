@@ -532,7 +532,7 @@ def test_pictures_of_notebook_18_are_drawn_from_their_records():
     titles = [ax.get_title(loc="left") for ax in POINTS.components_picture(shares, moves).axes]
     assert titles[3].startswith(f"{POINTS.counts(shares)[0.9]} hold 90 %")
     assert titles[0].startswith("planted piano, component 1\n") and titles[1].startswith("component 2\n")
-    legend = POINTS.steps_figure(POINTS.delayed_steps(data)).axes[0].get_legend()
+    (legend,) = POINTS.steps_figure(POINTS.delayed_steps(data)).legends
     assert [text.get_text() for text in legend.get_texts()][1:3] == ["learnt 21 ms later", "learnt 125 ms later"]
     planted = list(data.planted.values())
     summary = POINTS.cleaning_summary(POINTS.cleaning_table([each.performance for each in planted]))

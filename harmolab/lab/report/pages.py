@@ -218,6 +218,12 @@ class NotebookRun:
         return str(self._facts.get("picture", ""))
 
     @property
+    def crop(self) -> str:
+        """CSS inset that leaves of that figure the panel that the metadata names; a browser without it shows all."""
+        left, top, right, bottom = self._facts.get("panel", (0.0, 0.0, 1.0, 1.0))
+        return " ".join(f"{100 * share:.4g}%" for share in (top, 1 - right, 1 - bottom, left))
+
+    @property
     def opens_with_picture(self) -> bool:
         """The figure stands under the finding; not where something is to be heard before any number."""
         return not self._facts.get("heard_first", False)
