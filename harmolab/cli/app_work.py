@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from harmolab.cli import common
+from harmolab.cli.common import recommended
 from harmolab.clips import load_clip
 from harmolab.files import named_faults
 from harmolab.lab.app import Order, Teller
@@ -48,7 +48,7 @@ def judge(order: Order, teller: Teller) -> None:
     song, dance = _pair(order)
     performance = load_performance(dance, progress=teller.progress)
     teller.step("listening to the music")
-    params = common.recommended(None, order.style)
+    params = recommended(None, order.style)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = performance.notes if performance.has_body else (BY_FLOW,)
     lines, offset = [*result.summary, *notes], result.placement.seconds
@@ -85,7 +85,7 @@ def fit(order: Order, teller: Teller) -> None:
     ending = ".mp4" if is_video(dance) else ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
     out = order.folder / f"{dance.stem}_in_time{ending}"
     retimed = retime_files(
-        song, dance, out, offset=order.offset, dance=order.style, params=common.recommended(None, order.style),
+        song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
     )  # fmt: skip
     teller.lines(_bent(retimed))

@@ -10,7 +10,7 @@ from harmolab.cli import common
 from harmolab.cli.screen import plain_errors
 
 if TYPE_CHECKING:
-    from harmolab.lab.app import Work
+    from harmolab.lab.app import AppServer, Work
 
 
 def app(
@@ -29,15 +29,19 @@ def app(
     port : Port of the local page; 0: any free one.
     no_open : Print the address only.
     """
-    common.check_pages("harmolab app")
+    with plain_errors():
+        common.check_pages("harmolab app")
+        common.serve(new_server(port), no_open, "then all files of the page are gone")
+
+
+def new_server(port: int = 0) -> AppServer:
+    """The page, with the work that is done here and the files that are read."""
     from harmolab.lab.app import AppServer
     from harmolab.params import DANCES
     from harmolab.readers.video import SUFFIXES
 
     endings = {"dance": (*SUFFIXES, *common.MOTIONS), "song": (*common.SOUNDS, *SUFFIXES)}
-    with plain_errors():
-        server = AppServer(work, endings, tuple(DANCES), port=port)
-        common.serve(server, no_open, "then all files of the page are gone")
+    return AppServer(work, endings, tuple(DANCES), port=port)
 
 
 def work() -> Work:

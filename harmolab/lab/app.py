@@ -74,7 +74,7 @@ class Teller:
         for count, item in enumerate(items):
             if time.monotonic() - before > EVERY:
                 before = time.monotonic()
-                self.step(label, count / total if total else None)
+                self.step(label if total else f"{label}: {count}", count / total if total else None)
             yield item
 
     def lines(self, lines: Sequence[str], *, is_good: bool = False, offset: float | None = None) -> None:
@@ -151,13 +151,15 @@ def _work(work_of: Callable[[], Work], pipe: Connection, folder: Path) -> None:
         signal.signal(number, leave)
     threading.Thread(target=watch, daemon=True).start()
     work, teller = work_of(), Teller(pipe.send)
-    while True:
-        order, fault = pipe.recv(), ""
-        try:
-            work(order, teller)
-        except (ValueError, OSError, MemoryError) as error:
-            fault = str(error) or BROKEN
-        pipe.send({"end": fault})
+    with suppress(EOFError, ConnectionError):  # the page's process is gone
+        while True:
+            order, fault = pipe.recv(), ""
+            try:
+                work(order, teller)
+            except (ValueError, OSError, MemoryError) as error:
+                fault = str(error) or BROKEN
+            pipe.send({"end": fault})
+    leave()
 
 
 def removed(folder: Path) -> None:
