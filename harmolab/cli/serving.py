@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,6 +30,8 @@ def app(
     port : Port of the local page; 0: any free one.
     no_open : Print the address only.
     """
+    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        signal.signal(number, signal.default_int_handler)  # as Ctrl-C: the page ends, and its files go
     with plain_errors():
         common.check_pages("harmolab app")
         common.serve(new_server(port), no_open, "then all files of the page are gone")

@@ -1,8 +1,10 @@
 """The page of `harmolab app`: takes a dance and a song, has them looked at, and shows what comes of it.
 
 Files lie in a temporary folder. The work is done by another process, the worker, which also watches: where the page's
-own process is killed, the worker removes the folder. It may break off (out of memory, a decoder that crashes); then the
-page says so, and another one is started.
+own process is killed, the worker removes the folder; where both are, the next page does. It may break off (out of
+memory, a decoder that crashes); then the page says so, and another one is started.
+
+Voila over a notebook would show the same. It sends an upload through a websocket as one message, 300 MB of it too.
 """
 
 import json
@@ -22,10 +24,12 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from filelock import FileLock, Timeout
+
 from harmolab.lab.listening.local_page import TEXT, LocalPage, Reply, record_in
 from harmolab.lab.report.templates import rendered
 
-PREFIX = "harmolab_app_"
+PREFIX, LOCK = "harmolab_app_", "lock"
 MOST = 2**30  # bytes of a file
 LONGEST_NAME = 60
 SLOTS = ("dance", "song")
@@ -169,6 +173,13 @@ def removed(folder: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def sweep() -> None:
+    """Remove the folders of pages whose processes are gone; those that live hold a lock."""
+    for lock in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/{LOCK}"):
+        with suppress(Timeout, OSError), FileLock(lock, timeout=0):
+            removed(lock.parent)
+
+
 class AppServer(LocalPage):
     """Takes a dance and a song in a browser on this machine, and shows what is known of them.
 
@@ -196,7 +207,10 @@ class AppServer(LocalPage):
     ) -> None:
         super().__init__(port=port)
         self._endings, self._styles, self._work_of = endings, styles, work_of
+        sweep()
         self.folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+        self._lock = FileLock(self.folder / LOCK, thread_local=False)
+        self._lock.acquire()
         self._changing = threading.RLock()
         self._files: dict[str, Path] = {}
         self._shown: dict[str, Path] = {}  # address below the page -> file
@@ -214,6 +228,7 @@ class AppServer(LocalPage):
         with self._changing:
             worker, self._worker = self._worker, None  # type: ignore[assignment]  # its end is no fault
         worker.stop()
+        self._lock.release()
         removed(self.folder)
 
     def get(self, name: str) -> Reply | None:
