@@ -1,13 +1,12 @@
-"""What the page of `harmolab app` asks for: a verdict with its pages, a dance made to fit, a dance to a song."""
+"""The work behind the page of `harmolab app`: a verdict with its pages, a dance made to fit, a dance to a song."""
 
 import io
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-import typer
-
-from harmolab.cli.common import recommended
+from harmolab.cli.common import CommandWithParts, recommended
+from harmolab.cli.dancing import dance as dance_command
 from harmolab.clips import load_clip
 from harmolab.files import named_faults
 from harmolab.lab.app import Order, Teller
@@ -98,7 +97,7 @@ def fit(order: Order, teller: Teller) -> None:
 
 
 def _bent(retimed: Retimed) -> list[str]:
-    """How much was bent, and the verdicts before and after."""
+    """Sentences about the bending, and the verdicts before and after."""
     if retimed.warp.is_identity:
         return ["Nothing was worth bending: your rests are near the beats already."]
     before, after = (
@@ -116,19 +115,18 @@ def _bent(retimed: Retimed) -> list[str]:
 
 def dance(order: Order, teller: Teller) -> None:
     """A dance to the song by `harmolab dance`, with its words."""
-    from harmolab.cli import app
-
     song = order.song or order.dance
     if song is None or (order.song is None and not is_video(song)):
         raise ValueError(NO_MUSIC)
     teller.step("dancing")
-    page, told, fault = order.folder / "dance.html", io.StringIO(), io.StringIO()
-    words = ["dance", str(song), "--out", str(page), *(["--dance", order.style] if order.style else [])]
-    with redirect_stdout(told), redirect_stderr(fault), named_faults(song):
-        code = typer.main.get_command(app).main(words, prog_name="harmolab", standalone_mode=False)
+    page, output, fault = order.folder / "dance.html", io.StringIO(), io.StringIO()
+    words = [str(song), "--out", str(page), *(["--dance", order.style] if order.style else [])]
+    with redirect_stdout(output), redirect_stderr(fault), named_faults(song):
+        command = CommandWithParts.of(dance=dance_command).part("dance")
+        code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
-    lines = told.getvalue().replace("seed 0: ", "").splitlines()
+    lines = output.getvalue().replace("seed 0: ", "").splitlines()
     teller.lines([line.strip() for line in lines if not line.startswith("wrote ")], is_good=True)
     teller.view("page", page, "A dance to the song")
 

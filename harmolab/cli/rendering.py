@@ -69,6 +69,8 @@ def render(
     if over is not None and (is_gif or start is not None):
         raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
     seconds = GIF_SECONDS if is_gif and seconds is None else seconds
+    if seconds is not None and seconds <= 0:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     reading, points = read.keywords, None
     if over is not None and not files.is_video:
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)

@@ -48,7 +48,7 @@ def new_server(port: int = 0) -> AppServer:
 
 
 def work() -> Work:
-    """What the page's worker does; imported there, since it takes seconds."""
+    """The work of the page's worker; imported there, since it takes seconds."""
     from harmolab.cli.app_work import work
 
     return work

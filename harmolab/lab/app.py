@@ -43,7 +43,7 @@ STOPS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sign
 
 
 class Order(NamedTuple):
-    """What is to be done with which files.
+    """A task and its files.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Teller:
     send: Callable[[dict[str, Any]], None]
 
     def step(self, text: str, share: float | None = None) -> None:
-        """What is being done, and the share of it that is done, if that is known."""
+        """The step that is being done, and the share of it that is done, if that is known."""
         self.send({"step": text, "share": share})
 
     def progress(self, items: Iterable[Any], label: str) -> Iterator[Any]:
@@ -100,7 +100,7 @@ class Worker:
     ----------
     work_of : function () -> Work, called once in the process, so that this one need not import what the work needs
     folder : Path
-    hear : function(worker, record), called with all that is told, with {"end": fault} at the end of an order, and with
+    hear : function(worker, record), called with all that it tells, with {"end": fault} at the end of an order, and with
         {"broken": True} where the process is gone
     """
 
@@ -167,7 +167,7 @@ def _work(work_of: Callable[[], Work], pipe: Connection, folder: Path) -> None:
 
 
 def removed(folder: Path) -> None:
-    """Remove a folder, also while somebody writes into it."""
+    """Remove a folder, also while another process writes into it."""
     for _ in range(TRIES):
         if folder.exists():
             shutil.rmtree(folder, ignore_errors=True)
@@ -316,21 +316,21 @@ class AppServer(LocalPage):
             if self._state["working"]:
                 self._state |= {"working": False, "fault": fault}
 
-    def _hear(self, worker: Worker, told: dict[str, Any]) -> None:
-        """What the worker tells becomes part of the state; one that was given up tells nothing more."""
+    def _hear(self, worker: Worker, record: dict[str, Any]) -> None:
+        """A record of the worker becomes part of the state; one that was given up tells nothing more."""
         with self._changing:
             if worker is not self._worker:
                 return
-            if "view" in told:
-                address = f"{self._count}/{told['view']['name']}"
-                self._shown[address] = Path(told["path"])
-                self._state["views"].append({**told["view"], "address": address})
-            elif "lines" in told:
-                self._state |= {**told, "lines": [self._plain(line) for line in told["lines"]]}
-            elif "step" in told:
-                self._state |= told
+            if "view" in record:
+                address = f"{self._count}/{record['view']['name']}"
+                self._shown[address] = Path(record["path"])
+                self._state["views"].append({**record["view"], "address": address})
+            elif "lines" in record:
+                self._state |= {**record, "lines": [self._plain(line) for line in record["lines"]]}
+            elif "step" in record:
+                self._state |= record
             elif self._state["working"]:
-                self._state |= {"working": False, "fault": self._plain(told.get("end", BROKEN))}
+                self._state |= {"working": False, "fault": self._plain(record.get("end", BROKEN))}
 
     def _plain(self, text: str) -> str:
         """Words without the folder in which the files lie."""

@@ -44,7 +44,7 @@ class LocalPage:
     """Serves one page, and what belongs to it, on this machine.
 
     It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither read
-    what it shows nor answer. A request for another host is not answered: a name of somebody else may lead here too.
+    what it shows nor answer. A request for another host is not answered: a name of another site may lead here too.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class LocalPage:
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """What a request may call this machine."""
+        """The names that a request may have for this machine."""
         return f"{HOST}:{self._server.server_port}", f"localhost:{self._server.server_port}"
 
     @property
@@ -132,7 +132,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     @property
     def name(self) -> str:
-        """What is asked for below the page."""
+        """The part of the address below the page."""
         return unquote(self.path.removeprefix(self.page.path))
 
     def do_GET(self) -> None:
@@ -161,7 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
             deque(chunks, maxlen=0)  # a browser reads no reply before it has sent all
 
     def _chunks(self, length: int) -> Iterator[bytes]:
-        """What is sent, a piece at a time; ValueError where it ends before its length."""
+        """The pieces of a file, as they come; ValueError where it ends before its length."""
         while length:
             chunk = self.rfile.read(min(CHUNK, length))
             if not chunk:

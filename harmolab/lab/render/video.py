@@ -84,8 +84,8 @@ def write_dance(
         video = video_frames(over, height=height, colour=True)
         drawn, rate = _over(motion if points is None else points, video), video.fps
         judged = drawn if points is None else motion
-        shown = (score or _score(clip, judged, params)) if marks else None
-        frames = overlay_skeleton(video, rate, drawn, score=shown, begin=begin)
+        drawn_score = (score or _score(clip, judged, params)) if marks else None
+        frames = overlay_skeleton(video, rate, drawn, score=drawn_score, begin=begin)
     pictures = progress(captioned(frames, verdict) if verdict else frames, "drawing")
     if Path(out).suffix.lower() == ".gif":
         write_gif(out, pictures, rate)
