@@ -338,6 +338,8 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
         dropped(page, path)
     page.wait_for_selector("#song.full")
     waited(page)
+    page.click("#fit")
+    page.wait_for_selector("#fault:has-text('it is not known yet')", timeout=60_000)
     page.click("#judge")
     page.wait_for_selector(".verdict", timeout=60_000)
     waited(page)

@@ -8,6 +8,7 @@ from pathlib import Path
 from harmolab.cli.common import CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.clips import load_clip
+from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
 from harmolab.lab.app import Order, Teller
 from harmolab.lab.explain.filmed import points_in_video
@@ -22,6 +23,7 @@ from harmolab.retime.retime import Retimed
 OF_LAB = 60.0  # seconds: the picture of a minute can still be read
 NO_DANCE = "Choose a dance first: a video, or a file of movement."
 NO_SONG = "{}: a file of movement has no sound; choose its song too."
+NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
 NO_MUSIC = "Choose a song first, or a video with music."
 BY_FLOW = (
     "No body was looked for in the video, only all that moves; `harmolab data pose --install` fetches what finds it."
@@ -81,6 +83,8 @@ def _film(order: Order, teller: Teller, song: Path, result: OwnDance) -> Path:
 def fit(order: Order, teller: Teller) -> None:
     """The dance with its time bent until it rests on the beats, to look at and to keep."""
     song, dance = _pair(order)
+    if order.offset is None and song != dance and recorded_offset(dance) is None:
+        raise ValueError(NO_PLACE)
     ending = ".mp4" if is_video(dance) else ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
     out = order.folder / f"{dance.stem}_in_time{ending}"
     retimed = retime_files(
