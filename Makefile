@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup test test-browser check lint format lab report figures docs dist bench clean distclean
+.PHONY: help setup test test-browser check lint format lab report figures gpu claims docs dist bench clean distclean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -70,7 +70,18 @@ else
 	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures $(if $(ONLY),--only $(ONLY))
 endif
 
-docs: $(STAMP) ## build the site in site/, readable from disk; warnings are errors
+gpu: $(STAMP) ## full-size trainings, then notebooks 09 10 16 with them, for a machine with a GPU; MINUTES=1: how long; TINY=1
+ifdef MINUTES
+	HARMOLAB_ACCELERATOR=auto PYTHONPATH=notebooks $(BIN)/python -m study.full_size --minutes $(if $(TINY),--tiny)
+else
+	HARMOLAB_ACCELERATOR=auto PYTHONPATH=notebooks $(BIN)/python -m study.full_size $(if $(TINY),--tiny)
+	HARMOLAB_ACCELERATOR=auto $(BIN)/python -m harmolab.lab.report.run --profile $(if $(TINY),quick,gpu) --out report-gpu --jobs 1 --only 09 10 16
+endif
+
+claims: $(STAMP) ## write docs/claims.md and docs/report.md from the published tables
+	PYTHONPATH=notebooks $(BIN)/python -m study.report.pages
+
+docs: claims ## build the site in site/, readable from disk; warnings are errors
 	$(BIN)/python -m sphinx -b html -W --keep-going -q docs site
 	@echo "$(CURDIR)/site/index.html"
 
@@ -83,7 +94,7 @@ bench: $(STAMP) ## measure speed: ratios against named references
 	$(BIN)/python -m benchmarks
 
 clean: ## remove reports and caches; your data, figures/ and .venv stay
-	rm -rf report .report-* site docs/generated figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf report report-gpu .report-* site docs/generated figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 distclean: clean ## remove .venv as well

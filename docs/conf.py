@@ -1,5 +1,6 @@
 """Settings of the site that `make docs` builds. Everything it needs is in the repository; nothing is fetched."""
 
+import os
 import sys
 import tomllib
 from pathlib import Path
@@ -17,6 +18,7 @@ language = "en"
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx.ext.githubpages",  # .nojekyll: a host must not leave out folders that begin with _
     "myst_parser",
     "sphinx_copybutton",
     "sphinx_design",
@@ -40,6 +42,7 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_custom_sections = ["Returns"]  # a text as it stands; else each of its lines is taken for a value of its own
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
@@ -49,6 +52,10 @@ highlight_language = "none"  # commands and what they print; Python says so
 html_theme = "furo"
 html_title = "harmolab"
 html_static_path = ["static"]
+templates_path = ["templates"]
+# A host shows this page at any depth, so that its links need the place of the site: "/", or "/name/" on a shared host.
+html_additional_pages = {"404": "404.html"}
+html_context = {"site": os.environ.get("HARMOLAB_SITE", "").rstrip("/") + "/"}
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False

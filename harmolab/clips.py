@@ -114,12 +114,12 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
-    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
+    annotated = None if beats is None else load_annotation(beats).in_music(sound)
     with named_faults(name):
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
     if track and annotated is None:
-        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
-        clip = replace(clip, beats=music_beats(tracked))
+        clip = replace(clip, beats=music_beats(replace(clip, audio=sound)))
     if one is None or clip.beats is None:
         return clip
     return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
@@ -155,7 +155,7 @@ def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, 
         As in `load_clip`.
     """
     check_dance(dance, beats, one)
-    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    annotated = None if beats is None else load_annotation(beats).in_music(audio)
     track = music_beats(Clip("", audio, beats=annotated, dance=dance))
     return track if one is None else with_one(track, one, DANCES[dance].meter)
 

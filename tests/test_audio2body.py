@@ -645,6 +645,19 @@ def test_settings_that_cannot_be_are_named():
     refused("carry must be positive", Audio2BodyParams, carry=0)
 
 
+def test_a_network_of_two_layers_is_built_again_and_an_older_description_has_one():
+    params = replace(Audio2BodyParams.tables(), hidden=8, layers=2)
+    network = SoundToPoints(params, PLAYER_50, "piano", 3, NOWHERE)
+    assert network.lstm.num_layers == 2
+    gate = network.lstm.bias_ih_l1[8:16] + network.lstm.bias_hh_l1[8:16]
+    assert gate.tolist() == [1.0] * 8
+    build = network.description()
+    again = SoundToPoints.built(build, network.state_dict())
+    assert again.lstm.num_layers == 2
+    del build["params"]["layers"]
+    assert SoundToPoints.built(build, {}).lstm.num_layers == 1
+
+
 # The bow
 
 CELLS = notebook_cells("19_sound_to_hands")

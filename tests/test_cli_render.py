@@ -58,6 +58,18 @@ def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
     assert "chance" not in render(*small, "--seconds", 1, "--no-marks").stdout
 
 
+def test_a_clip_to_share_has_the_verdict_on_the_whole_dance_in_its_picture(tmp_path: Path):
+    song, dance = write_pair(tmp_path, planted_dance(seconds=16.0, fps=30.0))[:2]
+    verdict = score_clip(load_clip(song, dance)).judgement.verdict
+    small = ("--height", 120, "--rate", 10, "--seconds", 2, "--out")
+    assert render(song, dance, *small, tmp_path / "x.mp4").stdout.startswith(verdict)
+    assert render(song, dance, "--start", 4, "--no-verdict", *small, tmp_path / "y.mp4").stdout.startswith(verdict)
+    banded, bare = (frames(tmp_path / name)[:, -24:, :, 0] for name in ("x.mp4", "y.mp4"))
+    assert len(banded) == len(bare) == 20
+    assert banded[:, -4:, -20:].min() > 240 > bare[:, -4:, -20:].max()  # the band, and the floor
+    assert (banded < 150).any(axis=(1, 2)).all()  # letters
+
+
 def test_webm_has_the_free_codings(files: tuple[Path, Path], tmp_path: Path):
     render(*files, "--seconds", 1, "--height", 240, "--out", tmp_path / "x.webm")
     with av.open(str(tmp_path / "x.webm")) as container:

@@ -223,6 +223,15 @@ def test_a_click_on_a_mark_chooses_its_dance(chromium: Any, tmp_path: Path) -> N
     closed(page)
 
 
+def test_a_dark_system_gives_a_dark_lab_whose_picture_follows_a_change(chromium: Any, scoring_page: Path) -> None:
+    page = opened(chromium, scoring_page, color_scheme="dark")
+    corner = "[...document.querySelector('canvas').getContext('2d').getImageData(1, 1, 1, 1).data].slice(0, 3)"
+    assert max(page.evaluate(corner)) < 60
+    page.emulate_media(color_scheme="light")
+    page.wait_for_function(f"Math.min(...{corner}) > 240")
+    closed(page)
+
+
 def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, scoring_page: Path) -> None:
     page = opened(chromium, scoring_page)
     page.locator('select[data-name="mode"]').select_option("recommended")

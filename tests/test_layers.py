@@ -35,6 +35,7 @@ INSIDE = {
         "explain": {"figures", "player", "report"},
         "labs": {"compare", "figures", "player", "report"},
         "render": {"person", "explain"},
+        "app": {"listening", "report"},
         "harmonise": set(),
         "display": {"figures", "player"},
     },

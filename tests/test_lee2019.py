@@ -17,6 +17,7 @@ from harmolab.systems.lee2019 import networks as lee
 from harmolab.systems.lee2019 import train
 from harmolab.systems.lee2019.networks import DancingToMusic, line
 from harmolab.systems.training import loop as training_loop
+from harmolab.systems.training import network_system
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.dancing import DanceInput
 from harmolab.systems.training.layers import parameter_count
@@ -523,3 +524,14 @@ def test_recorded_movement_cut_and_put_back_on_its_own_beats_is_off_by_a_centime
 @pytest.fixture(scope="module")
 def recorded(data_root: Path) -> UnitSet:
     return load_units(data_root / "beatlocked", FeatureParams.paper())
+
+
+def test_epochs_are_those_of_units_and_of_compositions_and_the_presets_when_left_out(monkeypatch: pytest.MonkeyPatch):
+    trained: list[LeeParams] = []
+    monkeypatch.setattr(network_system, "load_units", lambda *_, **__: None)
+    monkeypatch.setattr(network_system, "noticed_split", lambda *_: SPLIT)
+    monkeypatch.setattr(train.Lee2019, "train_network", classmethod(lambda *args: trained.append(args[-1])))
+    for options in ({"epochs": 7}, {}):
+        train.Lee2019.learn([], TrainOptions("unused"), **options)
+    small = LeeParams.small()
+    assert trained == [replace(small, unit_epochs=7, composition_epochs=7), small]

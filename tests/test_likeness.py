@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.offsetbox import AnnotationBbox
 
 from harmolab import LikenessLimits, likeness, synthetic_motion
 from harmolab.body.skeletons import HIPS, Skeleton, body_frame, heading, turned
@@ -18,7 +19,7 @@ from harmolab.metrics import likeness as guard
 from harmolab.metrics.likeness import AMOUNTS, MEASURES
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.types import BeatTrack, FloatArray, Motion
-from study import contact_sheet, save_blind_sheets
+from study import beat_sheet, contact_sheet, save_blind_sheets
 from study.figures import sheets
 from study.figures.sheets import CELL, blind_strips
 from tests.builders import cases, refused, still
@@ -427,6 +428,17 @@ def test_left_and_right_limbs_have_their_colours() -> None:
 @pytest.mark.parametrize("motion", [still(60, fps=30.0), still(60, fps=30.0, axes=2)])
 def test_bodies_without_bones_and_pictures_have_sheets_too(motion: Motion) -> None:
     assert len(contact_sheet({"dots": motion}, every=1.0).axes[0].texts) == 3
+
+
+def test_a_sheet_of_beats_has_a_person_at_each_beat_that_has_movement_before_it() -> None:
+    motion, beats = dancer(0, seconds=3.0), np.array([0.1, 0.5, 1.0, 1.5, 2.0, 3.5])
+    figure = beat_sheet({"one": (motion, beats), "other": (motion, beats[2:4])}, count=3)
+    for ax, times in zip(figure.axes, ([0.5, 1.0, 1.5], [1.0, 1.5]), strict=True):
+        places = [artist.xy[0] for artist in ax.get_children() if isinstance(artist, AnnotationBbox)]
+        lines = [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "beat"]
+        assert places == lines == times
+    refused("two beats each", beat_sheet, {"one": (motion, beats[:2])})
+    refused("two beats each", beat_sheet, {})
 
 
 def test_blind_strips_hide_which_is_made_and_the_answers_tell_it() -> None:

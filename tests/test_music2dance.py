@@ -491,7 +491,10 @@ def faulty(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 @pytest.mark.parametrize("system", ["music2dance", "feet"])
 @cases(
     "fault, told",
-    ("short", r"harmolab: short: a side of the split has no 8 s of recorded .* longest of 14 recordings lasts 7\.0 s"),
+    (
+        "short",
+        r"harmolab: short: windows are 8 s long, .* last \d\.\d s in a row .* longest of 14 recordings lasts 7\.0 s",
+    ),
     ("two_bodies", r"clip_0004_\S+: has another skeleton \(21 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
     ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
 )

@@ -8,7 +8,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from harmolab.data.recordings import find_recordings
+from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare.auc import CorpusResult
+from harmolab.lab.compare.scores import LAGS
 from harmolab.lab.figures.style import COLOURS
 from harmolab.params import BarPattern
 from harmolab.shape_speed import shape_speed
@@ -94,17 +97,17 @@ def auc_row(score: str, auc: float, corpus: str = "beatlocked") -> dict[str, obj
     return {**about, "AUC": auc, "chance low": 0.4, "chance high": 0.6}
 
 
-def test_auc_figure_sorts_scores_by_the_first_corpus_and_counts_those_that_tell() -> None:
+def test_auc_figure_sorts_scores_of_the_first_corpus_and_counts_the_corpora_in_which_each_tells() -> None:
     first = [auc_row("paper", 0.5), auc_row("recommended", 0.9), auc_row("valleys", 0.7)]
-    second = [auc_row("paper", 0.9, "synthetic"), auc_row("recommended", 0.5, "synthetic")]
-    figure = auc_figure(pd.DataFrame([*first, *second]))
-    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    second = [auc_row("paper", 0.9, "synthetic"), auc_row("recommended", 0.8, "synthetic")]
+    (ax,) = (figure := auc_figure(pd.DataFrame([*first, *second]))).axes
+    labels = [text.get_text() for text in ax.get_yticklabels()]
     assert labels == [SCORE_LABELS[name] for name in ("paper", "valleys", "recommended")]  # from below
-    assert [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes] == [
-        "2 of 3 scores tell, ours too (annotated beats)", "1 of 2 scores tell (annotated beats)",
-    ]  # fmt: skip
-    assert [ax.get_title(loc="right").strip() for ax in figure.axes] == ["", "synthetic data"]
+    assert "2 of 3 scores tell, ours too (annotated beats)" in ax.get_title(loc="left")
+    counts = {text.get_position()[1]: text.get_text() for text in ax.texts if " of " in text.get_text()}
+    assert counts == {0: "1 of 2", 1: "1 of 1", 2: "2 of 2"}
     assert smallest_text(figure) >= 9
+    assert auc_figure(pd.DataFrame(second)).axes[0].get_title(loc="right").strip() == "synthetic data"
 
 
 def test_pattern_picture_has_a_panel_for_each_dance_beats_by_number_and_the_fastest_moment() -> None:
@@ -308,7 +311,8 @@ def record(kind: str, **shares: float) -> dict[str, object]:
 
 
 def test_picture_marks_each_share_in_the_row_of_its_kind():
-    rows = [record("a"), record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0})]
+    rows = [record("a", seconds=6.0, **{"p .05": 0.9}), record("a")]  # the longest clips of a kind are drawn
+    rows.append(record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0}))
     (ax,) = nulls_figure(pd.DataFrame(rows)).axes
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
     assert marks["old score, published"] == ([0.17, 0.17], [1, 0])
@@ -319,3 +323,25 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
 def test_title_tells_the_worst_row_of_both_scores():
     rows = [record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2}), record("c", **{"p .05": np.nan})]
     assert "up to 20% of clips, H in up to 6%" in nulls_figure(pd.DataFrame(rows)).get_suptitle()
+
+
+# Readings of paper mode
+
+
+def test_own_music_is_preferred_in_the_share_of_late_musics_that_score_less_and_half_of_the_ties():
+    rows = np.array([[0.5, 0.4, 0.6, 0.5, 0.1], [0.2, 0.2, 0.2, 0.2, 0.2]])
+    np.testing.assert_allclose(CELLS.preferred(rows), [2.5 / 4, 0.5])
+
+
+@pytest.mark.slow
+def test_readings_of_a_recording_of_ours_are_those_of_its_beats_and_they_differ(tmp_path: Path):
+    write_corpus(tmp_path, clips=2, seconds=14.0, seed=2)
+    folders = find_recordings(tmp_path).folders
+    table = notebook_cells("05_right_from_wrong", LAGS=LAGS).readings_table(folders, 0).set_index("reading")
+    names = ["as it is", "dance not told", "not 30 ms earlier", "librosa as it comes", "all of these"]
+    assert list(table.index) == names and set(table["recordings"]) == {2}
+    readings = CELLS.paper_readings(folders[0])
+    ours, late = (readings[name][1].times for name in ("as it is", "not 30 ms earlier"))
+    np.testing.assert_allclose(np.median(late - ours[-late.size :]), 1.3 * 512 / 22050, atol=1e-3)
+    assert table["AUC"].between(table["AUC low"], table["AUC high"]).all()
+    assert table.loc["librosa as it comes", "h"] == table.loc["all of these", "h"]  # no layout that leaves more open

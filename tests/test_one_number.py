@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,22 @@ import pytest
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.data.synthetic import synthetic_motion
+from harmolab.clips import score_files
+from harmolab.data.recordings import find_recordings, load_recording
+from harmolab.data.synthetic import synthetic_motion, write_corpus
+from harmolab.lab.compare.scores import hit_scores
+from harmolab.lab.compare.windows import cut_clips
 from harmolab.lab.evaluate import measured
+from harmolab.lab.evaluate.pairing import Pair
+from harmolab.lab.evaluate.rows import RowOptions, clip_row
+from harmolab.lab.labs.live import Stage
 from harmolab.lab.render.video import retime_files
+from harmolab.params import HarmonyParams
+from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.score import HarmonyScore
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import score_clip, score_motion
 from tests.builders import BODY, called, cases, planted_dance, waving, write_song
 
 SECONDS, FPS = 32.0, 30.0
@@ -146,3 +157,37 @@ def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
     }
     assert_one(results)
     assert ("Not meaningful" in result.output) != (results["dance"]["verdict"] in result.output)
+
+
+def paper_harmonies(folder: Path) -> dict[str, float]:
+    """Command or function -> the paper's h of the one recording in a folder."""
+    recording, params = load_recording(folder), HarmonyParams.paper()
+    song, motion, beats = (folder / name for name in ("audio.wav", "motion.npz", "beats.json"))
+    scored = {
+        "score FOLDER": run("score", folder, "--mode", "paper", "--json"),
+        "score SONG DANCE": run("score", song, motion, "--beats", beats, "--mode", "paper", "--json"),
+    }
+    assert [result.exit_code for result in scored.values()] == [0, 0], [result.output for result in scored.values()]
+    (clip,) = cut_clips(recording, "annotated", None)
+    pair = Pair("recorded", "", folder.name, motion, song)
+    return {
+        **{name: json.loads(result.stdout)["paper"]["harmony"] for name, result in scored.items()},
+        "score_clip": score_clip(recording.clip, params).harmony,
+        "score_files": score_files(song, motion, beats=beats, params=params).harmony,
+        "evaluate compare": float(hit_scores(clip, [clip.music()])["paper"][0]),
+        "evaluate": float(clip_row(pair, RowOptions())["paper_harmony"]),
+        "lab": score_motion(Stage.of(recording.clip).music, Stage.of(recording.clip).motion, params=params).harmony,
+    }
+
+
+@pytest.mark.slow
+def test_all_commands_print_one_h_for_a_recording_with_annotated_beats(tmp_path: Path) -> None:
+    write_corpus(tmp_path, clips=1, seconds=11.0, seed=3)
+    (folder,) = find_recordings(tmp_path).folders
+    harmonies = paper_harmonies(folder)
+    np.testing.assert_allclose(
+        [*harmonies.values()], harmonies["score FOLDER"], rtol=0, atol=1e-9, err_msg=str(harmonies)
+    )
+    track = load_annotation(folder / "beats.json").track(11.0)
+    even = score_clip(replace(load_recording(folder).clip, beats=track), HarmonyParams.paper()).harmony
+    assert abs(even - harmonies["score FOLDER"]) > 0.01  # beats of equal strength have another h

@@ -95,6 +95,30 @@ def flashes(page: Any, kind: str, seconds: float) -> list[tuple[float, float]]:
     )
 
 
+def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromium: Any, saved: Path) -> None:
+    page = at_address(chromium, saved.as_uri(), color_scheme="dark")
+    corner = "[...document.getElementById('{}').getContext('2d').getImageData(30, 2, 1, 1).data].slice(0, 3)"
+    page.evaluate("harmolabPlayer.ready")
+    assert max(page.evaluate(corner.format("timeline"))) < 60
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(23, 25, 28)"
+    page.emulate_media(color_scheme="light")
+    wait_until(page, f"Math.min(...{corner.format('timeline')}) > 240")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    closed(page)
+
+
+def test_where_it_stands_is_said_when_it_stands_and_not_while_it_plays(page: Any) -> None:
+    status = "document.getElementById('status')"
+    assert page.evaluate(f"{status}.getAttribute('role')") == "status"
+    page.evaluate("harmolabPlayer.seek(2)")
+    wait_until(page, f"{status}.textContent.startsWith('2.00 s. one: ')")
+    page.evaluate("harmolabPlayer.play()")
+    wait_until(page, "harmolabPlayer.time() > 2.5")
+    assert page.evaluate(f"{status}.textContent").startswith("2.00 s")
+    page.evaluate("harmolabPlayer.pause()")
+    wait_until(page, f"!{status}.textContent.startsWith('2.00 s')")
+
+
 # The clock
 
 

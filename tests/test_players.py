@@ -49,7 +49,8 @@ player_table_figure = player_results.player_table_figure
 
 FINAL, OURS, MEAN_POSE = "final", "recommended (ours)", "mean pose"
 BLIND, FLOOR = "planted truth, direction of the bow unknown", "planted truth: all that the sound tells"
-OWN_ROWS = ("sound of another piece", "notes in place of sound", "settings of Sec. 4", OURS)
+HEARD_ROWS = ("sound of another piece", "notes in place of sound")
+OWN_ROWS = (*HEARD_ROWS, "settings of Sec. 4", "two layers", "no PCA: every point", OURS)
 
 
 @cache
@@ -159,10 +160,48 @@ def test_a_violinist_without_the_bows_direction_lies_between_truth_and_mean_pose
     assert limits[FLOOR] < limits[BLIND] < limits[MEAN_POSE]
 
 
-def test_the_bows_direction_is_no_limit_of_a_pianist_and_of_real_hands_only_the_mean_pose_is_one():
+def test_the_bows_direction_is_no_limit_of_a_pianist_and_real_hands_have_two_controls():
     recorded = replace(planted_data(), label=HANDS, planted=MappingProxyType({}))
     assert list(limits_of(planted_data()).index) == [MEAN_POSE, FLOOR]
-    assert list(limits_of(recorded).index) == [MEAN_POSE]
+    limits = limits_of(recorded)
+    assert list(limits.index) == [MEAN_POSE, "mean place of each hand", "ridge regression"]
+    assert limits["mean place of each hand"] < limits[MEAN_POSE]
+
+
+def played(sound: np.ndarray, points: np.ndarray) -> SimpleNamespace:
+    every = np.ones(len(points), bool)
+    return SimpleNamespace(sound=sound, points=points, learnt=every, accepted=every)
+
+
+def test_ridge_regression_has_the_weights_that_were_planted():
+    rng = np.random.default_rng(0)
+    sound, weights = rng.normal(size=(300, 2)), rng.normal(size=(2, 4))
+    early = np.vstack([sound[5:], np.repeat(sound[-1:], 5, axis=0)])  # a quarter of a second at 20 frames a second
+    one = played(sound, early @ weights + 7.0)
+    np.testing.assert_allclose(
+        SOUND.sound_around(one, 20.0) @ SOUND.ridge_weights([one], 20.0, 1e-6), one.points, atol=1e-6
+    )
+    flat = SOUND.sound_around(one, 20.0) @ SOUND.ridge_weights([one], 20.0, 1e12)
+    np.testing.assert_allclose(flat, np.broadcast_to(one.points.mean(axis=0), flat.shape), atol=1e-6)
+
+
+def test_mean_place_moves_each_hand_and_keeps_its_shape():
+    pose = np.arange(2.0 * len(HANDS_12.joints))
+    left = np.array(["left" in joint for joint in HANDS_12.joints])
+    shift = np.where(left[:, None], [3.0, -1.0], [0.0, 5.0]).ravel()
+    swing = np.array([-2.0, 0.0, 2.0])[:, None] * np.ones_like(pose)
+    moved = SOUND.mean_place(pose, played(np.zeros((3, 1)), pose + shift + swing), HANDS_12)
+    np.testing.assert_allclose(moved, np.broadcast_to(pose + shift, (3, len(pose))))
+
+
+def test_rows_of_section_4_change_the_layers_and_keep_every_coordinate():
+    rows = SOUND.table_settings(SimpleNamespace(label=PLANTED, instrument="piano"))
+    final = Audio2BodyParams.tables("piano")
+    assert rows["two layers"] == replace(final, layers=2)
+    frames = np.random.default_rng(0).normal(size=(400, 100))
+    space = PointSpace.fit(frames, rows["no PCA: every point"].components)
+    np.testing.assert_allclose(space.decode(space.encode(frames)), frames)
+    assert len(set(space.sizes)) == 1  # one scale: a squared error of components is that of the points
 
 
 def test_limits_stand_below_the_table_with_test_errors_alone():
@@ -493,7 +532,7 @@ def test_pictures_of_notebook_18_are_drawn_from_their_records():
     titles = [ax.get_title(loc="left") for ax in POINTS.components_picture(shares, moves).axes]
     assert titles[3].startswith(f"{POINTS.counts(shares)[0.9]} hold 90 %")
     assert titles[0].startswith("planted piano, component 1\n") and titles[1].startswith("component 2\n")
-    legend = POINTS.steps_figure(POINTS.delayed_steps(data)).axes[0].get_legend()
+    (legend,) = POINTS.steps_figure(POINTS.delayed_steps(data)).legends
     assert [text.get_text() for text in legend.get_texts()][1:3] == ["learnt 21 ms later", "learnt 125 ms later"]
     planted = list(data.planted.values())
     summary = POINTS.cleaning_summary(POINTS.cleaning_table([each.performance for each in planted]))

@@ -15,7 +15,7 @@ from harmolab.lab import person
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.render.overlay import CORE, load_points, overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
-from harmolab.lab.render.stick import BACKGROUND, DANCER, HIT, MUSIC, hit_times, render_skeleton
+from harmolab.lab.render.stick import BACKGROUND, DANCER, HIT, MISS, MUSIC, captioned, hit_times, render_skeleton
 from harmolab.params import HarmonyParams
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.motion import save_motion
@@ -285,16 +285,37 @@ def test_music_dancer_and_hits_have_marks_of_their_own_only_where_beats_are_give
     assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in bare)
     frames = render_dance(dance(*[STANDING] * 60), score=score(track([0.5, 1.5]), track([0.566, 1.0])))
     corners = [frame[:120, :160].copy() for frame in frames]
-    music, dancer, hit = (
+    music, dancer, hit, missed = (
         [index for index, corner in enumerate(corners) if (corner == colour).all(axis=2).sum() > 60]
-        for colour in (MUSIC, DANCER, HIT)  # an outline has fewer
+        for colour in (MUSIC, DANCER, HIT, MISS)  # an outline has fewer
     )
     assert (music, dancer) == ([*range(15, 20), *range(45, 50)], [*range(17, 22), *range(30, 35)])
     assert hit == [*range(17, 22)]
+    assert missed == [*range(45, 50)]
+
+
+def test_marks_of_a_part_are_those_of_the_whole_at_its_time() -> None:
+    scored = score(track([0.5, 1.5]), track([0.566, 1.0]))
+    whole, part = (
+        np.stack([frame[:120, :160] for frame in render_dance(dance(*[STANDING] * count), score=scored, begin=begin)])
+        for count, begin in ((60, 0.0), (30, 1.0))
+    )
+    assert (whole[30:] == part[: len(whole) - 30]).all()
+
+
+def test_words_stand_in_a_band_at_the_lower_edge_in_as_many_lines_as_they_need() -> None:
+    bands = []
+    for text in ("In time.", "You keep time, steadily a little late for a waltz, and here come more words than fit."):
+        frame = next(captioned([np.zeros((240, 320, 3), np.uint8)], text))
+        rows = np.flatnonzero((frame == 246).all(axis=2).any(axis=1))
+        assert rows[-1] == 239 and np.ptp(rows) == rows.size - 1
+        assert not (frame[rows[0] :, -4:] < 200).any()  # no letter is cut off
+        bands.append(rows.size)
+    assert 20 < bands[0] < 40 < bands[1] < 90
 
 
 def test_marks_have_the_projects_colours() -> None:
-    for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit")):
+    for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit"), (MISS, "miss")):
         assert "#{:02X}{:02X}{:02X}".format(*mark) == COLOURS[name]
 
 

@@ -9,19 +9,24 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import nbformat
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from PIL import Image
 
 from harmolab.lab.figures import style
 from harmolab.lab.report import run as report
 from harmolab.lab.report.pages import SAVED, NotebookRun, data_words, source_names, write_pages
 from harmolab.lab.report.publish import publish
+from harmolab.lab.report.templates import TEMPLATES
 from study import saving
 from study.profile import RunProfile
 from tests.builders import cases, refused
@@ -159,6 +164,18 @@ def test_index_tells_the_state_of_every_item_of_the_paper(built):
     assert list(states) == [f"Fig. {n}" for n in range(1, 15)] + ["Table 1", "Table 2"]
     assert {item for item, state in states.items() if state == "built"} == {"Fig. 1", "Table 1"}
     assert {item for item, state in states.items() if state == "failed"} == {"Fig. 2"}
+
+
+def test_texts_of_what_came_out_are_pages_that_the_index_links_to_first(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    text = tmp_path / "claims.md"
+    text.write_text("# Claim by claim\n\n| a |\n|---|\n| [03](../notebooks/03_beats.ipynb), [more](readings.md) |\n")
+    write_pages(tmp_path, [run_of("# a", ("Fig. 8",))], "quick", documents=[text])
+    page = (tmp_path / "claims.html").read_text()
+    assert '<a href="03_beats.html">03</a>, more' in page
+    assert "<table>" in page
+    index = (tmp_path / "index.html").read_text()
+    assert index.index('<a href="claims.html">Claim by claim</a>') < index.index('href="03_beats.html"')
 
 
 def page_of(folder: Path, text: str, *cells: nbformat.NotebookNode, profile: str = "quick", **facts: str) -> str:
@@ -359,6 +376,13 @@ def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp
     assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
 
 
+def test_card_shows_the_panel_that_the_notebook_names():
+    run = run_of("# One", ())
+    assert run.crop == "0% 0% 0% 0%"
+    run.node.metadata["harmolab"] = {"panel": [0.1, 0.2, 0.7, 0.5]}
+    assert run.crop == "20% 30% 50% 10%"  # from top, right, bottom and left
+
+
 def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     (tmp_path / "figures").mkdir()
     text = "[on](04_next.ipynb)\n\nNext: [04 Next](04_next.ipynb)"
@@ -531,6 +555,52 @@ def test_report_opens_offline_with_every_picture_in_place(built, chromium):
     assert any(url.endswith("fig01.png") for url in asked)
 
 
+# Light and dark
+
+THEME = (TEMPLATES / "theme.css.j2").read_text("utf-8")
+
+
+def tones(theme: str) -> dict[str, str]:
+    """Name -> colour of one of the two palettes."""
+    return dict(re.findall(r"--(\w+): (#\w+);", theme))
+
+
+LIGHT, DARK = (tones(part) for part in THEME.split("@media screen and (prefers-color-scheme: dark)"))
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a colour, as WCAG has it."""
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    parts = np.array([int(digits[at : at + 2], 16) for at in (0, 2, 4)]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("palette", [LIGHT, DARK], ids=["light", "dark"])
+def test_words_can_be_read_on_light_and_on_dark_pages(palette: dict[str, str]):
+    for words in ("ink", "quiet", "link", "good", "bad"):
+        assert contrast(palette[words], palette["paper"]) > 4.5, words
+    for words, ground in (("ink", "wash"), ("quiet", "wash"), ("ink", "alarm"), ("ink", "mark"), ("ink", "field")):
+        assert contrast(palette[words], palette[ground]) > 4.5, (words, ground)
+
+
+def test_every_page_takes_its_colours_from_the_theme_and_has_none_of_its_own():
+    assert set(LIGHT) == set(DARK)
+    for path in TEMPLATES.glob("*.html.j2"):
+        text = path.read_text("utf-8")
+        assert "theme.css.j2" in text or re.search(r'extends "\w+.html.j2"', text), path.name
+        style = "".join(re.findall(r"<style.*?</style>", text, flags=re.DOTALL))
+        assert set(re.findall(r"var\(--(?!jp-|pixels)(\w+)", style)) <= {*LIGHT, "shade"}, path.name
+        # Of the names of a body's sides, on their colours, and white under pictures.
+        own = set(re.findall(r"[^-](?:color|background|border[a-z-]*): [^;}]*(#\w{3,6})\b", style))
+        assert own <= {"#fff", "#111"}, path.name
+
+
 # The site of `make docs`
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -546,7 +616,7 @@ def extension(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_every_page_is_in_the_list_of_pages():
-    listed = re.findall(r"^([a-z_]+)$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    listed = re.findall(r"^([a-z0-9_]+)$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
     assert sorted(listed) == sorted(path.stem for path in DOCS.glob("*.md") if path.stem != "index")
 
 
@@ -563,8 +633,24 @@ def test_every_notebook_has_a_card_with_its_finding_and_a_picture(extension):
     cards = extension("gallery_pages").gallery()["cards.inc"]
     for path in (ROOT / "notebooks").glob("[0-9]*.ipynb"):
         text = cards.partition(f":link: generated/gallery/{path.stem}\n")[2].partition("\n:::\n")[0]
-        assert (DOCS / re.search(r":img-top: (\S+)", text)[1]).exists()
+        assert f":img-top: generated/gallery/{path.stem}.png" in text and re.search(r":img-alt: \w.{15,}", text)
         assert len(text.splitlines()[-1]) > 40, f"{path.name} says nothing"
+
+
+def test_thumbnail_of_a_card_is_the_panel_that_the_notebook_names(extension, tmp_path: Path):
+    gallery = extension("gallery_pages")
+    picture = np.zeros((40, 100, 3), np.uint8)
+    picture[10:20, 50:75] = 255
+    panel = np.asarray(gallery.thumbnail(Image.fromarray(picture), (0.5, 0.25, 0.75, 0.5)))
+    assert panel.shape == (10, 25, 3) and panel.min() == 255
+    gallery.write_thumbnails(tmp_path)
+    names = {path.stem for path in (ROOT / "notebooks").glob("[0-9]*.ipynb")}
+    assert {path.stem for path in tmp_path.glob("*.png")} == names
+    for path in tmp_path.glob("*.png"):
+        with Image.open(path) as image:
+            assert (
+                200 < image.width < 920 and image.height > 100
+            )  # shown 400 wide, so that letters of 8 points are left
 
 
 def test_links_beside_the_docs_lead_to_a_page_or_are_text(extension, monkeypatch: pytest.MonkeyPatch):
@@ -583,6 +669,44 @@ def test_bars_and_underscores_of_a_docstring_are_no_references(extension):
     assert lines == ["the \\|x\\| of `a|b` and name\\_, not mir_eval", ">>> a | b"]
 
 
+class Links(HTMLParser):
+    """The places of a page that can be linked to, and where its own links lead."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.places, self.targets = {""}, set()
+        self.feed(path.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.places |= {value for name, value in attrs if name == "id" or (tag, name) == ("a", "name")}
+        self.targets |= {value for name, value in attrs if name in ("href", "src") and value}
+
+
+def dead_links(site: Path) -> set[tuple[str, str]]:
+    """(page, link) of what leads to no file of the site, or to no place of its page."""
+    links = {path: Links(path) for path in site.rglob("*.html")}
+    dead = set()
+    for page, target in ((page, target) for page, own in links.items() for target in own.targets):
+        address = urlsplit(target)
+        if address.scheme or address.netloc:
+            continue
+        start = site if address.path.startswith("/") else page.parent
+        file = (start / unquote(address.path).lstrip("/")).resolve() if address.path else page
+        places = links[file].places if file in links else {""}
+        if not file.is_file() or (file in links and unquote(address.fragment) not in places):
+            dead.add((page.name, target))
+    return dead
+
+
+def test_link_check_finds_a_file_and_a_place_that_are_not_there(tmp_path: Path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "one.html").write_text(
+        '<a href="../two.html#here"><a href="../two.html#there"><img src="no.png">'
+    )
+    (tmp_path / "two.html").write_text('<p id="here"><a href="/a/one.html"><a href="#"><a href="https://example.org">')
+    assert dead_links(tmp_path) == {("one.html", "../two.html#there"), ("one.html", "no.png")}
+
+
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path):
     site = tmp_path / "site"
@@ -590,6 +714,10 @@ def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path)
     subprocess.run(command, check=True, capture_output=True, text=True)
     pages = [*site.rglob("*.html")]
     assert len(pages) > 60
+    assert dead_links(site.resolve()) == set()
+    assert (site / ".nojekyll").is_file() and 'href="/index.html"' in (site / "404.html").read_text("utf-8")
+    returned = (site / "generated" / "api" / "harmolab.score.html").read_text("utf-8").partition(">Returns</p>")[2]
+    assert returned.lstrip().startswith("<p>")  # a text, and no list of its lines
     for page in pages:
         sources = re.findall(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"([^\"]+)\"", page.read_text("utf-8"))
         assert [source for source in sources if re.match(r"(?:https?:)?//", source)] == [], page.name

@@ -105,6 +105,13 @@ def test_frames_that_a_splice_leads_to_are_not_valid(tmp_path: Path):
     np.testing.assert_array_equal(np.flatnonzero(~motion.valid), [21, 22, 23, 24, 25, 26])
 
 
+def test_lines_between_units_count_as_movement_where_that_is_asked_for(tmp_path: Path):
+    folder = write_recording(tmp_path / "DANCE_W_1", spliced(20, 26))
+    motion = load_skeletons(folder / "skeletons.json", splices=True)
+    assert motion.valid.all()
+    np.testing.assert_array_equal(motion.positions, load_skeletons(folder / "skeletons.json").positions)
+
+
 def test_dance_without_splices_and_a_dancer_who_stands_still_are_all_valid():
     assert splice_steps(swaying() / 100) == ([], [])
     still = swaying()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from generated_pages import write_pages
+from generated_pages import FOLDER, write_pages
+from PIL import Image
 from sphinx.application import Sphinx
 
 from study.findings import notebook_finding
@@ -49,12 +50,28 @@ def figures(path: Path, notebook: dict[str, Any], manifest: dict[str, Any]) -> l
     )
 
 
-def card(path: Path, title: str, said: str, picture: str) -> str:
-    """Markdown of one notebook's card, to be included by a page in docs/."""
+def thumbnail(image: Image.Image, panel: Sequence[float]) -> Image.Image:
+    """One panel of a picture: its left, top, right and bottom in shares of width and height."""
+    left, top, right, bottom = (round(share * size) for share, size in zip(panel, image.size * 2, strict=True))
+    return image.crop((left, top, right, bottom))
+
+
+def write_thumbnails(folder: Path = FOLDER / "gallery") -> None:
+    """The panel of each notebook's picture that its metadata names, as the picture of its card."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
+        facts = json.loads(path.read_text("utf-8"))["metadata"]["harmolab"]
+        with Image.open(ROOT / "figures" / facts["picture"]) as image:
+            thumbnail(image, facts["panel"]).save(folder / f"{path.stem}.png")
+
+
+def card(path: Path, title: str, said: str, subject: str) -> str:
+    """Markdown of one notebook's card, to be included by a page in docs/; its picture is a `thumbnail`."""
     return f""":::{{grid-item-card}} {title}
 :link: generated/gallery/{path.stem}
 :link-type: doc
-:img-top: ../figures/{picture}
+:img-top: generated/gallery/{path.stem}.png
+:img-alt: {subject}, one panel
 
 {said}
 :::
@@ -72,7 +89,7 @@ def page(path: Path, title: str, said: str, entries: dict[str, Any]) -> Iterator
             f"Data: {source(entry)}.",
             "",
             "::::{div} figure",
-            f"![{heading}](../../../figures/{name})",
+            f"![{heading}. Data: {source(entry)}](../../../figures/{name})",
             "::::",
             "",
         )
@@ -89,7 +106,7 @@ def gallery() -> dict[str, str]:
         pages[f"gallery/{path.stem}.md"] = "\n".join(
             page(path, title, said, {name: manifest[name] for name in pictures})
         )
-        cards.append(card(path, title, said, pictures[0]))
+        cards.append(card(path, title, said, manifest[pictures[0]]["title"]))
         names.append(f"generated/gallery/{path.stem}")
     grid = [
         "::::{grid} 1 1 2 2",
@@ -109,6 +126,7 @@ def gallery() -> dict[str, str]:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write the pages before Sphinx looks for sources."""
+    """Write the pages and their thumbnails before Sphinx looks for sources."""
+    app.connect("builder-inited", lambda app: write_thumbnails())
     app.connect("builder-inited", lambda app: write_pages(gallery()))
     return {"parallel_read_safe": True}

@@ -24,6 +24,8 @@ def site_link(label: str, target: str) -> str:
     path = target.removeprefix("../")
     if path.endswith("MODEL_CARD.md"):
         return f"[{label}](model_cards.md)"
+    if path.endswith(".ipynb"):
+        return f"[{label}](generated/gallery/{Path(path).stem}.md)"
     if path in PAGES:
         return f"[{label}]({PAGES[path]})"
     if repository():

@@ -24,6 +24,7 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
         Joint speed in units per second (Eq. 7), the shape speed (measure "shape"), or the direction spread, smoothed by
         ``params.smoothing``; read-only.
     fps : float, hertz
+        Of the curve.
     """
     direction = params.detector == "direction"
     is_shape = params.measure == "shape"

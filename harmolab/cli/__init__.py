@@ -17,6 +17,7 @@ from harmolab.cli.posing import pose
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
 from harmolab.cli.screen import Quiet, Verbose
+from harmolab.cli.serving import app as app_page
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
@@ -26,7 +27,7 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 PANELS = {
-    "Start here": (demo, score, play, lab, dance),
+    "Start here": (demo, app_page, score, play, lab, dance),
     "The music": (beats,),
     "Movement": (retime,),
     "Networks": (train, perform),

@@ -23,7 +23,7 @@ VIDEO = (
     "Without, `harmolab score {video} --why {stem}.html` makes a page about it, `harmolab play {video} --out "
     "{stem}_marked.mp4` marks its beats"
 )
-OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "follow", "height", "rate")
+OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "verdict", "follow", "height", "rate")
 
 
 @common.with_options
@@ -46,8 +46,9 @@ def play(
 
     The ending of --out says which: .html is a page that plays anywhere; .mp4 and .webm are videos of a person on a
     floor, or of a skeleton over the dancer's own film; .gif is for a README, without sound, 5 s unless --seconds says
-    otherwise. The verdict and the number are those of `harmolab score`. The marks are rests of the body, or hits where
-    it hits the beats, within a tenth of a second of the music. A film alone gets the marks, and a skeleton where
+    otherwise. The verdict and the number are those of `harmolab score`, on the whole dance also where --seconds shows a
+    part: for a clip to share, `--seconds 6`. The marks are rests of the body, or hits where it hits the beats, within a
+    tenth of a second of the music. A film alone gets the marks, and a skeleton where
     `harmolab data pose` finds the body.
 
     Examples:

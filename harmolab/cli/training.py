@@ -118,7 +118,7 @@ def train(
     representation : Motion of music2dance and feet.
     phase1 : music2dance's epochs of learning from recorded frames.
     phase2 : Its epochs of learning from its own frames.
-    epochs : Epochs of feet, attributes, ren2020 and audio2body.
+    epochs : Epochs of feet, attributes, ren2020 and audio2body; of both phases of lee2019.
     velocity_weight : feet's weight of the speed of standing feet, positions only.
     step : Beats between the starts of training units.
     seed : Of first weights, order of the units and the pose network.

@@ -36,7 +36,7 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
-from harmolab.beats.audio import beat_strengths, music_beats
+from harmolab.beats.audio import music_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import MAX_JSON_BYTES, PathLike, named_faults, read_json, reading
 from harmolab.readers.arrays import checked_motion, in_metres, number_array
@@ -94,14 +94,20 @@ def find_audio(folder: PathLike) -> Path:
 
 
 def load_danced(
-    folder: Path, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True
+    folder: Path,
+    *,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+    splices: bool = False,
 ) -> tuple[Motion, float]:
     """The motion of one folder and the audio time of its first frame, start_position / 25 fps, in seconds.
 
     Parameters
     ----------
     folder : Path
-    clock, points, travel, ground
+    clock, points, travel, ground, splices
         As in `load_skeletons`.
 
     Raises
@@ -110,7 +116,9 @@ def load_danced(
         Both name the file. A motion whose length does not fit config.json is an error.
     """
     span = load_config(folder / "config.json")
-    motion = load_skeletons(folder / "skeletons.json", clock=clock, points=points, travel=travel, ground=ground)
+    motion = load_skeletons(
+        folder / "skeletons.json", clock=clock, points=points, travel=travel, ground=ground, splices=splices
+    )
     share = motion.n_frames / (span.end - span.start)
     if not _SPAN_SHARES[0] <= share <= _SPAN_SHARES[1]:
         raise ValueError(
@@ -135,7 +143,13 @@ def load_config(path: PathLike) -> SpanFrames:
 
 
 def load_skeletons(
-    path: PathLike, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True
+    path: PathLike,
+    *,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+    splices: bool = False,
 ) -> Motion:
     """The motion in a skeletons.json: metres, y up, right-handed, splices marked as not valid.
 
@@ -151,6 +165,8 @@ def load_skeletons(
         computed from.
     ground : bool
         Set every unit back on the floor (y = 0). Without effect if `travel` is False.
+    splices : bool
+        True: the straight lines that join units count as movement, as they must have in the harmony paper.
 
     Raises
     ------
@@ -166,7 +182,7 @@ def load_skeletons(
         world = in_metres(poses + centre[:, None], 0.01)
         first, last = splice_steps(world)
         valid = np.ones(len(world), bool)
-        for before, after in zip(first, last, strict=True):
+        for before, after in () if splices else zip(first, last, strict=True):
             valid[before + 1 : after + 1] = False
         positions = world if travel else in_metres(poses, 0.01)
         if travel and ground:
@@ -340,6 +356,7 @@ def load_recording(
     points: int = 23,
     travel: bool = True,
     ground: bool = True,
+    splices: bool = False,
 ) -> Recording:
     """One folder: the clip with its annotated beats, and the annotation.
 
@@ -348,7 +365,7 @@ def load_recording(
     folder : str or path
     sample_rate : float or None, hertz
         As in `load_audio`.
-    clock, points, travel, ground
+    clock, points, travel, ground, splices
         For the Tang layout only; as in `harmolab.data.recordings.load_skeletons`.
 
     Raises
@@ -366,7 +383,7 @@ def load_recording(
     if is_own:
         motion, offset = load_motion(folder / "motion.npz"), recorded_offset(folder) or 0.0
     else:
-        motion, offset = load_danced(folder, clock=clock, points=points, travel=travel, ground=ground)
+        motion, offset = load_danced(folder, clock=clock, points=points, travel=travel, ground=ground, splices=splices)
     audio = load_audio(find_audio(folder), sample_rate=sample_rate)
     beyond = offset + motion.duration - audio.duration
     if is_own and beyond > max(1.0, 0.05 * audio.duration):
@@ -383,7 +400,7 @@ def load_recording(
 def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     """`clip` with the beats, dance and source of its annotation."""
     with reading(folder / "beats.json", "a beat annotation"):
-        beats = annotation.track(clip.audio.duration)
+        beats = annotation.in_music(clip.audio)
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 
@@ -478,7 +495,8 @@ def recording_beats(recording: Recording, beats: str) -> BeatTrack:
     ----------
     recording : Recording
     beats : "annotated" or "tracked"
-        Annotated beats take their strengths from the music's onsets; tracked ones are the clip's `music_beats`.
+        Annotated beats are those of `BeatAnnotation.in_music`, as in the clip; tracked ones are `music_beats` of the
+        sound alone.
 
     Raises
     ------
@@ -491,7 +509,5 @@ def recording_beats(recording: Recording, beats: str) -> BeatTrack:
             raise ValueError(f"{recording.folder}: no beats.json; use tracked beats")
         if annotation.times.size == 0:
             raise ValueError(f"{recording.folder}: beats.json holds no beats; use tracked beats")
-        duration = max(clip.audio.duration, float(annotation.times[-1]) + 1e-3)
-        strengths = np.maximum(beat_strengths(clip.audio, annotation.times), 0.0)
-        return replace(annotation.track(duration), strengths=strengths if strengths.any() else annotation.times * 0 + 1)
+        return annotation.in_music(clip.audio)
     return music_beats(replace(clip, beats=None))

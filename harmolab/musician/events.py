@@ -1,7 +1,7 @@
 """Events of playing: onsets of the sound, strikes of a pianist's fingers, turns of a violinist's bow.
 
-The beats of a whole body say little about a musician, whose hands do the work (docs/readings.md, "Audio to Body
-Dynamics"). What is done with the events is the score of `harmolab.score`.
+The beats of a whole body say little about a musician, whose hands do the work (docs/readings_audio_to_body.md). What
+is done with the events is the score of `harmolab.score`.
 
 Does the playing meet the sound? The harmony score of strikes, or of turns of a bow, with the onsets of the sound.
 

@@ -57,15 +57,16 @@ class SoundToPoints(nn.Module):
         self.params, self.skeleton, self.instrument, self.reference = params, skeleton, instrument, reference
         self.sound_scale = Normaliser(params.n_sound)
         self.space_scale = KeptArrays(PointSpace.empty(len(skeleton.joints), n_components))
-        self.lstm = nn.LSTM(params.n_sound, params.hidden, batch_first=True)
+        self.lstm = nn.LSTM(params.n_sound, params.hidden, params.layers, batch_first=True)
         self.dropout = nn.Dropout(params.dropout)
         self.bow_scale = KeptArrays(Bowing.empty(len(skeleton.joints))) if params.bow_phase else None
         self.linear = nn.Linear(params.hidden, n_components + params.bow_phase)
         with torch.no_grad():
             gate = slice(params.hidden, 2 * params.hidden)  # of forgetting; two biases are added to each gate
             biases = dict(self.lstm.named_parameters())
-            biases["bias_ih_l0"][gate] = 1.0
-            biases["bias_hh_l0"][gate] = 0.0
+            for layer in range(params.layers):
+                biases[f"bias_ih_l{layer}"][gate] = 1.0
+                biases[f"bias_hh_l{layer}"][gate] = 0.0
 
     def forward(self, sound: Tensor, state: State | None = None) -> tuple[Tensor, State]:
         """Components, and the state after the last step; from a state of 0 when left out."""

@@ -16,7 +16,7 @@ KEYS = 88  # of a piano: notes as input
 LOWEST_KEY = 21  # MIDI number of the first
 LOW_TONE, HIGH_TONE = 36, 96  # MIDI numbers of the semitones that are listened to
 # Beyond these, settings in a file are not ours: they would only fill the memory.
-MOST = {"fps": 240.0, "upsample": 16, "delay": 2.0, "sequence": 4096, "hidden": 4096}
+MOST = {"fps": 240.0, "upsample": 16, "delay": 2.0, "sequence": 4096, "hidden": 4096, "layers": 8}
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Audio2BodyParams:
     upsample : int, steps of the network for each frame, minus one (A2B 12)
     delay : float, seconds from what is heard to what is predicted (A2B 13)
     hidden : int, units of the LSTM
+    layers : int, of the LSTM; the paper tried more, "which did not show improvement" (Sec. 4)
     dropout : float, on its output
     rate : float, of Adam
     sequence : int, steps of a training window
@@ -64,6 +65,7 @@ class Audio2BodyParams:
     upsample: int = 4
     delay: float = 0.024
     hidden: int = 200
+    layers: int = 1
     dropout: float = 0.15
     rate: float = 2e-3
     sequence: int = 60
@@ -83,7 +85,19 @@ class Audio2BodyParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        positive = ["fps", "mfcc", "mels", "components", "upsample", "hidden", "rate", "sequence", "carry", "batch"]
+        positive = [
+            "fps",
+            "mfcc",
+            "mels",
+            "components",
+            "upsample",
+            "hidden",
+            "layers",
+            "rate",
+            "sequence",
+            "carry",
+            "batch",
+        ]
         check_numbers(
             self, positive=[*positive, "data_share", "shards"], not_negative=["delay", "dropout", "epochs", "seed"]
         )

@@ -17,7 +17,7 @@ Nothing is downloaded, by us or by its package: weights are a file on this machi
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -119,6 +119,18 @@ class BeatAnnotation:
             duration = float(self.times[-1] + (np.median(np.diff(self.times)) if self.times.size > 1 else 1.0))
         strengths = np.ones(self.times.size) if self.strengths is None else self.strengths
         return BeatTrack(self.times, strengths, ANNOTATION_RATE, duration, self.bar_places())
+
+    def in_music(self, audio: Audio) -> BeatTrack:
+        """The beats on the time line of their sound, with the strengths that Eq. 11 and 19 ask for.
+
+        Strengths are the annotation's; where it names none, the music's onset strength by each beat (Eq. 2-3), or 1
+        where the music is silent by all of them.
+        """
+        track = self.track(audio.duration)
+        if self.strengths is not None:
+            return track
+        onsets = np.maximum(beat_strengths(audio, track.times), 0.0)
+        return replace(track, strengths=onsets) if onsets.any() else track
 
 
 def _times(values: Any, name: str) -> FloatArray:

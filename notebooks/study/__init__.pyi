@@ -53,6 +53,7 @@ from .figures.attributes import accuracy_figure as accuracy_figure
 from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import song_figure as song_figure
 from .figures.feet import ways_figure as ways_figure
+from .figures.framework import dancing_figure as dancing_figure
 from .figures.framework import diagram as diagram
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
@@ -80,6 +81,7 @@ from .figures.results import patterns_figure as patterns_figure
 from .figures.results import picks_figure as picks_figure
 from .figures.results import rates_figure as rates_figure
 from .figures.results import study_title as study_title
+from .figures.sheets import beat_sheet as beat_sheet
 from .figures.sheets import contact_sheet as contact_sheet
 from .figures.sheets import save_blind_sheets as save_blind_sheets
 from .figures.variants import CHEAT_MEASURES as CHEAT_MEASURES

@@ -1,8 +1,8 @@
 """Amount of work that a notebook does."""
 
 import os
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 
 @dataclass(frozen=True)
@@ -11,7 +11,7 @@ class RunProfile:
 
     Parameters
     ----------
-    name : "quick" or "full"
+    name : "quick", "full" or "gpu"
     n_clips : int, clips of the synthetic corpus
     n_sequences : int or None, recorded sequences to read (None: all)
     n_rotations : int, rotations of a null distribution
@@ -26,7 +26,9 @@ class RunProfile:
     songs : int, songs of each dance that systems are compared on
     draws : int, dances of each system to the same seconds of a song
     hidden : int or None
-        Recurrent units of the generators, everything else in proportion; None: those of ``ModelParams.small()``.
+        Recurrent units of the generators, everything else in proportion; None: those of the preset.
+    preset : "small", or "paper": HarmoGAN and both rivals as large as in their papers, for their whole schedules
+    ablation_share : float, of Music2Dance's schedule that its ablations are trained for
     """
 
     name: str
@@ -40,6 +42,8 @@ class RunProfile:
     epochs: tuple[int, int] | None = None
     pose_epochs: int | None = None
     hidden: int | None = None
+    preset: Literal["small", "paper"] = "small"
+    ablation_share: float = 0.1
     songs: int = 24
     draws: int = 3
     seed: int = 1
@@ -67,9 +71,15 @@ class RunProfile:
         return cls("full", n_clips=200, n_sequences=None, n_rotations=1000)
 
     @classmethod
+    def gpu(cls) -> Self:
+        """As `full`, with full-size networks, whole schedules and three trainings of each: for a machine with a GPU."""
+        return replace(cls.full(), name="gpu", preset="paper", n_rivals=3, n_dancers=3, ablation_share=1.0)
+
+    @classmethod
     def from_env(cls) -> Self:
         """The profile that ``HARMOLAB_PROFILE`` names (default quick)."""
+        profiles = {"quick": cls.quick, "full": cls.full, "gpu": cls.gpu}
         name = os.environ.get("HARMOLAB_PROFILE", "quick")
-        if name not in ("quick", "full"):
-            raise ValueError(f"HARMOLAB_PROFILE must be 'quick' or 'full', got {name!r}")
-        return cls.full() if name == "full" else cls.quick()
+        if name not in profiles:
+            raise ValueError(f"HARMOLAB_PROFILE must be one of {', '.join(profiles)}, got {name!r}")
+        return profiles[name]()

@@ -20,6 +20,7 @@ from harmolab.files import atomic_write, write_json
 from harmolab.lab.figures.style import COLOURS, write_figure
 from harmolab.lab.report.pages import MANIFEST
 from study.figures.pictures import PICTURES
+from study.figures.words import is_synthetic
 from study.profile import RunProfile
 
 PAGE_WIDTH = 992  # pixels, of a column of the report
@@ -123,6 +124,14 @@ def mark_synthetic(ax: Axes) -> None:
     title = ax.get_title(loc="left")
     words = "synthetic data" + "\n" * (title.count("\n") + bool(title))
     ax.set_title(words, loc="right", fontsize=9, style="italic", color=COLOURS["miss"], gid="source")
+
+
+def mark_corpus(ax: Axes, corpus: str) -> None:
+    """`mark_synthetic` for the picture of one corpus out of several, if it is; `save_figure` then adds no mark."""
+    if is_synthetic(corpus):
+        mark_synthetic(ax)
+    else:
+        ax.set_title(" ", loc="right", gid="source")
 
 
 def smallest_text(figure: Figure) -> float:

@@ -55,6 +55,7 @@ from harmolab.lab.evaluate.pairing import (
 from harmolab.lab.evaluate.published import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
 from harmolab.metrics.likeness import LikenessLimits, window_measures
+from harmolab.params import DANCES
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.smpl import FACT_SEED
@@ -251,12 +252,12 @@ def _without_seed(pair: Pair, file: MotionFile) -> MotionFile:
 @lru_cache(maxsize=SONGS_KEPT)
 def _song(music: Path, _: str) -> Clip:
     """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
-    audio, annotation = load_sound(music), annotation_of(music)
-    beats = song_beats(audio, beats=annotation)
+    audio, annotation, dance = load_sound(music), annotation_of(music), dance_of(music)
+    beats = song_beats(audio, dance=dance if dance in DANCES else "", beats=annotation)
     if not len(beats):
         advice = "give them in a file SONG.beats" if annotation is None else "remove it to have the beats tracked"
         raise ValueError(f"{annotation or music}: holds no beats; {advice}")
-    return Clip(music.stem, audio, beats=beats, dance=dance_of(music))
+    return Clip(music.stem, audio, beats=beats, dance=dance)
 
 
 # Rows that every table has: recorded dances, the same with another song, and a pose that is held.

@@ -1,17 +1,21 @@
 """A page for a browser of this machine alone: an address that holds a secret, requests, replies."""
 
+import io
 import json
 import re
 import secrets
+import shutil
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, NamedTuple, Self
-from urllib.parse import parse_qs
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, Self
+from urllib.parse import parse_qs, unquote
 
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.trials import ANCHORS, ASKED, MARKED, MOST, Trial, TrialSet
@@ -22,13 +26,14 @@ from harmolab.types import Audio, FloatArray
 
 HOST = "127.0.0.1"
 IDLE_SECONDS = 30.0
+CHUNK = 2**18  # bytes of a file that are held at a time
 HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 
 
 class Reply(NamedTuple):
-    """Content, status and kind of an answer to a browser; after one that `is_last` the page is finished."""
+    """Content (or the file of it), status and kind of an answer; after one that `is_last` the page is finished."""
 
-    content: str | bytes
+    content: str | bytes | Path
     status: HTTPStatus = HTTPStatus.OK
     kind: str = HTML
     location: str = ""
@@ -39,7 +44,7 @@ class LocalPage:
     """Serves one page, and what belongs to it, on this machine.
 
     It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither read
-    what it shows nor answer.
+    what it shows nor answer. A request for another host is not answered: a name of another site may lead here too.
 
     Parameters
     ----------
@@ -52,6 +57,7 @@ class LocalPage:
     """
 
     most_bytes = 4096  # of what a browser sends
+    most_upload = 0  # bytes of a file
 
     def __init__(self, *, port: int = 0) -> None:
         self.path = f"/{secrets.token_urlsafe(16)}/"
@@ -67,9 +73,18 @@ class LocalPage:
         """The reply to what the page sends; a ValueError or OSError becomes a `refusal`."""
         raise NotImplementedError
 
+    def put(self, name: str, chunks: Iterator[bytes]) -> Reply | None:
+        """The reply to a file that is sent, in pieces as they come; errors as of `post`. None: no file is taken."""
+        return None
+
     def refusal(self, error: Exception) -> Reply:
         """The reply that says the fault of what was sent, or of what is behind the page."""
         return Reply(str(error), kind=TEXT)
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """The names that a request may have for this machine."""
+        return f"{HOST}:{self._server.server_port}", f"localhost:{self._server.server_port}"
 
     @property
     def address(self) -> str:
@@ -98,7 +113,7 @@ class LocalPage:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """GET shows the page or a file below it, POST sends to the page."""
+    """GET shows the page or a file below it, POST sends to the page, PUT sends a file."""
 
     timeout = IDLE_SECONDS
 
@@ -108,51 +123,86 @@ class _Handler(BaseHTTPRequestHandler):
 
     def parse_request(self) -> bool:
         """True for a request below the page's own address; any other is answered here."""
-        is_request = super().parse_request()
-        if is_request and not self.path.startswith(self.page.path):
+        if not super().parse_request():
+            return False
+        is_ours = self.path.startswith(self.page.path) and self.headers.get("Host", "") in self.page.hosts
+        if not is_ours:
             self._nothing()
-        return is_request and self.path.startswith(self.page.path)
+        return is_ours
+
+    @property
+    def name(self) -> str:
+        """The part of the address below the page."""
+        return unquote(self.path.removeprefix(self.page.path))
 
     def do_GET(self) -> None:
-        try:
-            reply = self.page.get(self.path.removeprefix(self.page.path))
-        except (ValueError, OSError) as error:  # a damaged file behind the page
-            reply = self.page.refusal(error)._replace(status=HTTPStatus.INTERNAL_SERVER_ERROR)
-        self._nothing() if reply is None else self._send(reply)
+        # An error is a damaged file behind the page.
+        self._answer(lambda: self.page.get(self.name), HTTPStatus.INTERNAL_SERVER_ERROR)
 
     def do_POST(self) -> None:
-        if self.path != self.page.path:
-            return self._nothing()
+        self._answer(lambda: None if self.name else self.page.post(self._body()), HTTPStatus.BAD_REQUEST)
+
+    def do_PUT(self) -> None:
+        self._answer(self._put, HTTPStatus.BAD_REQUEST)
+
+    def _answer(self, reply_of: Callable[[], Reply | None], status: HTTPStatus) -> None:
+        """Sends a reply, or the refusal of what cannot be done."""
         try:
-            reply = self.page.post(self._body())
+            reply = reply_of()
         except (ValueError, OSError) as error:
-            reply = self.page.refusal(error)._replace(status=HTTPStatus.BAD_REQUEST)
-        self._send(reply)
+            reply = self.page.refusal(error)._replace(status=status)
+        self._nothing() if reply is None else self._send(reply)
+
+    def _put(self) -> Reply | None:
+        chunks = self._chunks(self._length(self.page.most_upload))
+        try:
+            return self.page.put(self.name, chunks)
+        finally:
+            deque(chunks, maxlen=0)  # a browser reads no reply before it has sent all
+
+    def _chunks(self, length: int) -> Iterator[bytes]:
+        """The pieces of a file, as they come; ValueError where it ends before its length."""
+        while length:
+            chunk = self.rfile.read(min(CHUNK, length))
+            if not chunk:
+                raise ValueError("the file came in part only")
+            length -= len(chunk)
+            yield chunk
+
+    def _length(self, most: int) -> int:
+        length = self.headers.get("Content-Length", "")
+        if not re.fullmatch("[0-9]{1,12}", length) or int(length) > most:
+            raise ValueError(f"at most {most} bytes are taken")
+        return int(length)
 
     def _body(self) -> str:
-        length = self.headers.get("Content-Length", "")
-        if not re.fullmatch("[0-9]{1,9}", length) or int(length) > self.page.most_bytes:
-            raise ValueError(f"at most {self.page.most_bytes} bytes are taken")
-        return self.rfile.read(int(length)).decode("utf-8", "replace")
+        return self.rfile.read(self._length(self.page.most_bytes)).decode("utf-8", "replace")
 
     def _nothing(self) -> None:
         self._send(Reply("There is nothing here.", HTTPStatus.NOT_FOUND, TEXT))
 
     def _send(self, reply: Reply) -> None:
         """Sends a reply; a browser that has closed the page before it has come is no fault."""
-        content = reply.content if isinstance(reply.content, bytes) else reply.content.encode()
-        headers = {"Content-Type": reply.kind, "Content-Length": str(len(content)), "Cache-Control": "no-store"}
-        with suppress(ConnectionError):
+        with closing(_opened(reply.content)) as content, suppress(ConnectionError):
+            length = content.seek(0, io.SEEK_END)
+            content.seek(0)
+            headers = {"Content-Type": reply.kind, "Content-Length": str(length), "Cache-Control": "no-store"}
             self.send_response(reply.status)
             for name, value in (headers | ({"Location": reply.location} if reply.location else {})).items():
                 self.send_header(name, value)
             self.end_headers()
-            self.wfile.write(content)
+            shutil.copyfileobj(content, self.wfile)
         if reply.is_last:
             self.page.finished.set()
 
     def log_message(self, format: str, *args: Any) -> None:
         """Says nothing: the user's terminal is no place for requests."""
+
+
+def _opened(content: str | bytes | Path) -> BinaryIO:
+    if isinstance(content, Path):
+        return content.open("rb")
+    return io.BytesIO(content if isinstance(content, bytes) else content.encode())
 
 
 # A study as a plain local page, in a browser or in a frame of a notebook; it talks to this machine alone.
@@ -280,17 +330,17 @@ class TapServer(LocalPage):
 
     def post(self, body: str) -> Reply:
         """Hands on the taps, ``{"taps": [seconds, ...], "ones": [seconds, ...]}``."""
-        content = _parsed(body)
+        content = record_in(body, "taps")
         taps, ones = (number_array(content.get(name), name, (None,)) for name in ("taps", "ones"))
         return Reply(self._save(taps, ones), kind=TEXT, is_last=True)
 
 
-def _parsed(body: str) -> dict[str, Any]:
-    """The record in a text of JSON."""
+def record_in(body: str, what: str) -> dict[str, Any]:
+    """The record in a text of JSON; ValueError, which says `what` is sent, for anything else."""
     try:
         content = json.loads(body)
     except RecursionError:
-        raise ValueError("taps lie in lists within lists") from None
+        raise ValueError(f"{what} lie in lists within lists") from None
     if not isinstance(content, dict):
-        raise ValueError("taps come as a record of JSON")
+        raise ValueError(f"{what} come as a record of JSON")
     return content

@@ -91,7 +91,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
 
 
 def overlay_skeleton(
-    frames: Iterable[Frame], fps: float, motion: Motion, *, score: HarmonyScore | None = None
+    frames: Iterable[Frame], fps: float, motion: Motion, *, score: HarmonyScore | None = None, begin: float = 0.0
 ) -> Iterator[Frame]:
     """The frames with the skeleton over them, as long as both last; the motion's first frame lies on the first frame.
 
@@ -102,8 +102,7 @@ def overlay_skeleton(
         A motion of another rate is interpolated.
     motion : Motion
         (T, J, 2) pixels of the frames, as from `points_in_picture`. Frames that are not valid are left undrawn.
-    score : HarmonyScore, optional
-        Of the motion with its music, as in `render_dance`.
+    score, begin : as in `harmolab.lab.render.scene.render_dance`
 
     Yields
     ------
@@ -112,16 +111,16 @@ def overlay_skeleton(
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
     check_positive(fps=fps)
-    return _overlaid(frames, resample_motion(motion, fps), score)
+    return _overlaid(frames, resample_motion(motion, fps), score, begin)
 
 
-def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None) -> Iterator[Frame]:
+def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None, begin: float) -> Iterator[Frame]:
     _, limbs = skull_and_limbs(motion.skeleton)
     widths = [*limb_widths(motion.skeleton, limbs), *joint_widths(motion.skeleton)]
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
     for index, (places, is_valid, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
-        marks = marks or BeatMarks(len(frame), score)
+        marks = marks or BeatMarks(len(frame), score, begin=begin)
         drawn = frame.copy()
         if is_valid:
             draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, widths, len(frame)))

@@ -34,6 +34,7 @@ def render_dance(
     width: int | None = None,
     fps: float = 30.0,
     score: HarmonyScore | None = None,
+    begin: float = 0.0,
     follow: bool = False,
 ) -> Iterator[Frame]:
     """Frames of a dancer on a floor, seen from where she faces on average, by a camera that walks along.
@@ -50,6 +51,7 @@ def render_dance(
     score : HarmonyScore, optional
         Of the motion with its music: each beat lights its mark in the corner, and a ring shows where two meet
         (`harmolab.lab.render.stick`).
+    begin : float, seconds of the score's time line at the motion's first frame
     follow : bool
         True to keep the hips in the middle of the picture; the camera goes along smoothly when left out.
 
@@ -67,7 +69,7 @@ def render_dance(
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     check_positive(fps=fps)
     dance = resample_motion(upsample_motion(motion, fps), fps)
-    return _frames(stage_of(dance, follow=follow), fps, height, width, BeatMarks(height, score))
+    return _frames(stage_of(dance, follow=follow), fps, height, width, BeatMarks(height, score, begin=begin))
 
 
 def _frames(stage: Stage, fps: float, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:

@@ -2,7 +2,8 @@
 
 It is a stream of frames, so a video of any length needs the memory of one frame. Needs OpenCV and numpy only.
 
-Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet.
+Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet, a
+cross for a beat of the music that is missed.
 
 Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
 """
@@ -142,13 +143,13 @@ def _strokes(place: FloatArray, skeleton: Skeleton, skull: list[int], thickness:
 # Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they
 
 # The project's colours for music, dancer and hits.
-MUSIC, DANCER, HIT = (0, 114, 178), (230, 159, 0), (0, 158, 115)
+MUSIC, DANCER, HIT, MISS = (0, 114, 178), (230, 159, 0), (0, 158, 115), (178, 24, 43)
 PLATE, INK = (246, 246, 246), (34, 34, 34)
 FLASH = 0.15  # seconds for which a beat is shown
 RADIUS, LEAST_RADIUS = 0.02, 4.0  # of a mark: share of the picture's height, pixels
 ROW, TEXT_AT, WORD_WIDTH = 2.9, 4.2, 7.5  # in radii
 LEAST_WORDS = 200  # pixels of height from which the words can be read
-WORDS: Mapping[str, str] = MappingProxyType({"music": "music", "dancer": "dancer", "hit": "hit"})
+WORDS: Mapping[str, str] = MappingProxyType({"music": "music", "dancer": "dancer", "hit": "hit", "miss": "missed"})
 
 
 class BeatMarks:
@@ -158,14 +159,19 @@ class BeatMarks:
     ----------
     height : int, pixels of the pictures
     score : HarmonyScore or None
-        Its attentional beats and pairs, on the pictures' time line, light the marks; without it there are none.
-    words : mark -> the word beside it
+        Its attentional beats and pairs light the marks; without it there are none.
+    words : mark -> the word beside it, of the marks to be shown
+    begin : float, seconds of the score's time line at the first picture
     """
 
-    def __init__(self, height: int, score: HarmonyScore | None, words: Mapping[str, str] = WORDS) -> None:
+    def __init__(
+        self, height: int, score: HarmonyScore | None, words: Mapping[str, str] = WORDS, *, begin: float = 0.0
+    ) -> None:
         self.times: dict[str, FloatArray] = {}
         if score is not None:
-            self.times = {"music": score.music.times, "dancer": score.visual.times, "hit": hit_times(score)}
+            music, visual, missed = score.music.times, score.visual.times, score.music.times[score.pairs < 0]
+            moments = {"music": music, "dancer": visual, "hit": hit_times(score), "miss": missed}
+            self.times = {name: moments[name] - begin for name in words}
         states = product((False, True), repeat=len(self.times))
         self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True)), words) for lit in states}
 
@@ -210,7 +216,41 @@ def _draw_mark(plate: Frame, name: str, middle: FloatArray, radius: float, on: b
         if on:
             cv2.fillPoly(plate, [corners], DANCER, cv2.LINE_AA, FRACTION_BITS)
         return
+    if name == "miss":
+        corners = fixed(middle + 0.8 * radius * np.array([[-1, -1], [1, 1], [-1, 1], [1, -1]])).tolist()
+        for start, end in (corners[:2], corners[2:]):
+            cv2.line(plate, start, end, MISS, max(2, round(0.5 * radius)) if on else 1, cv2.LINE_AA, FRACTION_BITS)
+        return
     ring = max(2, round(0.5 * radius))
     size, colour, lit = (radius, MUSIC, -1) if name == "music" else (0.85 * radius, HIT, ring)
     centre, reach = fixed(middle).tolist(), round(size * 2**FRACTION_BITS)
     cv2.circle(plate, centre, reach, colour, lit if on else 1, cv2.LINE_AA, FRACTION_BITS)
+
+
+LETTER, LEAST_LETTER = 0.028, 10.0  # height of a line's capitals: share of the picture's height, pixels
+FONT, FONT_HEIGHT = cv2.FONT_HERSHEY_SIMPLEX, 21.0  # pixels of a capital at scale 1
+
+
+def captioned(frames: Iterable[Frame], text: str) -> Iterator[Frame]:
+    """The frames with words in a band at their lower edge; they are changed."""
+    band: Frame | None = None
+    for frame in frames:
+        band = _band(text, *frame.shape[:2]) if band is None else band
+        frame[-len(band) :] = band[-len(frame) :]
+        yield frame
+
+
+def _band(text: str, height: int, width: int) -> Frame:
+    """(rows, width, 3) picture of words, in as many lines as they need."""
+    letter = max(LEAST_LETTER, LETTER * height)
+    scale, thickness = letter / FONT_HEIGHT, max(1, round(letter / 12))
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        fits = cv2.getTextSize(longer, FONT, scale, thickness)[0][0] <= width - 2 * letter
+        lines = [*lines[:-1], longer] if fits or not lines[-1] else [*lines, word]
+    band = np.full((round((1.9 * len(lines) + 0.9) * letter), width, 3), PLATE, np.uint8)
+    for row, line in enumerate(lines):
+        at = round(letter), round((1.9 * row + 1.7) * letter)
+        cv2.putText(band, line, at, FONT, scale, INK, thickness, cv2.LINE_AA)
+    return band

@@ -12,6 +12,7 @@ from harmolab.files import PathLike, Progress, check_output, silent
 from harmolab.lab.explain.filmed import filmed_motion, has_body
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
+from harmolab.lab.render.stick import captioned
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.readers.motion import save_motion
 from harmolab.readers.motion_file import ReadingKeywords
@@ -36,6 +37,8 @@ def write_dance(
     height: int = 480,
     follow: bool = False,
     score: HarmonyScore | None = None,
+    begin: float = 0.0,
+    verdict: str = "",
     params: HarmonyParams | None = None,
     progress: Progress = silent,
 ) -> None:
@@ -54,6 +57,8 @@ def write_dance(
     follow : bool, whether the hips stay in the middle of the picture
     score : HarmonyScore, optional
         Of the motion with its music, whose beats and hits the marks show; that by `params` when left out.
+    begin : float, seconds of the score's time line at the first frame, where the clip is a part of what was scored
+    verdict : str, words to stand below in the picture
     params : HarmonyParams, default the recommended ones with the pattern of the clip's dance, if known
 
     Raises
@@ -69,6 +74,7 @@ def write_dance(
             fps=rate,
             height=height,
             score=(score or _score(clip, motion, params)) if marks else None,
+            begin=begin,
             follow=follow,
         )
     elif rate is not None:
@@ -78,8 +84,9 @@ def write_dance(
         video = video_frames(over, height=height, colour=True)
         drawn, rate = _over(motion if points is None else points, video), video.fps
         judged = drawn if points is None else motion
-        frames = overlay_skeleton(video, rate, drawn, score=(score or _score(clip, judged, params)) if marks else None)
-    pictures = progress(frames, "drawing")
+        drawn_score = (score or _score(clip, judged, params)) if marks else None
+        frames = overlay_skeleton(video, rate, drawn, score=drawn_score, begin=begin)
+    pictures = progress(captioned(frames, verdict) if verdict else frames, "drawing")
     if Path(out).suffix.lower() == ".gif":
         write_gif(out, pictures, rate)
     else:

@@ -218,6 +218,12 @@ class NotebookRun:
         return str(self._facts.get("picture", ""))
 
     @property
+    def crop(self) -> str:
+        """CSS inset that leaves of that figure the panel that the metadata names; a browser without it shows all."""
+        left, top, right, bottom = self._facts.get("panel", (0.0, 0.0, 1.0, 1.0))
+        return " ".join(f"{100 * share:.4g}%" for share in (top, 1 - right, 1 - bottom, left))
+
+    @property
     def opens_with_picture(self) -> bool:
         """The figure stands under the finding; not where something is to be heard before any number."""
         return not self._facts.get("heard_first", False)
@@ -237,7 +243,13 @@ class Chapter:
     picture: Picture | None
 
 
-def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committed: Path | None = None) -> None:
+def write_pages(
+    folder: Path,
+    runs: Sequence[NotebookRun],
+    profile: str,
+    committed: Path | None = None,
+    documents: Sequence[Path] = (),
+) -> None:
     """A page for every notebook, and the index, in `folder` beside the figures already there.
 
     Parameters
@@ -246,6 +258,7 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committ
     runs : in the order of the story
     profile : "quick" or "full"
     committed : folder of full-profile figures, optional; they are copied, to stand beside those of a quick run
+    documents : Markdown files that become pages, too; the index links to them first
     """
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     figures = folder / "figures"
@@ -263,10 +276,14 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committ
     for chapter in chapters:
         pair_pictures(chapter.run.node, figures, full)
         (folder / chapter.run.page).write_text(_page(chapter, f"{profile} profile, {date}"), "utf-8")
+    texts = [_document(path) for path in documents]
+    for text in texts:
+        (folder / text.page).write_text(_page(Chapter(text, None, None, None), f"of the full run, {date}"), "utf-8")
     index = rendered(
         "index.html.j2",
         parts=[(part, list(chapters)) for part, chapters in groupby(chapters, lambda chapter: chapter.run.part)],
         runs=runs,
+        documents=texts,
         failures=[run for run in runs if run.error],
         figures=[(drawn.get(name), full.get(name), manifest[name]) for name in drawn],
         tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
@@ -279,6 +296,13 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committ
         date=date,
     )
     (folder / "index.html").write_text(index, "utf-8")
+
+
+def _document(path: Path) -> NotebookRun:
+    """A Markdown file as a notebook of one cell; links to notebooks lead to their pages, others become their text."""
+    text = re.sub(r"\]\(\.\./notebooks/(\w+)\.ipynb\)", r"](\1.html)", path.read_text("utf-8"))
+    text = re.sub(r"(?<!!)\[([^\]]+)\]\((?!https?:|\w+\.html)[^)]+\)", r"\1", text)
+    return NotebookRun(path, nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text)]), 0.0, "")
 
 
 def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) -> dict[str, Picture]:

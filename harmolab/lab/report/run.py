@@ -20,8 +20,9 @@ from harmolab.files import atomic_folder
 from harmolab.lab.report.pages import MARK, SAVED, NotebookRun, manifest_of, write_pages
 from harmolab.lab.report.publish import code_commit, publish, published_notebooks, remove_others
 
+DOCUMENTS = ("claims.md", "report.md")  # of docs/, which become pages of the report
 LONGEST = 5  # notebooks whose minutes are told
-TIMEOUTS = {"quick": 900.0, "full": 21600.0}  # seconds a cell may take, by profile
+TIMEOUTS = {"quick": 900.0, "full": 21600.0, "gpu": 21600.0}  # seconds a cell may take, by profile
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def build(
     ----------
     notebooks : folder that holds *.ipynb; also the working directory of their kernels
     out : folder to write; an earlier report there is replaced
-    profile : "quick" or "full"
+    profile : "quick", "full" or "gpu"
     figures : folder, optional; where to publish figures, tables and manifest of the notebooks that ran too
     only : beginnings of names, such as "07": the notebooks to run; all when left out
     timeout : float, seconds that one cell may take
@@ -92,7 +93,9 @@ def build(
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         publish_one = None if figures is None else partial(publish, pictures=pictures, figures=figures, commit=commit)
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress, publish_one))
-        write_pages(part, runs, profile, committed=notebooks.parent / "figures")
+        texts = (notebooks.parent / "docs" / name for name in DOCUMENTS)
+        pages = [path for path in texts if path.is_file()]
+        write_pages(part, runs, profile, committed=notebooks.parent / "figures", documents=pages)
     return Report(index, tuple(runs))
 
 
@@ -193,10 +196,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m harmolab.lab.report.run", description=__doc__)
     parser.add_argument("--notebooks", type=Path, default=Path("notebooks"), help="folder of notebooks")
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write")
-    parser.add_argument("--profile", choices=("quick", "full"), default="quick")
+    parser.add_argument("--profile", choices=("quick", "full", "gpu"), default="quick")
     parser.add_argument("--figures", type=Path, help="publish figures and tables of each notebook that ran here")
     parser.add_argument("--only", nargs="+", default=(), metavar="07", help="run notebooks whose names begin so")
-    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 900, full: 6 hours)")
+    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 900, others: 6 hours)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
     options.timeout = options.timeout or TIMEOUTS[options.profile]

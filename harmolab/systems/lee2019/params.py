@@ -1,7 +1,7 @@
 """Settings of the system of Lee et al. 2019: sizes, schedules, weights, and how we read what was never released.
 
-Released values are those of the public code (NVlabs/Dancing2Music at 7ff1d95; facts and sizes only). docs/readings.md
-lists where we depart from it.
+Released values are those of the public code (NVlabs/Dancing2Music at 7ff1d95; facts and sizes only).
+docs/readings_rivals.md lists where we depart from it.
 """
 
 from dataclasses import dataclass, fields

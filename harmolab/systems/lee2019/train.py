@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, l1_loss, mse_loss
 
+from harmolab.files import PathLike
 from harmolab.systems.lee2019.networks import Code, DancingToMusic, from_root, piece_set
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -42,6 +43,15 @@ class Lee2019(PresetSystem):
 
     network = DancingToMusic
     settings = LeeParams
+
+    @classmethod
+    def learn(cls, data: list[PathLike], options: TrainOptions, *, epochs: int | None = None, **own: Any) -> None:
+        """`train`; its own keywords as of `PresetSystem.learn`, and
+
+        epochs : int or None, of the phase of units and of that of compositions; the preset's when left out
+        """
+        phases: dict[str, Any] = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
+        super().learn(data, options, **phases, **own)
 
     @classmethod
     def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:

@@ -1,7 +1,7 @@
 """Settings of Music2Dance (Zhuang et al. 2020): the music that is mapped, the WaveNet, its training, its dancing.
 
 The paper's numbers are those of arXiv 2002.03761, first version. Where it is silent, or its formulas are lost, values
-are those of its authors' code for the second version; docs/readings.md says which.
+are those of its authors' code for the second version; docs/readings_music2dance.md says which.
 """
 
 from dataclasses import dataclass, fields, replace

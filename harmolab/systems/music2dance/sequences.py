@@ -17,7 +17,7 @@ from scipy.cluster.vq import kmeans2
 from torch import Tensor
 
 from harmolab.body.kinematics import resample_motion
-from harmolab.data.recordings import Recording
+from harmolab.data.recordings import Recording, true_runs
 from harmolab.files import PathLike, Progress, silent
 from harmolab.params import DANCES
 from harmolab.systems.music2dance.codes import MotionCode, PositionCode, RotationCode
@@ -221,6 +221,19 @@ class Windows(NamedTuple):
     valid: Tensor
 
 
+def _too_short(sequences: SequenceSet, groups: Sequence[str]) -> str:
+    """The longest stretch of a side of the split, of these motion groups, too short for a window; and what helps."""
+    params = sequences.params
+    sides = (each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
+    stretch = max((last - first for side in sides for first, last in true_runs(side)), default=0) / params.fps
+    longest = max(each.n_frames for each in sequences.sequences) / params.fps
+    return (
+        f"windows are {params.window:g} s long, and the movements that the split by motion group gives one side last "
+        f"{stretch:.1f} s in a row at most, though the longest of {len(sequences.sequences)} recordings lasts "
+        f"{longest:.1f} s. Add recordings of a minute or more, or try another --split-seed"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class WindowSource:
     """The windows of one side of a split; a batch draws from all of them (`harmolab.systems.training.loop.Units`).
@@ -261,11 +274,7 @@ class WindowSource:
         numbers = np.repeat(np.arange(len(starts)), [own.size for own in starts])
         places = np.column_stack([numbers, np.concatenate(starts)])
         if not len(places):
-            longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
-            fault = f"a side of the split has no {params.window:g} s of recorded movement in a row"
-            about = f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s"
-            remedy = "Add longer ones, or try another --split-seed"
-            raise ValueError(f"{sequences.units.source}: {fault}; {about}. {remedy}")
+            raise ValueError(f"{sequences.units.source}: {_too_short(sequences, groups)}")
         weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
         return cls(sequences, dances, statistics, places, weights, counted, device)

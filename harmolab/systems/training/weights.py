@@ -31,7 +31,7 @@ MOST_LAYERS, MOST_UNITS = 64, 2**16
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
 # Names of settings as versions before 0.2 wrote them into runs and weights.
 _OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay"}
-_YOUNGER = {"draw_memory": 0.0}  # settings that older files lack, and the value that their systems had
+_YOUNGER = {"draw_memory": 0.0, "layers": 1}  # settings that older files lack, and the value that their systems had
 
 
 @runtime_checkable

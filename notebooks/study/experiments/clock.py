@@ -24,12 +24,14 @@ class TrainingClock:
     def __init__(self, run: Path) -> None:
         self._file, self._last = clock_file(run), time.perf_counter()
         self._before = training_minutes(run) * 60 if self._file.is_file() else 0.0
+        self._epochs: dict[str, float] = {}
 
     def __call__(self, row: dict[str, Any], end: int) -> None:
         """An epoch has ended."""
         now = time.perf_counter()
+        self._epochs[row["phase"]] = round(now - self._last, 4)
         self._before, self._last = self._before + now - self._last, now
-        write_json(self._file, {"seconds": round(self._before, 1)})
+        write_json(self._file, {"seconds": round(self._before, 1), "last epoch": self._epochs})
 
 
 def clock_file(run: Path) -> Path:
@@ -41,3 +43,8 @@ def training_minutes(run: Path) -> float:
     """Minutes that a run took; NaN where none were counted."""
     file = clock_file(run)
     return float(json.loads(file.read_text("utf-8"))["seconds"]) / 60 if file.is_file() else float("nan")
+
+
+def epoch_seconds(run: Path) -> dict[str, float]:
+    """Seconds of the last epoch of each phase of a run."""
+    return dict(json.loads(clock_file(run).read_text("utf-8")).get("last epoch", {}))

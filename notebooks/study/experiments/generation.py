@@ -6,6 +6,7 @@ training that was cut off goes on where it stopped.
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -126,6 +127,8 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
     The paper's variants share their pretraining, which the harmony loss has no part in.
     """
     params = replace(variant.params, seed=seed, pose_epochs=profile.pose_epochs or variant.params.pose_epochs)
+    if profile.preset == "paper":
+        params = replace(params, patience=None)
     if profile.epochs:  # an epoch of sketches has several of every unit, and nothing is pretrained there
         first, then = profile.epochs if not params.sketches else (0, max(1, profile.epochs[1] // params.sketches))
         params = replace(params, pretrain_epochs=first, adversarial_epochs=then)
@@ -183,20 +186,21 @@ def kept_run(kind: str, about: Any, train: Callable[[TrainOptions], object]) -> 
     """Folder of a finished training in the cache, named by `kind` and all it depends on; trained now unless it was.
 
     Waits for another process that is at it. `train` is called with the options of a training in this folder, timed,
-    on the CPU, that goes on where it was cut off.
+    that goes on where it was cut off; on the CPU, unless ``HARMOLAB_ACCELERATOR`` says "cuda" or "auto".
     """
     name = hashlib.sha256(json.dumps(plain(about), sort_keys=True).encode()).hexdigest()[:16]
     folder = _home() / "runs" / f"{kind}-{name}"
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(folder.with_suffix(".lock")):
         if not (folder / f"{MODEL}.json").is_file():
-            train(TrainOptions(folder, resume=True, accelerator="cpu", report=TrainingClock(folder)))
+            device = os.environ.get("HARMOLAB_ACCELERATOR", "cpu")
+            train(TrainOptions(folder, resume=True, accelerator=device, report=TrainingClock(folder)))
     return folder
 
 
 def model_params(profile: RunProfile) -> ModelParams:
-    """The small preset, or one with as many units as the profile says in proportion."""
-    small = ModelParams.small()
+    """The profile's preset, or one with as many units as it says, in proportion."""
+    small = ModelParams.paper() if profile.preset == "paper" else ModelParams.small()
     hidden = profile.hidden or small.hidden
     sizes = round(hidden / small.hidden * small.pose_features), round(hidden / small.hidden * small.discriminator)
     return ModelParams(hidden, small.layers, sizes[0], max(sizes[1], 4))

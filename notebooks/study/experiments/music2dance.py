@@ -34,9 +34,8 @@ DANCER_SETTINGS: Mapping[str, Music2DanceParams] = {
     "recommended": _OURS,
 }
 DANCING = ("temperature", "draw_memory", "smoothing")  # settings that training does not use
-QUICK: Mapping[str, Any] = {
-    "first_epochs": 4, "second_epochs": 2, "residual": 8, "skip": 16, "groups": 1, "lstm": 16, "clusters": 6,
-}  # fmt: skip
+QUICK: Mapping[str, Any] = {"residual": 8, "skip": 16, "groups": 1, "lstm": 16, "clusters": 6}
+QUICK_EPOCHS: Mapping[str, Any] = {"first_epochs": 4, "second_epochs": 2}
 
 
 # What the ablations leave out or change; each is trained for a part of the schedule, and so is the whole beside them.
@@ -49,15 +48,15 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
     "no second phase": {"second_epochs": 0},
     "LSTM": {"generator": "lstm"},
 }
-ABLATION_EPOCHS: Mapping[str, Any] = {"first_epochs": 130, "second_epochs": 20}  # 10 % of the schedule
 
 
-def ablated(name: str) -> Music2DanceParams:
-    """The paper's settings less one part, a name of `ABLATIONS`, for 10 % of the schedule.
+def ablated(name: str, share: float = 0.1) -> Music2DanceParams:
+    """The paper's settings less one part, a name of `ABLATIONS`, for a share of the schedule.
 
     They dance with a tenth of the predicted spread: in full it hides everything else.
     """
-    short = replace(_PAPER, **ABLATION_EPOCHS, temperature=CALM)
+    epochs = {part: round(share * getattr(_PAPER, part)) for part in ("first_epochs", "second_epochs")}
+    short = replace(_PAPER, **epochs, temperature=CALM)
     return replace(short, **ABLATIONS[name])
 
 
@@ -89,14 +88,15 @@ def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams
 def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
     """The trainings of an ablation, a name of `ABLATIONS`, as many as `RunProfile.n_dancers`."""
     count = min(contest.trainings, contest.profile.n_dancers)
-    return [trained_dancer(contest.profile, contest.corpus, ablated(name), seed) for seed in range(1, count + 1)]
+    settings = ablated(name, contest.profile.ablation_share)
+    return [trained_dancer(contest.profile, contest.corpus, settings, seed) for seed in range(1, count + 1)]
 
 
 def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParams:
     """Settings for a profile: a quick one trains a tiny network for a few epochs, from which nothing follows."""
     if profile.epochs is None:
         return params
-    tiny = replace(params, **QUICK)
+    tiny = replace(params, **QUICK_EPOCHS, **(QUICK if profile.hidden else {}))
     return tiny if params.second_epochs else replace(tiny, second_epochs=0)
 
 

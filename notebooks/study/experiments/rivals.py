@@ -59,27 +59,26 @@ def ren2020(profile: RunProfile, corpus: str, seed: int) -> TrainedRival:
 
 
 def lee_params(profile: RunProfile, seed: int) -> LeeParams:
-    """The small preset; for a profile that cuts trainings short a tiny one, which fails its entry tests."""
-    small = replace(LeeParams.small(), seed=seed)
-    if profile.epochs is None or profile.hidden is None:
-        return small
-    units = round(profile.hidden / ModelParams.small().hidden * small.hidden)
-    return replace(
-        small, hidden=units, latent=units // 2, regressor_layers=(units // 2,), critic_layers=(units, 30),
-        style_epochs=QUICK_EPOCHS, unit_epochs=QUICK_EPOCHS, composition_epochs=QUICK_EPOCHS,
-    )  # fmt: skip
+    """The profile's preset; where it cuts trainings short a tiny one, which fails its entry tests."""
+    params = replace(getattr(LeeParams, profile.preset)(), seed=seed)
+    if profile.hidden is not None:
+        units = round(profile.hidden / ModelParams.small().hidden * params.hidden)
+        sizes = {"regressor_layers": (units // 2,), "critic_layers": (units, 30)}
+        params = replace(params, hidden=units, latent=units // 2, **sizes)
+    if profile.epochs is None:
+        return params
+    phases = ("style_epochs", "unit_epochs", "composition_epochs")
+    return replace(params, **dict.fromkeys(phases, QUICK_EPOCHS))
 
 
 def ren_params(profile: RunProfile, seed: int) -> RenParams:
-    """The small preset; for a profile that cuts trainings short a tiny one, which fails its entry tests."""
-    small = replace(RenParams.small(), seed=seed)
-    if profile.epochs is None or profile.hidden is None:
-        return small
-    share = profile.hidden / ModelParams.small().hidden
-    return replace(
-        small, hidden=round(share * small.hidden), body=round(share * small.body), discriminator=8, graph=4,
-        epochs=QUICK_EPOCHS, graph_epochs=1,
-    )  # fmt: skip
+    """The profile's preset; where it cuts trainings short a tiny one, which fails its entry tests."""
+    params = replace(getattr(RenParams, profile.preset)(), seed=seed)
+    if profile.hidden is not None:
+        share = profile.hidden / ModelParams.small().hidden
+        sizes = {"hidden": round(share * params.hidden), "body": round(share * params.body)}
+        params = replace(params, **sizes, discriminator=8, graph=4)
+    return params if profile.epochs is None else replace(params, epochs=QUICK_EPOCHS, graph_epochs=1)
 
 
 def _run(name: str, train: Any, split: Split, params: Any) -> Path:

@@ -1,4 +1,4 @@
-"""Diagrams: HarmoGAN in training and dancing a song (Fig. 7a, b), its networks part by part (c), and other networks.
+"""Diagrams: HarmoGAN in training (Fig. 7a), dancing a song (b), its networks part by part (c), and other networks.
 
 Places and words of boxes and arrows are drawn once in ``diagrams.json`` (inches from the lower left corner);
 sizes and weights in braces there are measured.
@@ -28,7 +28,7 @@ _LINE = 0.155  # inches from one line of text to the next
 
 
 def framework_figure(parts: Iterable[Record], params: Mapping[str, TrainParams]) -> Figure:
-    """Fig. 7a and 7b: training and dancing, with the size of each network and the weight of each loss.
+    """Fig. 7a: training, with the size of each network and the weight of each loss.
 
     Parameters
     ----------
@@ -38,6 +38,11 @@ def framework_figure(parts: Iterable[Record], params: Mapping[str, TrainParams])
     names = [name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")]
     weights = {name: ", ".join(f"{key} {_weight(each, name)}" for key, each in params.items()) for name in names}
     return diagram("framework", _sizes(parts) | {f"weight.{name}": text for name, text in weights.items()})
+
+
+def dancing_figure() -> Figure:
+    """Fig. 7b: from meter unit to meter unit of a song."""
+    return diagram("dancing", {})
 
 
 def networks_figure(parts: Iterable[Record]) -> Figure:

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
+from study.figures.variants import rows_by_name
 from study.figures.words import corpus_words
 
 PANELS = ("pose variance / recorded", "jerk / recorded", "moves like people", "poses apart")
@@ -27,27 +27,33 @@ def endurance_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def limits_figure(table: pd.DataFrame, *, length: str) -> Figure:
-    """Shares of dances that keep each limit: a row a system, a column a measure, green for all, red for none.
+    """Share of dances that keep the limit that is hardest for them: a bar a system, with the name of that limit.
 
     Parameters
     ----------
-    table : DataFrame of `endurance_table` in notebook 16, of one corpus
+    table : DataFrame of `endurance_table` in notebook 16, of one corpus; it has every limit, and the recorded dancers
+        who set them
     length : str, of the dances, in words
     """
     summary = endurance_summary(table)
-    with styled_axes((9.2, 0.5 * len(summary) + 1.7)) as (figure, (ax,)):
-        ax.imshow(summary.to_numpy(np.float64), cmap="RdYlGn", vmin=0, vmax=1, aspect="auto", alpha=0.75)
-        for (row, column), value in np.ndenumerate(summary.to_numpy(np.float64)):
-            ax.text(column, row, f"{100 * value:.0f}", ha="center", va="center", color=COLOURS["ink"], fontsize=10)
-        ax.set_xticks(range(summary.shape[1]), [name.replace(" ", "\n", 1) for name in summary.columns])
-        ax.set_yticks(range(len(summary)), summary.index)
-        ax.tick_params(length=0)
-        ax.spines[:].set_visible(False)
-        hardest = summary[~_is_recorded(summary.index)].min(axis=1).nlargest(2)
-        words = "; next ".join(f"{share:.0%} with {system}" for system, share in hardest.items())
-        figure.suptitle(f"Dances that keep their hardest limit: {words}", x=0.01, ha="left", fontsize=11.5)
-        ax.set_xlabel(f"% of the dances of {length} within each limit ({corpus_words(table['corpus'].iloc[0])})")
+    summary = summary[~_is_recorded(summary.index)]
+    hardest, limits = 100 * summary.min(axis=1), summary.idxmin(axis=1)
+    with styled_axes((9.0, 0.36 * len(summary) + 1.4)) as (figure, (ax,)):
+        for system, place in rows_by_name(ax, list(summary.index)).items():
+            ax.barh(place, hardest[system], color=COLOURS["visual"], height=0.62)
+            words = f"{hardest[system]:.0f} %" + f": {limits[system]}" * bool(hardest[system] < 100)
+            ax.annotate(words, (hardest[system], place), (5, 0), textcoords="offset points", va="center", fontsize=9.5)
+        about = f"of the dances of {length}, {corpus_words(table['corpus'].iloc[0])}"
+        ax.set(xlim=(0, 130), xticks=range(0, 101, 25), xlabel=f"% within the limit that is hardest for each, {about}")
+        title = "Which system keeps dancing like people?"
+        figure.suptitle(f"{title}\n{_limit_words(hardest)}", x=0.01, ha="left", fontsize=11.5)
     return figure
+
+
+def _limit_words(hardest: pd.Series) -> str:
+    """The two systems with the most dances within their hardest limit."""
+    words = "; next ".join(f"{share:.0f} % with {system}" for system, share in hardest.nlargest(2).items())
+    return f"Dances that keep their hardest limit: {words}"
 
 
 def _is_recorded(systems: Any) -> Any:

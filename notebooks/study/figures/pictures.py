@@ -7,6 +7,7 @@ LENGTHS = {name.replace(" ", "_"): name for name in ("a minute", "a minute on sy
 PICTURES: Mapping[str, tuple[str, ...]] = {
     "eq18_tolerance_and_chance": ("04_salience_and_scoring", "tolerance_figure", "eq18_tolerance_and_chance"),
     "fig07_framework": ("redraw", "framework_of", "table07_parameters"),
+    "fig07b_dancing": ("framework", "dancing_figure"),  # of no table
     "fig07c_networks": ("redraw", "networks_of", "table07_parameters"),
     "fig07d_losses": ("07_anatomy_and_training", "losses_figure", "table07_history"),
     "fig07e_validation": ("07_anatomy_and_training", "validation_figure", "table07_history"),

@@ -11,9 +11,9 @@ from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.verdict.judge import LEVELS
-from study.figures.variants import Look, Record, draw_mean, rows_by_name
-from study.figures.words import corpus_words, is_synthetic, sentence
-from study.saving import mark_synthetic
+from study.figures.variants import Look, Record, draw_mean, of_first, rows_by_name
+from study.figures.words import corpus_words, sentence
+from study.saving import mark_corpus
 
 SCORE_LABELS = {
     "recommended": "recommended (shape speed)",
@@ -69,25 +69,34 @@ def draw_auc(ax: Axes, rows: pd.DataFrame) -> Axes:
 
 
 def auc_figure(table: pd.DataFrame) -> Figure:
-    """`draw_auc` for each corpus, two in a row, scores in the order of their AUC in the first; titles count who tells.
+    """`draw_auc` for the first corpus, the best score on top; at the right, in how many corpora each score tells.
 
     Parameters
     ----------
     table : DataFrame with the columns of table08b_auc
     """
-    corpora = list(table[table["score"].isin(SCORE_LABELS)].groupby("corpus", sort=False))
-    order = corpora[0][1].sort_values("AUC", ascending=False, kind="stable")["score"][::-1]
-    lines = -(-len(corpora) // 2)
-    with styled_axes((9.0, (0.24 * len(order) + 0.75) * lines + 0.9), lines, 2, sharey=True) as (figure, axes):
-        for ax, (corpus, rows) in zip(axes, corpora, strict=False):
-            draw_auc(ax, rows.set_index("score").reindex(order)).set_title("\n".join(auc_words(rows)), fontsize=10)
-            if is_synthetic(str(corpus)):
-                mark_synthetic(ax)
-        for ax in axes[len(corpora) :]:
-            ax.set_visible(False)
-        figure.supxlabel("AUC: how often the true music scores above late music (0.5: a coin, 1: always)", fontsize=10)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=9)
+    table = table[table["score"].isin(SCORE_LABELS)]
+    first = of_first(table, "corpus")
+    rows = first.sort_values("AUC", ascending=False, kind="stable")[::-1].set_index("score")
+    with styled_axes((9.0, 0.3 * len(rows) + 1.8)) as (figure, (ax,)):
+        draw_auc(ax, rows).set_xlabel("AUC: how often the true music scores above late music (0.5: a coin, 1: always)")
+        _draw_telling(ax, (table["AUC"] > table["chance high"]).groupby(table["score"]).agg(["sum", "size"]))
+        about, finding = auc_words(first)
+        ax.set_title(f"Which score tells true from late music? {sentence(finding)}\n{about.rstrip(':')}", fontsize=11)
+        mark_corpus(ax, str(first["corpus"].iloc[0]))
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9.5)
     return figure
+
+
+def _draw_telling(ax: Axes, corpora: pd.DataFrame) -> None:
+    """At the right of each row the corpora in which its score lies above chance, and how many there are."""
+    text: dict[str, Any] = {"transform": ax.get_yaxis_transform(), "ha": "right", "va": "center", "fontsize": 9.5}
+    words = {label: score for score, label in SCORE_LABELS.items()}
+    for place, label in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True):
+        tells, every = corpora.loc[words[label.get_text()]]
+        ax.text(1.0, place, f"{tells} of {every}", **text)
+    ax.set_ylim(top=ax.get_ylim()[1] + 0.7)
+    ax.text(1.0, len(ax.get_yticks()), "corpora in which it tells", **text, color=COLOURS["chance"])
 
 
 def auc_words(rows: pd.DataFrame) -> tuple[str, str]:
@@ -212,49 +221,51 @@ def disturbance_words(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES
 
 # The recommended score at work: false alarms, and levels of recordings
 
-NOMINAL, EDGE = 0.05, 0.42
+NOMINAL, EDGE = 0.05, 0.26
 FEWEST_ALARMS = 5  # expected in a row, below which its share says nothing
 P_LOOKS: Mapping[str, dict[str, Any]] = {
-    "old p": {"marker": "X", "markersize": 7, "color": COLOURS["miss"], "label": "old score, published"},
-    "p_time": {"marker": "s", "markersize": 10, "color": "#56B4E9", "markerfacecolor": "none", "label": "in time?"},
-    "p": {"marker": "o", "markersize": 5, "color": COLOURS["ink"], "label": "H: in time, and where"},
+    "old p": {"marker": "X", "markersize": 8, "color": COLOURS["miss"], "label": "old score, published"},
+    "p": {"marker": "o", "markersize": 7, "color": COLOURS["ink"], "label": "H: in time, and where"},
 }
 # From white to green, so that the order of the levels is seen without colour too.
 LEVEL_COLOURS = ("#FFFFFF", "#D9D9D9", "#C7E3D8", "#7FC4AB", COLOURS["hit"])
 
 
 def nulls_figure(table: pd.DataFrame) -> Figure:
-    """Share of clips with a small p-value, a mark for each p-value; right of the line a score cries wolf.
+    """Share of clips in which harmony is found where there is none, by the old score and by H: a row a kind of clip.
 
-    The title is the finding, where there are clips enough for one.
+    Of each kind the longest clips are drawn; the table has the others, and the p-value of "in time?" alone. The title
+    is the finding, where there are clips enough for one.
 
     Parameters
     ----------
     table : DataFrame with the columns of table08f_false_alarms
     """
-    with styled_axes((9.0, 0.25 * len(table) + 1.9)) as (figure, (ax,)):
-        names = table["kind"] + ", " + table["seconds"].map("{:g} s".format)
+    longest = table.sort_values("seconds", kind="stable").drop_duplicates("kind", keep="last").sort_index()
+    with styled_axes((9.0, 0.34 * len(longest) + 2.0)) as (figure, (ax,)):
+        names = longest["kind"] + ", " + longest["seconds"].map("{:g} s".format)
         places = np.array([*rows_by_name(ax, list(names)).values()])
         ax.hlines(places, 0.0, 1.0, color=COLOURS["faint"], linewidth=0.8, zorder=0)
         ax.axvline(NOMINAL, color=COLOURS["chance"], linewidth=1.5, linestyle=":")
         for name, look in P_LOOKS.items():
-            ax.plot(table[f"{name} .05"], places, linestyle="none", **look)
-        for place in places[table["cannot tell"] > 0.5]:
-            ax.annotate("too short: not judged", (0.27, place), va="center", fontsize=8.5, color=COLOURS["chance"])
-        beyond = (table["p_time .05"] > EDGE).any()
-        edge = "\nsquares beyond the edge: dancers who have the music's tempo" if beyond else ""
-        ax.set(xlim=(-0.01, EDGE), xlabel=f"share of clips with p ≤ .05 (dotted: what a fair p-value gives){edge}")
-        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
-        figure.suptitle(alarm_words(table), x=0.01, ha="left", fontsize=11.5)
+            ax.plot(longest[f"{name} .05"], places, linestyle="none", **look)
+        for place in places[longest["cannot tell"] > 0.5]:
+            ax.annotate("too short: not judged", (0.6 * EDGE, place), va="center", fontsize=9, color=COLOURS["chance"])
+        words = "share of clips in which harmony is found, p ≤ .05 (dotted: what a fair p-value gives)"
+        ax.set(xlim=(-0.01, EDGE), xlabel=words)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9.5)
+        figure.suptitle(
+            f"Is harmony found where there is none?\n{alarm_words(table)}", x=0.01, ha="left", fontsize=11.5
+        )
     return figure
 
 
 def alarm_words(table: pd.DataFrame) -> str:
     """The worst row of the old score and of H."""
     if table["n"].min() * NOMINAL < FEWEST_ALARMS:
-        return f"No harmony here, and {table['n'].min()} clips a row are too few to tell how often it is found"
+        return f"{table['n'].min()} clips a row are too few to tell how often"
     old, new = table["old p .05"].max(), table["p .05"].max()
-    return f"No harmony here: the old score finds it in up to {old:.0%} of clips, H in up to {new:.0%}"
+    return f"The old score finds it in up to {old:.0%} of clips, H in up to {new:.0%}"
 
 
 def levels_figure(table: pd.DataFrame) -> Figure:

@@ -11,14 +11,15 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from harmolab.files import PathLike, atomic_write
-from harmolab.lab.figures.people import figure_stage, middles_of, person_polygons, posed, stage_shapes
-from harmolab.lab.figures.style import COLOURS, figure_style, write_figure
+from harmolab.lab.figures.people import draw_film, figure_stage, middles_of, person_polygons, posed, stage_shapes
+from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes, write_figure
 from harmolab.lab.person import Stage
 from harmolab.types import FloatArray, IntArray, Motion
 
 WIDTH = 1600 / 150  # inches: 1600 pixels at the resolution that figures are saved in
 CELL = (0.74, 1.42)  # room of a figure across and up, in heights of the dancer
 TITLE = 0.22  # the same, of a dance's name
+GHOSTS = (0.2, 0.1)  # seconds before a beat
 STRIP, PAIRS = 0.3, 6  # seconds between the figures of a blind strip, and pairs of strips on a sheet
 
 
@@ -57,6 +58,44 @@ def contact_sheet(motions: Mapping[str, Motion], *, every: float = 0.5, columns:
             ax.text(0.1, top - 0.04, label, va="top", fontweight="bold", color=COLOURS["ink"])
             _draw_dance(ax, motion, moments, columns, turn, top - TITLE)
     return figure
+
+
+def beat_sheet(dances: Mapping[str, tuple[Motion, FloatArray]], *, count: int = 10) -> Figure:
+    """Dances one below the other: a person at each of the first beats of the music, and in grey where she just was.
+
+    Who rests on a beat covers her ghosts, who is on the move is smeared by them.
+
+    Parameters
+    ----------
+    dances : label -> (motion, times of the music's beats in seconds of the motion)
+    count : int, beats shown
+
+    Raises
+    ------
+    ValueError
+        If there is no dance, or one without two beats that have `GHOSTS` seconds of movement before them.
+    """
+    shown = {label: _beats_within(motion, beats)[:count] for label, (motion, beats) in dances.items()}
+    if not shown or min(map(len, shown.values())) < 2:
+        raise ValueError("a sheet of beats needs dances with two beats each")
+    with styled_axes((9.2, 1.38 * len(shown) + 0.5), len(shown)) as (figure, axes):
+        for ax, (label, beats) in zip(axes, shown.items(), strict=True):
+            margin = (beats[-1] - beats[0]) / (len(beats) - 1) / 2
+            span = (float(beats[0] - margin), float(beats[-1] + margin))
+            for beat in beats:
+                ax.axvline(beat, color=COLOURS["audio"], linewidth=3.5, alpha=0.35, zorder=0, gid="beat")
+            draw_film(ax, dances[label][0], beats, span, height=80.0, trail=GHOSTS)
+            ax.set_title(label, fontsize=10)
+            ax.set_xticks([])
+        words = " and ".join(f"{seconds:g}" for seconds in GHOSTS)
+        figure.suptitle(f"Who rests on the beat? Each beat of the music, in grey {words} s before", x=0.01, ha="left")
+    return figure
+
+
+def _beats_within(motion: Motion, beats: FloatArray) -> FloatArray:
+    """The beats that have movement before them."""
+    times = np.asarray(beats, np.float64)
+    return times[(times >= GHOSTS[0]) & (times < motion.duration)]
 
 
 def blind_strips(

@@ -15,12 +15,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import MultipleLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from study.figures.words import corpus_words, is_synthetic, listed, sentence
-from study.saving import mark_synthetic
+from study.saving import mark_corpus, mark_synthetic
 
 Record = Mapping[str, Any]
 
@@ -143,6 +142,25 @@ def panels_figure(
     return figure
 
 
+def one_panel(
+    table: pd.DataFrame,
+    draw: Callable[[Axes, pd.DataFrame, str], str],
+    measure: str,
+    handles: Sequence[Artist],
+    **look: Any,
+) -> Figure:
+    """`panels_figure` of one measure and one corpus, marked as synthetic by that corpus, not by its whole table."""
+    figure = panels_figure(table, draw, [measure], handles, more=0.5, **look)
+    mark_corpus(figure.axes[0], " ".join(map(str, table[look.get("by", ["corpus"])].iloc[0])))
+    return figure
+
+
+def of_first(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    """The rows that have in these columns what the first row has: a picture shows one case, its table all."""
+    first = table.iloc[0]
+    return table[np.logical_and.reduce([table[column] == first[column] for column in columns])]
+
+
 def corpus_of(part: pd.DataFrame) -> str:
     """The corpus of some rows in words."""
     return corpus_words(part["corpus"].iloc[0])
@@ -161,10 +179,10 @@ SEEDS = "^seed "  # columns that hold the value of one training each
 
 
 def draw_distances(ax: Axes, rows: pd.DataFrame, measure: str) -> str:
-    """A row a variant on a logarithmic axis: a mark at the mean, its interval, a dot for each training.
+    """A row a variant: a mark at the mean with its number, its interval, a dot for each training.
 
-    What lies below the axis ends in an arrow at its left end: a distance with its bias taken off may be below 0. The
-    title names the generator that comes nearest to recordings.
+    The axis holds every interval whole: a distance with its bias taken off may be below 0. The title names the
+    generator that comes nearest to recordings.
 
     Parameters
     ----------
@@ -175,37 +193,26 @@ def draw_distances(ax: Axes, rows: pd.DataFrame, measure: str) -> str:
     """
     table = of_measure(rows, measure)
     places = rows_by_name(ax, [name for name in (*LOOKS, *_REFERENCES) if name in table.index], _REFERENCES)
-    values = table[["mean", "low", "high"]].to_numpy(np.float64)
-    left, right = 0.6 * max(0.5, float(np.nanmin(values[values > 0.0]))), 3.5 * table["mean"].max()
-    ax.set(xscale="log", xlim=(left, right), xlabel="distance, in powers of ten", ylim=(-0.8, len(places) - 0.5))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.hlines([*places.values()], left, right, color=COLOURS["faint"], linewidth=0.8, zorder=0)
-    for name, place in reversed(places.items()):
+    for name, place in places.items():
         row, look = table.loc[name], LOOKS.get(name, _REFERENCE)
-        mean, low, high = map(float, row[["mean", "low", "high"]].to_numpy())
-        inside = {"mean": mean if mean >= left else np.nan, "low": np.clip(low, left, right)}
-        draw_mean(ax, inside | {"high": np.clip(high, left, right)}, place, look)
-        for end, beyond, head in ((left, low < left, "<"), (right, high > right, ">")):
-            if beyond:
-                ax.plot(end, place, head, color=look.colour, markersize=7, clip_on=False)
+        draw_mean(ax, row, place, look, number=f"{round(row['mean'], 1) + 0.0:.1f}", up=-7)  # never -0.0
         seeds = row.filter(regex=SEEDS).to_numpy(np.float64)
-        seeds = seeds[seeds >= left]
         ax.plot(seeds, np.full(seeds.size, place + 0.22), ".", color=look.colour, markersize=6, gid="seed")
-        number = f"{mean:.0f}" if abs(mean) >= 100 else f"{round(mean, 1) + 0.0:.1f}"  # never -0.0
-        draw_number(ax, number, (max(mean, left), place), look.colour, -7)
-    words = f"{corpus_of(table)}, {DISTANCES[measure]}" if measure == "fid" else DISTANCES[measure]
+    ax.axvline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
+    ax.set(xlabel=f"Fréchet {DISTANCES[measure]} to recorded dance (0: the same)", ylim=(-0.8, len(places) - 0.5))
+    ax.hlines([*places.values()], *ax.get_xlim(), color=COLOURS["faint"], linewidth=0.8, zorder=0)
     nearest = LOOKS[str(table.loc[table.index.isin([*LOOKS]), "mean"].idxmin())]
-    return f"{sentence(words)}:\nnearest is “{nearest.label}”"
+    return f"Which losses move most like recorded dance? Nearest: “{nearest.label}”\n({corpus_of(table)})"
 
 
 def distances_figure(table: pd.DataFrame) -> Figure:
-    """`draw_distances` for both kinds of features side by side, a row for each corpus, of the table of notebook 08."""
+    """`draw_distances` of poses for the first corpus of the table of notebook 08, which has the others and speeds."""
     handles = [
         Line2D([], [], **_REFERENCE.mark, label="recorded beside recorded dance"),
-        Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval (arrow: beyond the axis)"),
+        Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval"),
         Line2D([], [], linestyle="none", marker=".", color=COLOURS["ink"], label="one training"),
     ]
-    return panels_figure(table, draw_distances, [*DISTANCES], handles, height=lambda _: 3.3, more=0.5, sharey="row")
+    return one_panel(of_first(table, "corpus"), draw_distances, "fid", handles, height=lambda _: 3.3)
 
 
 # Gain and cost of a harmony loss (Fig. 11): measures by loss, and harmony against its price
@@ -395,7 +402,7 @@ def draw_dumbbells(ax: Axes, rows: pd.DataFrame, measure: str) -> None:
 def tricks_beaten(true: pd.DataFrame, late: pd.DataFrame) -> str:
     """Tricks that beat the dance they were put on, counted."""
     tricks = true["mean"].drop(UNTOUCHED)
-    return f"{(tricks > true.loc[UNTOUCHED, 'mean']).sum()} of {len(tricks)} tricks score above the dance"
+    return f"{(tricks > true.loc[UNTOUCHED, 'mean']).sum() or 'none'} of {len(tricks)}"
 
 
 def who_falls(true: pd.DataFrame, late: pd.DataFrame) -> str:
@@ -406,36 +413,58 @@ def who_falls(true: pd.DataFrame, late: pd.DataFrame) -> str:
     return f"with late music it falls for {who}"
 
 
-def tricks_figure(
-    table: pd.DataFrame, finding: Callable[[pd.DataFrame, pd.DataFrame], str] = tricks_beaten, unit: str = "clips"
-) -> Figure:
-    """`draw_dumbbells` of the paper's hit rate and of harmony above chance, below each other for each corpus.
+def tricks_figure(table: pd.DataFrame) -> Figure:
+    """`draw_dumbbells` of the paper's hit rate for the first corpus; what is above chance stands at the right.
 
     Parameters
     ----------
     table : of `study.experiments.judging.trick_means` for `SIDES` and "paper_chance"
-    finding : the title from the rows with true and with late music
-    unit : what the scores are means over
+    """
+
+    def draw(ax: Axes, part: pd.DataFrame, measure: str) -> str:
+        draw_dumbbells(ax, part, measure)
+        ax.set_xlabel(f"{ax.get_xlabel()} ({part['n'].iloc[0]} clips, {corpus_of(part)})")
+        ax.set_ylim(top=ax.get_ylim()[1] + 0.8)
+        _draw_column(ax, both_musics(part, "above_chance")[0]["mean"], "above\nchance")
+        rate, above = (tricks_beaten(*both_musics(part, name)) for name in SIDES)
+        return f"Do tricks please the score? {rate} raise the paper's hit rate, {above} harmony above chance"
+
+    return one_panel(of_first(table, "corpus"), draw, "paper_hit_rate", _music_handles(), height=lambda _: 3.6)
+
+
+def _draw_column(ax: Axes, values: pd.Series, heading: str) -> None:
+    """Numbers at the right of the rows of `rows_by_name`, the first on top, and words above them."""
+    text: dict[str, Any] = {"transform": ax.get_yaxis_transform(), "ha": "right", "va": "center", "fontsize": 9.5}
+    for place, value in enumerate(reversed(values.to_list())):
+        ax.text(1.12, place, f"{value:+.2f}", **text)
+    ax.text(1.12, len(values) - 0.25, heading, **text | {"va": "center", "color": COLOURS["chance"]})
+
+
+def _music_handles() -> list[Artist]:
+    """Legend of `draw_dumbbells`."""
+    return [
+        Line2D([], [], **_DOT, label="true music"),
+        Line2D([], [], **{**_DOT, **_LATE}, markerfacecolor="white", label="the same music half a beat late"),
+        Line2D([], [], color=COLOURS["chance"], linewidth=4, label="what as many beats meet by chance"),
+    ]
+
+
+def listening_figure(table: pd.DataFrame) -> Figure:
+    """`draw_dumbbells` of generators, both scores side by side; titles name who loses clearly when music is late.
+
+    Parameters
+    ----------
+    table : of `study.experiments.judging.trick_means` for `SIDES` and "paper_chance"
     """
 
     def draw(ax: Axes, part: pd.DataFrame, measure: str) -> str:
         draw_dumbbells(ax, part, measure)
         if measure == "paper_hit_rate":
-            ax.set_xlabel(f"{ax.get_xlabel()} ({part['n'].iloc[0]} {unit})")
-        return f"{SIDES[measure][1].format(corpus_of(part))}:\n{finding(*both_musics(part, measure))}"
+            ax.set_xlabel(f"{ax.get_xlabel()} ({part['n'].iloc[0]} units)")
+        return f"{SIDES[measure][1].format(corpus_of(part))}:\n{who_falls(*both_musics(part, measure))}"
 
-    handles = [
-        Line2D([], [], **_DOT, label="true music"),
-        Line2D([], [], **{**_DOT, **_LATE}, markerfacecolor="white", label="the same music half a beat late"),
-        Line2D([], [], color=COLOURS["chance"], linewidth=4, label="what as many beats meet by chance"),
-    ]
     height = 0.42 * table.groupby("corpus")["trick"].nunique().max() + 1.2
-    return panels_figure(table, draw, [*SIDES], handles, height=lambda _: height, sharey="row")
-
-
-def listening_figure(table: pd.DataFrame) -> Figure:
-    """`tricks_figure` for generators; titles name who loses clearly when the music is late."""
-    return tricks_figure(table, who_falls, "units")
+    return panels_figure(table, draw, [*SIDES], _music_handles(), height=lambda _: height, sharey="row")
 
 
 # Which of two dances a score prefers (in place of Fig. 13)
@@ -488,88 +517,68 @@ def forced_choice_figure(table: pd.DataFrame) -> Figure:
     return panels_figure(table, draw, ["share"], height=lambda _: 4.3, more=0.4)
 
 
-# Systems compared (Fig. 12): a bar a system with its interval, chance on every bar, the paper's value beside it
+# Systems compared (Fig. 12): the paper's hit rate of each beyond what as many beats meet by chance
 
-# Measures of the panels from left to right, with the words for them.
-COMPARED: Mapping[str, str] = {
-    "h": "harmony h (paper's Table 1)",
-    "hit_rate": "hit rate (paper's Table 2)",
-    "above_chance": "harmony above chance",
+COLOURED: Mapping[str, str] = {
+    "HarmoGAN without L_harmo": _PAPER,
+    "HarmoGAN": _PAPER,
+    "HarmoGAN, recommended loss": _OURS,
 }
-WIDE, THIN = 0.72, 0.34  # of bars, of the place of a system
-GAP = 0.8  # places between systems and what needs no training
-STEP = 0.8  # places from one of these to the next
-HOLLOW = "HarmoGAN without L_harmo"
-_COLOURS: Mapping[str, str] = {"HarmoGAN": _PAPER, HOLLOW: _PAPER, "HarmoGAN, recommended loss": _OURS}
-_DIAMOND: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "white", "color": "black"}
+NO_SYSTEM = ("recorded", "pieces")  # kinds of dances that need no training
 
 
-def draw_compared(ax: Axes, table: pd.DataFrame, measure: str) -> None:
-    """One measure of every system of a contest; thin grey bars at the bottom are dances that need no training.
+def draw_compared(ax: Axes, table: pd.DataFrame) -> None:
+    """Share of music beats met beyond chance: a mark a system with its interval, below in grey what needs no training.
 
     Parameters
     ----------
     ax : Axes
-    table : Table 12 (notebook 10), of one contest; kind says where a bar stands
-    measure : name in `COMPARED`
+    table : Table 12 (notebook 10), of one contest; kind says where a mark stands
     """
-    table = table.assign(cheap=table["kind"].isin(["recorded", "pieces"])).sort_values("cheap", kind="stable")
-    steps = np.where(table["cheap"], STEP, 1.0)
-    places = np.cumsum(steps) - steps + GAP * table["cheap"].to_numpy()
-    for place, (_, row) in zip(places, table.iterrows(), strict=True):
-        _draw_bar(ax, row, place, measure)
-    ax.set_yticks(places, table["system"], fontsize=8.5)
-    ax.tick_params(axis="y", length=0)
-    ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
-    ax.set(ylim=(places.max() + 0.6, -0.7), xlabel=COMPARED[measure])
+    cheap = table["kind"].isin(NO_SYSTEM)
+    table = pd.concat([table[~cheap], table[cheap]]).set_index("system")
+    places = rows_by_name(ax, [*table.index])
+    gained = table[["hit_rate", "hit_rate low", "hit_rate high"]].sub(table["hit_rate chance"], axis=0) * 100
+    gained.columns = ["mean", "low", "high"]
+    for system, place in places.items():
+        kind, row = table["kind"][system], gained.loc[system]
+        usual = CHOREOGRAPHER if kind == "choreographer" else RIVAL
+        colour = COLOURS["chance"] if kind in NO_SYSTEM else COLOURED.get(system, usual)
+        draw_mean(ax, row, place, Look(system, colour, "D" if kind in NO_SYSTEM else "o", bool(row["low"] > 0.0)))
+        if not np.isfinite(row["mean"]):
+            words = str(table["remark"][system]).partition(":")[0]
+            ax.text(0.0, place, f"  {words}", va="center", fontsize=9, color=COLOURS["chance"])
+    ax.axvline(0.0, color=COLOURS["miss"], linewidth=2.0, zorder=1)
+    ax.axhline(cheap.sum() - 0.5, color=COLOURS["faint"], linewidth=1)
+    ax.set_xlabel("music beats met within 0.25 s, beyond what as many beats meet by chance (percentage points)")
 
 
-def _draw_bar(ax: Axes, row: Any, place: float, measure: str) -> None:
-    """The bar of one system, its interval, chance and the paper's value; in words where it was not trained enough."""
-    mean, width, paper = row[measure], THIN if row["cheap"] else WIDE, row.get(f"{measure} paper", np.nan)
-    if np.isfinite(mean):
-        usual = CHOREOGRAPHER if row["kind"] == "choreographer" else RIVAL
-        colour = COLOURS["chance"] if row["cheap"] else _COLOURS.get(row["system"], usual)
-        face = "white" if row["system"] == HOLLOW else colour
-        ax.barh(place, mean, width, facecolor=face, edgecolor=colour, linewidth=1.4)
-        interval, chance = [row[f"{measure} low"], row[f"{measure} high"]], row.get(f"{measure} chance", 0.0)
-        if np.isfinite(interval[0]):
-            ax.plot(interval, [place, place], color=COLOURS["ink"], linewidth=1.6, gid="interval", zorder=4)
-        height = place + np.array([-0.5, 0.5]) * (width + 0.12)
-        ax.plot([chance, chance], height, color=COLOURS["miss"], linewidth=2.0, gid="chance", zorder=3)
-    else:
-        words = str(row["remark"]).partition(":")[0] if isinstance(row["remark"], str) else ""
-        ax.text(0.0, place, f" {words or 'no number'}", ha="left", va="center", fontsize=8, color=COLOURS["chance"])
-    if np.isfinite(paper):
-        ax.plot(paper, place, **_DIAMOND, markersize=6, gid="paper", zorder=5)
+def compared_words(part: pd.DataFrame) -> str:
+    """Systems of a contest, counted, whose hit rate lies above chance with its whole interval."""
+    tried = part[~part["kind"].isin(NO_SYSTEM)].dropna(subset="hit_rate low")
+    above = (tried["hit_rate low"] > tried["hit_rate chance"]).sum()
+    return f"{above or 'none'} of {len(tried)} with an interval"
 
 
 def comparison_figure(table: pd.DataFrame) -> Figure:
-    """`draw_compared` for each of `COMPARED`, a row of panels for each contest of Table 12 (notebook 10).
+    """`draw_compared` for one contest of Table 12 (notebook 10): to recorded songs if there are any.
 
-    Titles count the systems whose hit rate, the paper's, is above chance with its whole interval. Harmony above chance
-    is in no title: some of the systems were trained for it.
+    The title counts by the hit rate, which is the paper's measure, and no system was trained for it. The other
+    contests and measures, and the paper's numbers, are in the table.
     """
 
-    def draw(ax: Axes, part: pd.DataFrame, measure: str) -> str:
-        draw_compared(ax, part, measure)
-        if measure != "h":
-            return ""
-        tried = part[~part["kind"].isin(["recorded", "pieces"])].dropna(subset="hit_rate low")
-        above = (tried["hit_rate low"] > tried["hit_rate chance"]).sum()
-        finding = f"{above or 'none'} of {len(tried)} systems with an interval hit more beats than chance"
-        about = f"{sentence(part['music'].iloc[0])}; trained on {corpus_of(part)}:\n{finding}"
-        # It runs over the panels beside it: an empty title keeps its height free, and nothing its width.
-        words = ax.text(0.0, 1.02, about, gid="title", transform=ax.transAxes)
-        words.set(va="bottom", fontsize=10.5, in_layout=False)
-        return " \n "
+    def draw(ax: Axes, part: pd.DataFrame, _: str) -> str:
+        draw_compared(ax, part)
+        about = f"{sentence(part['music'].iloc[0])}; trained on {corpus_of(part)}"
+        return f"Does a system meet more beats than chance? {sentence(compared_words(part))}\n{about}"
 
     handles = [
-        Patch(facecolor=RIVAL, label="systems, mean over dances"),
-        Patch(facecolor=COLOURS["chance"], label="no training needed"),
-        Line2D([], [], color=COLOURS["ink"], linewidth=1.6, label="95 % interval, where there is one"),
-        Line2D([], [], color=COLOURS["miss"], linewidth=2.0, label="chance: as many beats at random moments"),
-        Line2D([], [], **_DIAMOND, markersize=7, label="printed in the paper, for other music and models"),
+        Line2D([], [], **_DOT, label="above chance with all its interval"),
+        Line2D([], [], **_DOT, markerfacecolor="white", label="not above, or no interval"),
+        Line2D([], [], **{**_DOT, "marker": "D", "color": COLOURS["chance"]}, label="no training needed"),
+        Line2D([], [], color=COLOURS["miss"], linewidth=2.0, label="chance"),
     ]
-    by: dict[str, Any] = {"by": ["music", "corpus"], "height": lambda part: 0.24 * len(part) + 1.0}
-    return panels_figure(table, draw, [*COMPARED], handles, **by, more=0.8, ncols=2, sharey="row")
+    recorded = table[~table["music"].map(is_synthetic)]
+    shown = of_first(recorded if len(recorded) else table, "music", "corpus")
+    by: dict[str, Any] = {"by": ["music", "corpus"], "height": lambda part: 0.27 * len(part) + 0.8}
+    return one_panel(shown, draw, "hit_rate", handles, **by, ncols=4)

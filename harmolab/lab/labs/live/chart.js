@@ -1,5 +1,13 @@
 // Axes, stems and marks on a canvas.
-const COLOUR = { music: "#0072b2", dance: "#e69f00", hit: "#009e73", miss: "#b2182b", ink: "#222222", grey: "#767676", field: "#d3e6f1", rule: "#d9d9d9" };
+const COLOUR = {
+  music: "#0072b2", dance: "#e69f00", hit: "#009e73", miss: "#b2182b", ink: "#222222", grey: "#767676", field: "#d3e6f1", rule: "#d9d9d9", paper: "#ffffff", faded: "#b9b9b9",
+  pale: "#a8cbe2", bins: "#7fb8d8",
+};
+// A page of a lab's own may be dark, and names its colours; in JupyterLab nobody does.
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of Object.keys(COLOUR)) COLOUR[name] = style.getPropertyValue(`--${name}`).trim() || COLOUR[name];
+}
 const WIDE = 620;  // pixels from which panels stand side by side
 
 // Places of panels: rows of [left, top, width, height] in shares of the width and in pixels; wide and narrow.
@@ -11,7 +19,7 @@ function sharpened(canvas, width, height) {
   if (canvas.width !== across || canvas.height !== down) { canvas.width = across; canvas.height = down; canvas.style.height = `${height}px`; }
   const pen = canvas.getContext("2d");
   pen.setTransform(scale, 0, 0, scale, 0, 0);
-  pen.fillStyle = "#ffffff"; pen.fillRect(0, 0, width, height);
+  pen.fillStyle = COLOUR.paper; pen.fillRect(0, 0, width, height);
   pen.font = "12px system-ui, sans-serif";
   return pen;
 }
@@ -76,7 +84,7 @@ function bars(pen, box, names, heights, colours, { x = "", y = "" }) {
 
 // A circle (met), a dot, a cross (missed), a diamond, a triangle, a square or a ring at a place of the canvas.
 function mark({ pen }, kind, x, y, colour, size = 5) {
-  pen.strokeStyle = colour; pen.fillStyle = "#ffffff"; pen.lineWidth = 2;
+  pen.strokeStyle = colour; pen.fillStyle = COLOUR.paper; pen.lineWidth = 2;
   pen.beginPath();
   if (["circle", "ring", "dot"].includes(kind)) pen.arc(x, y, size, 0, 2 * Math.PI);
   else if (kind === "square") pen.rect(x - size, y - size, 2 * size, 2 * size);

@@ -25,7 +25,7 @@ function drawHits(pen, above, below, right, time, data, settings, numbers, { sel
     const isKept = new Set(kept), top = Math.max(1e-12, ...heights);
     times.forEach((moment, index) => {
       const height = way * Math.max(heights[index] / top, 0.06), look = isKept.has(index) ? { width: 2.4 } : { width: 1.4, dash: [3, 3] };
-      stem(chart, moment, height, isKept.has(index) ? COLOUR[kind] : "#b9b9b9", look);
+      stem(chart, moment, height, isKept.has(index) ? COLOUR[kind] : COLOUR.faded, look);
       beats.push({ kind, index, time: moment, x: chart.x(moment), y: chart.y(height), middle: chart.y(0) });
     });
     if (threshold > 0) level(chart, way * Math.min(1.1, threshold / top), COLOUR[kind], [2, 4]);
@@ -52,7 +52,7 @@ function drawHits(pen, above, below, right, time, data, settings, numbers, { sel
 function drawCurve(pen, box, time, dance, beats, heights, { x = "", music = [] } = {}) {
   const { times, values } = sampled(dance), top = 1.1 * Math.max(1e-9, ...values);
   const chart = axes(pen, box, time, [Math.min(0, ...values), top], { x, y: dance.unit });
-  music.forEach(beat => line(chart, [beat, beat].map(chart.x), [box.top, box.top + box.height], "#a8cbe2"));
+  music.forEach(beat => line(chart, [beat, beat].map(chart.x), [box.top, box.top + box.height], COLOUR.pale));
   curve(chart, times, values, COLOUR.dance, { width: 1.6 });
   beats.forEach((beat, index) => mark(chart, "triangle", chart.x(beat), chart.y(heights[index]), COLOUR.dance));
   return chart;
@@ -77,7 +77,7 @@ function drawVerdict(pen, above, below, right, time, data, settings, numbers) {
   if (numbers.chance !== null) level(chart, numbers.chance, COLOUR.ink);
   const { times, values } = sampled(shape.curve), high = Math.max(3, ...values.map(Math.abs));
   const speed = axes(pen, below, time, [-high, high], { x: timeName(data), y: `${shape.curve.unit}; dashed: expected` });
-  evidence.music.times.forEach(beat => line(speed, [beat, beat].map(one => speed.x(one + settings.lag)), [below.top, below.top + below.height], "#a8cbe2"));
+  evidence.music.times.forEach(beat => line(speed, [beat, beat].map(one => speed.x(one + settings.lag)), [below.top, below.top + below.height], COLOUR.pale));
   curve(speed, times, values, COLOUR.dance, { width: 1.6 });
   const pattern = shape.pattern || numbers.pattern, isPlaced = shape.pattern && shape.place !== null;
   if (evidence.music.times.length > 1 && (isPlaced || pattern.beats === 1)) {
@@ -109,7 +109,7 @@ function drawSaliency(canvas, width, data, settings, numbers) {
   ];
   const charts = tracks.map(([box, kind, times, { heights, level: height }, mask, names]) => {
     const chart = axes(pen, box, time, [0, 1.12 * Math.max(1e-12, ...heights)], names);
-    times.forEach((moment, index) => stem(chart, moment, heights[index], mask[index] ? COLOUR[kind] : "#b9b9b9", { width: mask[index] ? 2.4 : 1.4, dash: mask[index] ? [] : [3, 3] }));
+    times.forEach((moment, index) => stem(chart, moment, heights[index], mask[index] ? COLOUR[kind] : COLOUR.faded, { width: mask[index] ? 2.4 : 1.4, dash: mask[index] ? [] : [3, 3] }));
     if (chart.y(height) >= box.top) level(chart, height, COLOUR[kind], [2, 4]);
     return chart;
   });

@@ -26,7 +26,7 @@ function drawSpread(pen, box, low, right, wrong, name) {
   const [blue, outline] = [counts(right), counts(wrong)], highest = Math.max(1, ...blue, ...outline);
   const top = 5 * Math.ceil(1.1 * highest / 5);  // in steps, so that the axis seldom changes
   const chart = axes(pen, box, [low, 1.02], [0, top], { x: name, y: "dances; blue: true music" }), width = (1 - low) / BINS;
-  blue.forEach((count, bin) => { pen.fillStyle = "#7fb8d8"; pen.fillRect(chart.x(low + bin * width), chart.y(count), chart.x(width) - chart.x(0), chart.y(0) - chart.y(count)); });
+  blue.forEach((count, bin) => { pen.fillStyle = COLOUR.bins; pen.fillRect(chart.x(low + bin * width), chart.y(count), chart.x(width) - chart.x(0), chart.y(0) - chart.y(count)); });
   const corners = outline.flatMap((count, bin) => [[low + bin * width, count], [low + (bin + 1) * width, count]]);
   curve(chart, corners.map(one => one[0]), corners.map(one => one[1]), COLOUR.ink, { width: 1.6 });
   curve(chart, [mean(right), mean(right)], [0, top], COLOUR.music, { width: 1.6 });

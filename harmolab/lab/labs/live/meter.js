@@ -51,7 +51,7 @@ function bracket(chart, start, end, label, colour) {
 
 // Share of strong beats at each place of the annotated bar, with 95 % intervals; dashed: of all beats.
 function drawAccents(pen, box, { accents, counts, chance }) {
-  const chart = bars(pen, box, accents.map((_, place) => String(place + 1)), accents, accents.map((_, place) => (place ? "#a8cbe2" : COLOUR.music)), { x: accents.length ? "place in the annotated bar (1: downbeat)" : "no annotated bars", y: "share called strong" });
+  const chart = bars(pen, box, accents.map((_, place) => String(place + 1)), accents, accents.map((_, place) => (place ? COLOUR.pale : COLOUR.music)), { x: accents.length ? "place in the annotated bar (1: downbeat)" : "no annotated bars", y: "share called strong" });
   accents.forEach((share, place) => {
     const spread = 1.96 * Math.sqrt(share * (1 - share) / Math.max(counts[place], 1)), [low, high] = [share - spread, share + spread].map(value => chart.y(clamp(value, 0, 1)));
     line(chart, [place - 0.1, place + 0.1, place, place, place - 0.1, place + 0.1].map(chart.x), [low, low, low, high, high, high], COLOUR.ink, { width: 1.4 });

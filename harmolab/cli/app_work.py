@@ -1,0 +1,138 @@
+"""The work behind the page of `harmolab app`: a verdict with its pages, a dance made to fit, a dance to a song."""
+
+import io
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from harmolab.cli.common import CommandWithParts, recommended
+from harmolab.cli.dancing import dance as dance_command
+from harmolab.clips import load_clip
+from harmolab.data.recordings import recorded_offset
+from harmolab.files import named_faults
+from harmolab.lab.app import Order, Teller
+from harmolab.lab.explain.filmed import points_in_video
+from harmolab.lab.explain.page import dance_player, save_page
+from harmolab.lab.explain.performance import OwnDance, explain_performance, load_performance
+from harmolab.lab.labs.one_clip import scoring_lab
+from harmolab.lab.player import LONGEST, player_of
+from harmolab.lab.render.video import retime_files, write_dance
+from harmolab.readers.video import is_video
+from harmolab.retime.retime import Retimed
+
+OF_LAB = 60.0  # seconds: the picture of a minute can still be read
+NO_DANCE = "Choose a dance first: a video, or a file of movement."
+NO_SONG = "{}: a file of movement has no sound; choose its song too."
+NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
+NO_MUSIC = "Choose a song first, or a video with music."
+BY_FLOW = (
+    "No body was looked for in the video, only all that moves; `harmolab data pose --install` fetches what finds it."
+)
+
+
+def work(order: Order, teller: Teller) -> None:
+    """Do what was asked for; ValueError or OSError, in a sentence, where it cannot be done."""
+    TASKS[order.task](order, teller)
+
+
+def _pair(order: Order) -> tuple[Path, Path]:
+    """The song and the dance, which may be one video."""
+    if order.dance is None:
+        raise ValueError(NO_DANCE)
+    if order.song is None and not is_video(order.dance):
+        raise ValueError(NO_SONG.format(order.dance.name))
+    return order.song or order.dance, order.dance
+
+
+def judge(order: Order, teller: Teller) -> None:
+    """The verdict, and below it what shows why."""
+    song, dance = _pair(order)
+    performance = load_performance(dance, progress=teller.progress)
+    teller.step("listening to the music")
+    params = recommended(None, order.style)
+    result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
+    notes = performance.notes if performance.has_body else (BY_FLOW,)
+    lines, offset = [*result.summary, *notes], result.placement.seconds
+    teller.lines(lines, is_good=result.is_together, offset=offset)
+    if not performance.is_video and result.motion.duration <= LONGEST:
+        _view(order, teller, "player.html", "Player", dance_player(result).save)
+    _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
+    clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
+    _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern).save)
+    if performance.is_video:
+        teller.view("film", _film(order, teller, song, result), "Your video with its beats")
+
+
+def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[Path], None]) -> None:
+    """Write a page and show it."""
+    teller.step(f"making the page: {title}")
+    save(order.folder / name)
+    teller.view("page", order.folder / name, title)
+
+
+def _film(order: Order, teller: Teller, song: Path, result: OwnDance) -> Path:
+    """The dancer's own video with the beats and the verdict in the picture."""
+    video, out = result.performance.path, order.folder / f"{result.performance.path.stem}_beats.mp4"
+    clip = load_clip(
+        song, result.performance.motion, offset=result.placement.seconds, dance=order.style, sample_rate=None
+    )
+    write_dance(out, clip, over=video, points=points_in_video(video), verdict=result.verdict, progress=teller.progress)
+    return out
+
+
+def fit(order: Order, teller: Teller) -> None:
+    """The dance with its time bent until it rests on the beats, to look at and to keep."""
+    song, dance = _pair(order)
+    if order.offset is None and song != dance and recorded_offset(dance) is None:
+        raise ValueError(NO_PLACE)
+    ending = ".mp4" if is_video(dance) else ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
+    out = order.folder / f"{dance.stem}_in_time{ending}"
+    retimed = retime_files(
+        song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
+        progress=teller.progress,
+    )  # fmt: skip
+    teller.lines(_bent(retimed))
+    if is_video(dance):
+        teller.view("film", out, "Your video, in time")
+        return
+    clip = load_clip(song, out, offset=order.offset, dance=order.style, sample_rate=None)
+    _view(order, teller, "in_time.html", "Your dance, in time", player_of([clip]).save)
+    teller.view("file", out, "The movement")
+
+
+def _bent(retimed: Retimed) -> list[str]:
+    """Sentences about the bending, and the verdicts before and after."""
+    if retimed.warp.is_identity:
+        return ["Nothing was worth bending: your rests are near the beats already."]
+    before, after = (
+        "no verdict" if score.judgement is None else score.judgement.verdict
+        for score in (retimed.before, retimed.after)
+    )
+    near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]
+    return [
+        f"Beats with a rest near: {near[0]} before, {near[1]} after.",
+        f"Time was bent by {1000 * retimed.warp.bent:.0f} ms on average; no pose was changed.",
+        f"Before: {before}",
+        f"After: {after}",
+    ]
+
+
+def dance(order: Order, teller: Teller) -> None:
+    """A dance to the song by `harmolab dance`, with its words."""
+    song = order.song or order.dance
+    if song is None or (order.song is None and not is_video(song)):
+        raise ValueError(NO_MUSIC)
+    teller.step("dancing")
+    page, output, fault = order.folder / "dance.html", io.StringIO(), io.StringIO()
+    words = [str(song), "--out", str(page), *(["--dance", order.style] if order.style else [])]
+    with redirect_stdout(output), redirect_stderr(fault), named_faults(song):
+        command = CommandWithParts.of(dance=dance_command).part("dance")
+        code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
+    if code:
+        raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
+    lines = output.getvalue().replace("seed 0: ", "").splitlines()
+    teller.lines([line.strip() for line in lines if not line.startswith("wrote ")], is_good=True)
+    teller.view("page", page, "A dance to the song")
+
+
+TASKS = {"judge": judge, "fit": fit, "dance": dance}

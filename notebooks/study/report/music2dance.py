@@ -1,0 +1,132 @@
+"""The claims of "Music2Dance" and what our tables say of them."""
+
+from study.findings import RunTables
+from study.report.claims import Claim, spread, value
+
+SONGS = "recorded, 4 dances"
+OURS, THEIR_BASELINE, LINEAR = "temporal convolution + Bi-LSTM", "FC + Bi-LSTM", "logistic on onset rhythm"
+TENTH = "the whole schedule in place of a tenth, three trainings of each: `make gpu`"
+PEOPLE = "25 people; the study's kit is built, its raters here are simulated"
+
+
+def _songs(tables: RunTables, model: str, column: str = "songs") -> str:
+    return spread(tables, "m2d_table01", column, digits=0, set=SONGS, model=model)
+
+
+def _ahead(tables: RunTables, against: str, column: str) -> float:
+    row = {"set": SONGS, "model": OURS, "against": against, "measure": "songs"}
+    return float(value(tables, "m2d_table01b_differences", column, **row))
+
+
+def _feet(tables: RunTables, feet: str, column: str) -> float:
+    loss = "MSE + 0.1 smooth"
+    return float(value(tables, "m2d_table02", column, corpus="beatlocked", code="rotations", feet=feet, loss=loss))
+
+
+def _sliding(tables: RunTables, feet: str) -> str:
+    return spread(tables, "m2d_table02b_dances", "sliding (cm/s)", digits=0, dancer="recommended", feet=feet)
+
+
+def _slides(tables: RunTables, feet: str) -> float:
+    return float(value(tables, "m2d_table02b_dances", "sliding (cm/s)", dancer="recommended", feet=feet))
+
+
+def _people(tables: RunTables, system: str) -> str:
+    share, dances = (
+        value(tables, "m2d_table_likeness", name, system=system, dance="all")
+        for name in ("moves like people", "dances")
+    )
+    return f"{share * dances:.0f} of {dances}"
+
+
+def _mark(tables: RunTables, system: str) -> float:
+    return float(value(tables, "m2d_table03_machine", "total", system=system))
+
+
+def _contacts(tables: RunTables, column: str) -> float:
+    return float(value(tables, "m2d_table02c_contacts", column, dancer="paper"))
+
+
+def _hears(tables: RunTables) -> tuple[int, int]:
+    """Tests, by dance and score, in which the printed network's own music is above chance; and their number."""
+    table = tables["m2d_table_right_music"]
+    rows = table[(table["system"] == "Music2Dance") & table["auc"].notna()]
+    return int((rows["verdict"] == "above").sum()), len(rows)
+
+
+def _pose_variance(tables: RunTables, ablation: str) -> str:
+    return spread(tables, "m2d_table_ablations", ablation=ablation, measure="pose variance")
+
+
+def _ablated(place: str, claim: str, ablation: str) -> Claim:
+    """A claim about an ablation, which a tenth of the schedule cannot settle."""
+
+    def ours(tables: RunTables) -> str:
+        return f"variance of the pose {_pose_variance(tables, ablation)}, whole {_pose_variance(tables, 'whole')}"
+
+    def beside(_: RunTables) -> str:
+        return "two trainings, a tenth of the schedule"
+
+    notebook, test = "16_music2dance", "test_music2dance.py"
+    return Claim(place, claim, "one song", ours, beside, "cannot be tested", None, notebook, test, TENTH)
+
+
+MUSIC2DANCE = (
+    Claim(
+        "Table 1", "temporal convolution classifies songs better than a fully connected layer", "92.1 against 88.0 % (two moods)",
+        lambda tables: f"{_songs(tables, OURS)} against {_songs(tables, THEIR_BASELINE)} % of recorded songs, four dances",
+        lambda tables: f"always the most frequent {_songs(tables, 'majority')} %; a linear model of rhythm {_songs(tables, LINEAR)} %",
+        "reproduced", lambda tables: _ahead(tables, THEIR_BASELINE, "low") > 0,
+        "15_music_and_attributes", "test_attribute_tables.py",
+    ),
+    Claim(
+        "Sec. 5.1", "the classifier is excellent, and needed", "92.1 %",
+        lambda tables: f"a linear model of the onsets' rhythm is {-_ahead(tables, LINEAR, 'difference'):.0f} points better on songs",
+        lambda tables: f"{_songs(tables, LINEAR, 'balanced')} % balanced, chance 25",
+        "refuted", lambda tables: _ahead(tables, LINEAR, "high") < 0, "15_music_and_attributes", "test_attribute_tables.py",
+    ),
+    Claim(
+        "Table 2", "the foot model's error is below an LSTM's", ".0010 against .0028",
+        lambda tables: f"{_feet(tables, 'temporal convolution', 'MSE'):.4f} against {_feet(tables, 'FC + LSTM + FC', 'MSE'):.4f} rad²",
+        lambda tables: f"highest {_feet(tables, 'temporal convolution', 'MSE, high'):.4f}, lowest {_feet(tables, 'FC + LSTM + FC', 'MSE, low'):.4f}; "
+                       "three trainings",
+        "reproduced",
+        lambda tables: _feet(tables, "temporal convolution", "MSE, high") < _feet(tables, "FC + LSTM + FC", "MSE, low"),
+        "17_feet", "test_feet.py",
+    ),
+    Claim(
+        "Sec. 4.5", "the foot model mends sliding feet", "",
+        lambda tables: f"{_sliding(tables, 'none')} cm/s without it, {_sliding(tables, 'model')} with it",
+        lambda tables: f"feet planted by rules {_sliding(tables, 'planted')}",
+        "refuted", lambda tables: _slides(tables, "model") >= _slides(tables, "none"), "17_feet", "test_feet.py",
+    ),
+    Claim(
+        "Sec. 4.5", "foot contacts are predicted", "85 to 90 %",
+        lambda tables: f"{100 * _contacts(tables, 'predicted'):.0f} %",
+        lambda tables: f"as in the frame before {100 * _contacts(tables, 'as in the frame before'):.0f} %, the more frequent "
+                       f"{100 * _contacts(tables, 'majority'):.0f} %",
+        "not reproduced", lambda tables: _contacts(tables, "predicted") < 0.85, "17_feet", "test_feet.py", TENTH,
+    ),
+    Claim(
+        "abstract, Fig. 7", "dances are natural and rich", "pictures",
+        lambda tables: f"as printed {_people(tables, 'Music2Dance')} move like people; with our settings {_people(tables, 'Music2Dance, recommended')}",
+        lambda tables: f"recorded dancers {_people(tables, 'recorded, right song')}",
+        "not reproduced", lambda tables: _people(tables, "Music2Dance").startswith("0 of"), "16_music2dance", "test_likeness.py", TENTH,
+    ),
+    Claim(
+        "Sec. 5.2", "dances go with the music", "",
+        lambda tables: "own music is told from other music in {} of {} tests (four dances, two scores)".format(*_hears(tables)),
+        lambda tables: "chance bands in `figures/m2d_table_right_music.csv`; one in forty tests is above by luck",
+        "not reproduced", lambda tables: _hears(tables)[0] < 0.5 * _hears(tables)[1], "16_music2dance", "test_music2dance_dancing.py", TENTH,
+    ),
+    Claim(
+        "Fig. 6", "people mark the WaveNet's dances above the LSTM's", "8.5 and 8.2 of 10",
+        lambda tables: f"not asked; measures in their place mark it {_mark(tables, 'Music2Dance'):.1f}",
+        lambda tables: f"recorded dancers {_mark(tables, 'recorded, right song'):.0f}, a statue {_mark(tables, 'statue of the recorded'):.0f}",
+        "cannot be tested", None, "16_music2dance", "test_music2dance.py", PEOPLE,
+    ),
+    _ablated("Fig. 8", "music features make hands move more than a mel spectrogram does", "mel"),
+    _ablated("Fig. 9", "without the mapping of the music dances are poor", "no mapping"),
+    _ablated("Fig. 10", "end effectors make toes move more", "no end effectors"),
+    _ablated("Fig. 11", "clusters of windows lower the loss", "no clusters"),
+)  # fmt: skip

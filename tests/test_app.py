@@ -1,0 +1,352 @@
+"""The page of `harmolab app`: who is answered, how files come in, and that they are gone whatever ends it."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from base64 import b64encode
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from harmolab.lab.app import LOCK, AppServer, Order, Teller, Work, sweep
+from tests.builders import cases, planted_dance, write_pair
+from tests.phone_videos import Phone, film, filmed_part
+from tests.test_labs_browser import PHONE, WIDE, at_address, closed
+from tests.test_listening_presenting import ask
+
+ENDINGS = {"dance": (".mp4", ".npz"), "song": (".wav", ".mp4")}
+
+
+def echo() -> Work:
+    """Work that is done at once: "judge" says the names of its files, "fit" fails, "dance" breaks off."""
+
+    def work(order: Order, teller: Teller) -> None:
+        if order.task == "fit":
+            raise ValueError(f"{order.dance}: cannot be read")
+        if order.task == "dance":
+            os._exit(1)
+        teller.lines([f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}", "more"])
+        (order.folder / "why.html").write_text("because")
+        teller.view("page", order.folder / "why.html", "Why")
+        if order.style == "waltz":
+            time.sleep(600)
+
+    return work
+
+
+@pytest.fixture
+def server() -> Iterator[AppServer]:
+    server = AppServer(echo, ENDINGS, ("waltz", "rumba"))
+    with server.running():
+        yield server
+
+
+def state(server: AppServer) -> dict[str, Any]:
+    return json.loads(ask(server.address, "GET", path=f"{server.path}state")[1])
+
+
+def order(server: AppServer, **content: object) -> tuple[int, str]:
+    return ask(server.address, "POST", json.dumps(content))
+
+
+def finished(server: AppServer, is_true: Callable[[dict[str, Any]], bool] = lambda now: not now["working"]) -> Any:
+    """The state once it is that."""
+    for _ in range(600):
+        if is_true(now := state(server)):
+            return now
+        time.sleep(0.05)
+    raise AssertionError(f"still {now}")
+
+
+def put(server: AppServer, name: str, content: bytes = b"bytes", **options: object) -> tuple[int, str]:
+    return ask(server.address, "PUT", content, path=f"{server.path}{name}", **options)
+
+
+def kept(server: AppServer) -> list[str]:
+    return sorted(path.name for path in server.folder.rglob("*") if path.is_file() and path.name != LOCK)
+
+
+# Who is answered
+
+
+def test_only_this_machine_is_answered_by_its_own_name_and_with_the_token(server: AppServer):
+    parts = urlsplit(server.address)
+    assert server._server.server_address[0] == "127.0.0.1"
+    for host in ("evil.example", f"evil.example:{parts.port}", "127.0.0.1", f"192.168.1.7:{parts.port}", ""):
+        assert ask(server.address, "GET", headers={"Host": host})[0] == 404
+        assert put(server, "dance/x.mp4", headers={"Host": host})[0] == 404
+    assert ask(server.address, "GET", headers={"Host": f"localhost:{parts.port}"})[0] == 200
+    for path in ("/", "/state", "/dance/x.mp4", f"{parts.path[:-2]}/"):
+        assert {ask(server.address, method, path=path)[0] for method in ("GET", "POST", "PUT")} == {404}
+    assert kept(server) == []
+
+
+def test_page_asks_for_nothing_elsewhere(server: AppServer):
+    status, page = ask(server.address, "GET")
+    assert status == 200
+    assert "http" not in page.replace(server.address, "")
+    assert "<option>waltz</option>" in page
+
+
+# Files that come in
+
+
+def test_a_file_takes_the_place_of_the_one_before_and_can_be_forgotten(server: AppServer):
+    assert put(server, "dance/one.mp4") == put(server, "dance/my%20tw%C3%B6.MP4", b"more") == (200, "")
+    assert put(server, "song/a.wav") == (200, "")
+    assert state(server)["files"] == {"dance": "my twö.MP4", "song": "a.wav"}
+    assert kept(server) == ["a.wav", "my twö.MP4"]
+    assert order(server, task="forget", slot="song") == (200, "")
+    assert kept(server) == ["my twö.MP4"]
+
+
+@cases(
+    "name, status, fault",
+    ("dance/x.exe", 400, "x.exe: a dance ends in .mp4, .npz"),
+    ("song/mp4", 400, "mp4: a song ends in .wav, .mp4"),
+    ("song/.wav", 400, "a song ends in"),
+    ("other/x.mp4", 404, "nothing here"),
+    ("state", 404, "nothing here"),
+)
+def test_a_file_of_no_use_is_refused_in_a_sentence(server: AppServer, name: str, status: int, fault: str):
+    answer = put(server, name)
+    assert (answer[0], fault in answer[1]) == (status, True), answer
+    assert kept(server) == []
+
+
+@pytest.mark.parametrize("name", ["..%2F..%2Fx.mp4", "%2Fetc%2Fx.mp4", "a%00b.mp4", "%0A.mp4", "é" * 300 + ".mp4"])
+def test_a_hostile_name_stays_in_the_folder(server: AppServer, name: str):
+    assert put(server, f"dance/{name.replace('é', '%C3%A9')}") == (200, "")
+    assert len(kept(server)) == 1
+    assert len(list(server.folder.iterdir())) == 2  # its folder, and the lock
+
+
+def test_a_file_that_is_too_large_or_ends_too_early_leaves_nothing(server: AppServer):
+    server.most_upload = 1000
+    assert put(server, "dance/x.mp4", headers={"Content-Length": "1001"}) == (400, "at most 1000 bytes are taken")
+    assert put(server, "dance/x.mp4", headers={"Content-Length": "-1"})[0] == 400
+    parts = urlsplit(server.address)
+    with closing(HTTPConnection(parts.hostname or "", parts.port, timeout=10)) as connection:
+        connection.request("PUT", f"{server.path}dance/x.mp4", b"some", {"Content-Length": "900"})
+        connection.sock.shutdown(1)  # no more comes
+        reply = connection.getresponse()
+        assert (reply.status, reply.read()) == (400, b"the file came in part only")
+    assert [path.name for path in server.folder.iterdir()] == [LOCK]
+
+
+@pytest.mark.slow
+def test_a_large_file_goes_to_the_disk_and_not_into_the_memory(server: AppServer, tmp_path: Path):
+    size = 64 * 2**20
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(size)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with (tmp_path / "large").open("rb") as file:
+        assert put(server, "dance/x.mp4", file, headers={"Content-Length": str(size)}) == (200, "")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 16 * 2**10  # kilobytes, of both sides
+    assert next(server.folder.rglob("x.mp4")).stat().st_size == size
+
+
+# Orders
+
+
+def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
+    put(server, "dance/x.mp4")
+    assert order(server, task="judge", style="rumba", offset="1.5") == (200, "")
+    now = finished(server)
+    assert (now["lines"], now["fault"], now["number"]) == (["x.mp4 rumba 1.5", "more"], "", 1)
+    assert now["views"] == [{"kind": "page", "title": "Why", "name": "why.html", "address": "1/why.html"}]
+    assert ask(server.address, "GET", path=f"{server.path}1/why.html") == (200, "because")
+    for name in ("2/why.html", "1/other.html", "1/../1/why.html", "x.mp4"):
+        assert ask(server.address, "GET", path=f"{server.path}{name}")[0] == 404
+
+
+def test_a_fault_or_the_end_of_the_worker_is_a_sentence_and_the_app_lives_on(server: AppServer):
+    put(server, "dance/x.mp4")
+    order(server, task="fit")
+    assert finished(server)["fault"] == "x.mp4: cannot be read"
+    order(server, task="dance")
+    assert finished(server)["fault"].startswith("The work broke off")
+    order(server, task="judge")
+    assert finished(server)["lines"][0] == "x.mp4  None"
+
+
+def test_work_can_be_stopped_and_nothing_else_begins_meanwhile(server: AppServer):
+    order(server, task="judge", style="waltz")
+    finished(server, lambda now: now["views"] != [])
+    assert (
+        order(server, task="judge")
+        == put(server, "dance/x.mp4")
+        == (400, "Something is being worked on; wait, or stop it.")
+    )
+    order(server, task="stop")
+    assert finished(server)["fault"] == "Stopped."
+    order(server, task="judge")
+    assert finished(server)["fault"] == ""
+
+
+@cases(
+    "content, fault",
+    ({"task": "judge", "style": "../x"}, "../x: is no dance that is known"),
+    ({"task": "judge", "offset": "nan"}, "nan: seconds are a number"),
+    ({"task": "judge", "offset": [1]}, "seconds are a number"),
+    ({"task": "?"}, "there is no '?'"),
+    ([], "orders come as a record"),
+)
+def test_an_order_of_no_sense_is_refused(server: AppServer, content: Any, fault: str):
+    status, text = ask(server.address, "POST", json.dumps(content))
+    assert (status, fault in text) == (400, True), text
+    assert not state(server)["working"]
+
+
+# The end
+
+
+def test_the_button_that_closes_ends_it_and_the_folder_is_gone():
+    server = AppServer(echo, ENDINGS)
+    with server.running():
+        put(server, "dance/x.mp4")
+        assert server.folder.is_dir()
+        order(server, task="close")
+        assert server.finished.wait(10)
+    assert not server.folder.exists()
+
+
+def test_a_page_that_lives_keeps_its_files_when_another_one_starts(server: AppServer):
+    put(server, "dance/x.mp4")
+    sweep()
+    assert kept(server) == ["x.mp4"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("is_group", [False, True])
+def test_whatever_ends_the_command_the_files_are_gone(
+    ending: signal.Signals, is_group: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    words = [sys.executable, "-m", "harmolab.cli", "app", "--no-open"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment, start_new_session=True) as app:
+        address = app.stdout.readline().split()[1]
+        assert ask(address, "PUT", b"0" * 5000, path=f"{urlsplit(address).path}dance/x.mp4")[0] == 200
+        ask(address, "POST", json.dumps({"task": "judge"}))  # in the middle of work
+        assert len(list(tmp_path.rglob("x.mp4"))) == 1
+        (os.killpg if is_group else os.kill)(app.pid, ending)
+    if ending == signal.SIGKILL and is_group:  # nobody is left to remove anything but the next page
+        sweep()
+    for _ in range(200):
+        if not list(tmp_path.glob("harmolab_app_*")):
+            break
+        time.sleep(0.1)
+    assert list(tmp_path.glob("harmolab_app_*")) == []
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def phone_video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    motion, sound, _ = filmed_part(planted_dance("cha-cha", seconds=22.0, seed=1))
+    return film(tmp_path_factory.mktemp("film") / "phone.mp4", motion, sound, Phone(height=240))
+
+
+def dropped(page: Any, path: Path) -> None:
+    """Drop a file on the page, as from a folder on the desktop."""
+    page.evaluate(
+        """async ([name, bytes]) => {
+          const transfer = new DataTransfer(), content = Uint8Array.from(atob(bytes), one => one.charCodeAt(0));
+          transfer.items.add(new File([content], name));
+          const options = { dataTransfer: transfer, bubbles: true, cancelable: true };
+          document.body.dispatchEvent(new DragEvent("drop", options));
+        }""",
+        [path.name, b64encode(path.read_bytes()).decode()],
+    )
+
+
+def waited(page: Any) -> None:
+    page.wait_for_function("!document.querySelector('#judge').disabled", timeout=180_000)
+
+
+@pytest.fixture
+def real() -> Iterator[AppServer]:
+    from harmolab.cli.serving import new_server
+
+    server = new_server()
+    with server.running():
+        yield server
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+@pytest.mark.parametrize("viewport", [WIDE, PHONE])
+def test_a_dropped_phone_video_becomes_a_verdict_a_player_and_a_lab(
+    real: AppServer, phone_video: Path, viewport: dict[str, int], chromium: Any
+):
+    page = at_address(chromium, real.address, viewport)
+    dropped(page, phone_video)
+    page.wait_for_selector("#dance.full")
+    page.keyboard.press("Tab")
+    page.focus("#judge")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".verdict", timeout=180_000)
+    assert "on the beat" in page.inner_text(".verdict")
+    waited(page)
+    assert page.inner_text("#fault") == ""
+    page.click("text=Sliders")
+    lab = page.frame_locator("iframe[title=Sliders]")
+    before = lab.locator("code").inner_text()
+    slider = lab.locator("input[type=range]").first
+    slider.focus()
+    for _ in range(10):
+        slider.press("ArrowLeft")
+    assert lab.locator("code").inner_text() != before
+    page.click("text=Your video with its beats")
+    page.wait_for_function("document.querySelector('video').readyState >= 2")
+    page.evaluate("document.querySelector('video').play()")
+    page.wait_for_function("document.querySelector('video').currentTime > 0.5")
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    closed(page)
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_sentence(
+    real: AppServer, tmp_path: Path, chromium: Any
+):
+    song, dance = write_pair(tmp_path, planted_dance(seconds=16.0, fps=30.0))[:2]
+    page = at_address(chromium, real.address)
+    (tmp_path / "wrong.mp4").write_bytes(b"no video" * 99)
+    dropped(page, tmp_path / "wrong.mp4")
+    page.wait_for_selector("#dance.full")
+    page.click("#judge")
+    page.wait_for_selector("#fault:not(:empty)", timeout=60_000)
+    assert page.inner_text("#fault").startswith("wrong.mp4: cannot be read as video")
+    (tmp_path / "wrong.txt").write_text("x")
+    dropped(page, tmp_path / "wrong.txt")
+    assert page.inner_text("#fault").startswith("wrong.txt: a song ends in .wav")
+    for path in (song, dance):
+        dropped(page, path)
+    page.wait_for_selector("#song.full")
+    waited(page)
+    page.click("#fit")
+    page.wait_for_selector("#fault:has-text('it is not known yet')", timeout=60_000)
+    page.click("#judge")
+    page.wait_for_selector(".verdict", timeout=60_000)
+    waited(page)
+    page.frame_locator("iframe[title=Player]").locator("#play").click()
+    page.click("#fit")
+    page.click("text=The movement", timeout=60_000)
+    with page.expect_download() as download:
+        page.click("text=Save dance_in_time.npz")
+    assert np.load(download.value.path())["positions"].shape[0] > 100
+    closed(page)
