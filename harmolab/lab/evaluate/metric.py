@@ -48,8 +48,8 @@ def evaluate(
     ----------
     motions : N Motions, or (T, J, 3) arrays or tensors of joint positions, metres, y up: a batch (N, T, J, 3) will do
     beats : N BeatTracks on the time line of each motion, or arrays of the seconds of the music's beats
-    reference : recorded dances, for Fréchet distances and likeness: a list of motions, a file of `harmolab evaluate
-        --save-reference`, or "synthetic", the file that comes with harmolab; None leaves these out
+    reference : recorded dances, for Fréchet distances and likeness: a list of motions, a file that `harmolab evaluate`
+        has saved (--save-reference), or "synthetic", the file that comes with harmolab; None leaves these out
     fps : float, frames per second; arrays need it
     skeleton : Skeleton of arrays; those of 17, 22 and 24 joints are taken for COCO and SMPL without one
     songs : N names; dances to one song are averaged first. Each its own when left out
