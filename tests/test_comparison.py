@@ -358,7 +358,7 @@ def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame,
     ((song, motions),) = CELLS.side_by_side(entries(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
     assert song == "cha-cha 1 (cha-cha)"
     assert list(motions) == [RIGHT_SONG, CHOREOGRAPHER]
-    assert [motion.duration for motion in motions.values()] == pytest.approx([10.0, 10.0])
+    assert [motion.duration for motion, _ in motions.values()] == pytest.approx([10.0, 10.0])
 
 
 # Any data

@@ -126,9 +126,10 @@ def test_files_of_three_codes_evaluate_with_one_command_and_their_starts(field: 
     remark = next(one for one in content["notes"] if one.startswith("Taken to begin with their song"))
     assert "fact (2 of 2), bailando (2 of 2), recorded (2 of 2)" in remark and "edge" not in remark
     assert (
-        "The first 120 frames of each dance of fact, which the system was given, were left out." in content["methods"]
+        "The first 120 frames of each dance of fact, which the system was given, were left out."
+        in content["methods_in_full"]
     )
-    assert "FACT's recorded seed" not in content["methods"]
+    assert "FACT's recorded seed" not in content["methods_in_full"]
     page = (tmp_path / "table" / "index.html").read_text("utf-8")
     assert "Taken to begin with their song" in page and "Taken to begin with their song" in " ".join(
         result.output.split()

@@ -23,7 +23,7 @@ TINY = RunProfile(
 
 
 def test_the_gpu_profile_trains_what_the_papers_did_for_as_long():
-    assert generation._model(GPU) == ModelParams.paper()
+    assert generation.model_params(GPU) == ModelParams.paper()
     assert rivals.lee_params(GPU, 2) == replace(LeeParams.paper(), seed=2)
     assert rivals.ren_params(GPU, 2) == replace(RenParams.paper(), seed=2)
     assert (ablated("mel", GPU.ablation_share).first_epochs, ablated("mel").first_epochs) == (1300, 130)
@@ -32,7 +32,7 @@ def test_the_gpu_profile_trains_what_the_papers_did_for_as_long():
 
 def test_a_profile_can_cut_the_epochs_and_keep_the_size():
     short = replace(GPU, epochs=(2, 2))
-    assert generation._model(short) == ModelParams.paper()
+    assert generation.model_params(short) == ModelParams.paper()
     assert (rivals.lee_params(short, 1).hidden, rivals.lee_params(short, 1).unit_epochs) == (
         LeeParams.paper().hidden,
         2,

@@ -120,8 +120,9 @@ def test_the_command_measures_shards_and_merges_them(sharded: Path, tmp_path: Pa
     assert "s4: is not finished; go on with it by --resume" in result.output.replace("\n", " ")
     result = run("evaluate", sharded / "ours", *common, "--shard", "4/4", "--resume", "--out", shards / "s4")
     assert result.exit_code == 0 and "shard 4/4: " in result.output, result.output
-    result = run("evaluate", "merge", *folders(shards), "--out", tmp_path / "table")
+    result = run("evaluate", "merge", *folders(shards), "--out", tmp_path / "table", "--allow-missing")
     assert result.exit_code == 0, result.output
+    assert run("evaluate", "merge", *folders(shards), "--out", tmp_path / "table").exit_code == 1  # one is damaged
     assert content(tmp_path / "table")["table.csv"] == content(sharded / "merged")["table.csv"]
 
 

@@ -200,7 +200,7 @@ def test_the_profile_comes_from_the_environment(monkeypatch):
     monkeypatch.setenv("HARMOLAB_PROFILE", "full")
     assert RunProfile.from_env() == RunProfile.full()
     monkeypatch.setenv("HARMOLAB_PROFILE", "slow")
-    refused("HARMOLAB_PROFILE must be 'quick' or 'full', got 'slow'", RunProfile.from_env)
+    refused("HARMOLAB_PROFILE must be one of quick, full, gpu, got 'slow'", RunProfile.from_env)
 
 
 # Clips on one time line

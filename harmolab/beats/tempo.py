@@ -274,7 +274,10 @@ def likelier_tempo(envelope: FloatArray, rate: float, tempo: float) -> float:
     half = best_grid(curve, rate, 30.0 / best.period, SEARCH / 4)
     end = curve.size / rate - half.period
     smooth, times = gaussian_filter1d(curve, SHARPNESS * rate), np.arange(curve.size) / rate
-    strong, weak = (np.interp(half.beats(0.0, end) + late, times, smooth).mean() for late in (0.0, half.period / 2))
+    beats = half.beats(0.0, end)
+    if not beats.size:  # less than a beat of sound
+        return 60.0 / best.period
+    strong, weak = (np.interp(beats + late, times, smooth).mean() for late in (0.0, half.period / 2))
     return (60.0 if weak < strong / 2 else 120.0) / half.period
 
 

@@ -10,7 +10,14 @@ from typing import Any
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.published import protocol_of
 from harmolab.lab.evaluate.summary import measure_of
-from harmolab.lab.evaluate.tables import constant_features, deaf_measures, number_range, number_text, table_records
+from harmolab.lab.evaluate.tables import (
+    constant_features,
+    deaf_measures,
+    measured_text,
+    number_range,
+    number_text,
+    table_records,
+)
 
 # Columns of the LaTeX table, those that were measured: name -> heading, in two tables that fit a page. The others are
 # in the CSV file.
@@ -126,6 +133,8 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
         "songs. Bold: better than another system, the interval of the paired difference excluding 0, and none better. "
         "FID corrected for the bias of small samples. Below the line: controls."
     ]
+    if evaluation.missing:
+        parts.append(f"Measured: {latex_text(measured_text(evaluation))}.")
     if protocols:
         parts.append(
             f"Columns of {latex_text(', '.join(protocols))} follow these published codes, their faults and the bias of "
