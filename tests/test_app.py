@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from harmolab.cli.app_work import without_options
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, Work, sweep
 from tests.builders import cases, planted_dance, write_pair
 from tests.phone_videos import Phone, film, filmed_part
@@ -350,3 +351,8 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
         page.click("text=Save dance_in_time.npz")
     assert np.load(download.value.path())["positions"].shape[0] > 100
     closed(page)
+
+
+def test_sentences_of_the_page_name_no_options():
+    said = "Say where the dance begins (--offset), what you mean (--how hit), or film it (with its song)."
+    assert without_options(said) == "Say where the dance begins, what you mean, or film it (with its song)."

@@ -1,6 +1,7 @@
 """The work behind the page of `harmolab app`: a verdict with its pages, a dance made to fit, a dance to a song."""
 
 import io
+import re
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -52,7 +53,7 @@ def judge(order: Order, teller: Teller) -> None:
     params = recommended(None, order.style)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = performance.notes if performance.has_body else (BY_FLOW,)
-    lines, offset = [*result.summary, *notes], result.placement.seconds
+    lines, offset = [without_options(line) for line in (*result.summary, *notes)], result.placement.seconds
     teller.lines(lines, is_good=result.is_together, offset=offset)
     if not performance.is_video and result.motion.duration <= LONGEST:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
@@ -61,6 +62,15 @@ def judge(order: Order, teller: Teller) -> None:
     _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern).save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result), "Your video with its beats")
+
+
+def without_options(sentence: str) -> str:
+    """A sentence without the options of commands that it names in brackets: a page has fields for them.
+
+    >>> without_options("Say the dance (--dance waltz), or film with the song playing.")
+    'Say the dance, or film with the song playing.'
+    """
+    return re.sub(r" \((?:or )?--[^)]*\)", "", sentence)
 
 
 def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[Path], None]) -> None:
