@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harmolab.cli.common import CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
+from harmolab.cli.labs import LONGEST as OF_LAB
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -21,7 +22,6 @@ from harmolab.lab.render.video import retime_files, write_dance
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
 
-OF_LAB = 60.0  # seconds: the picture of a minute can still be read
 NO_DANCE = "Choose a dance first: a video, or a file of movement."
 NO_SONG = "{}: a file of movement has no sound; choose its song too."
 NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
@@ -141,7 +141,7 @@ def dance(order: Order, teller: Teller) -> None:
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
     lines = output.getvalue().replace("seed 0: ", "").splitlines()
-    teller.lines([line.strip() for line in lines if not line.startswith("wrote ")], is_good=True)
+    teller.lines([line.strip() for line in lines if not line.startswith("wrote ")])
     teller.view("page", page, "A dance to the song")
 
 

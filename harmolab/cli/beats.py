@@ -98,9 +98,8 @@ def beats(
 
 def _check_tapping(context: typer.Context, page: TapOptions, out: Path | None) -> None:
     """ValueError for an option that goes with --tap only, or without it only."""
-    wrong = [name for name in (FOUND if page.tap else TAPPED) if common.is_told(context, name)]
-    if wrong:
-        raise ValueError(f"--{wrong[0].replace('_', '-')} goes {'without' if page.tap else 'with'} --tap only")
+    if wrong := common.first_told(context, FOUND if page.tap else TAPPED):
+        raise ValueError(f"{wrong} goes {'without' if page.tap else 'with'} --tap only")
     if page.tap and out is None:
         raise ValueError("--tap writes what was tapped: name a file of beats, --out song.beats")
 

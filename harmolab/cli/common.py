@@ -498,6 +498,11 @@ def check_folder(context: typer.Context, folder: Path, names: Container[str]) ->
         raise ValueError(f"{folder}: holds {held[0]}, which is not of harmolab; name an empty or a new folder")
 
 
+def first_told(context: typer.Context, names: Iterable[str]) -> str:
+    """The first of these options that stands on the command line, "--no-open" for "no_open"; "" where none does."""
+    return next((f"--{name.replace('_', '-')}" for name in names if is_told(context, name)), "")
+
+
 def is_told(context: typer.Context, name: str) -> bool:
     """True where a parameter stands on the command line."""
     return getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"

@@ -11,7 +11,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import FileOptions, JudgeOptions, is_told
+from harmolab.cli.common import FileOptions, JudgeOptions, first_told
 from harmolab.cli.screen import is_verbose, progress, waiting, wrote
 from harmolab.cli.sources import Sources, note_music, sources, video_performance
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
-
-
 WITHOUT_PAGE = ("seconds", "mode", "lag", "clock", "csv", "plot", "others")  # options of a score that no page has
 WITH_PAGE = ("guess", "search", "instrument")
 
@@ -50,9 +48,8 @@ class PageOptions:
 
 def check_options(context: typer.Context, page: PageOptions) -> None:
     """ValueError for an option that goes without a page only, or with one only."""
-    wrong = [name for name in (WITH_PAGE if page.why is None else WITHOUT_PAGE) if is_told(context, name)]
-    if wrong:
-        raise ValueError(f"--{wrong[0]} goes {'with --why PAGE.html only' if page.why is None else 'without --why'}")
+    if wrong := first_told(context, WITH_PAGE if page.why is None else WITHOUT_PAGE):
+        raise ValueError(f"{wrong} goes {'with --why PAGE.html only' if page.why is None else 'without --why'}")
 
 
 def explain(
@@ -108,8 +105,8 @@ def _playing(
 
     if points is None:
         raise ValueError(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
-    if dancing := [name for name in FOR_DANCES if is_told(context, name)]:
-        raise ValueError(f"--{dancing[0]} is for dances; leave it out with --instrument")
+    if dancing := first_told(context, FOR_DANCES):
+        raise ValueError(f"{dancing} is for dances; leave it out with --instrument")
     with waiting("listening"):
         audio = load_sound(song, sample_rate=None)
         return explain_playing(load_playing(points, audio, instrument=instrument, **options))

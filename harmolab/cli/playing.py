@@ -48,8 +48,8 @@ def play(
     floor, or of a skeleton over the dancer's own film; .gif is for a README, without sound, 5 s unless --seconds says
     otherwise. The verdict and the number are those of `harmolab score`, on the whole dance also where --seconds shows a
     part: for a clip to share, `--seconds 6`. The marks are rests of the body, or hits where it hits the beats, within a
-    tenth of a second of the music. A film alone gets the marks, and a skeleton where
-    `harmolab data pose` finds the body.
+    tenth of a second of the music. A film alone gets the marks, and a skeleton where `harmolab data pose` finds the
+    body.
 
     Examples:
 
@@ -70,10 +70,8 @@ def play(
     is_page = out.suffix.lower() in common.PAGES
     with plain_errors():
         common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
-        if wrong := [name for name in (OF_VIDEOS if is_page else OF_PAGES) if common.is_told(context, name)]:
-            raise ValueError(
-                f"--{wrong[0].replace('_', '-')} is for {'a video' if is_page else 'a page'}, not for {out}"
-            )
+        if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
+            raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
         files = sources(context, song, motion, judged)
         params, where = judged.params(files.dance), {"offset": offset, "start": start, "seconds": seconds}
         if is_page:

@@ -50,8 +50,8 @@ def score_corpus(
     as_json : print the rows as JSON
     """
     with plain_errors():
-        if misplaced := [name for name in FOR_ONE if common.is_told(context, name)]:
-            raise ValueError(f"--{misplaced[0]} is for one recording, and {corpus} holds several; leave it out")
+        if misplaced := common.first_told(context, FOR_ONE):
+            raise ValueError(f"{misplaced} is for one recording, and {corpus} holds several; leave it out")
         common.check_out(table, "a table", (".csv",))
         rows = list(recording_rows(corpus, scored))
         if table is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, is_told, note_assumptions
+from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, first_told, note_assumptions
 from harmolab.cli.posing import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 
@@ -59,8 +59,8 @@ def sources(context: typer.Context, song: Path, motion: Path | None, options: Ju
     if options.pattern is None:  # a file of patterns has names of its own
         # A name on the command line is to be one of ours, or it would change nothing beside annotated beats.
         check_dance(files.dance, None if options.dance else files.beats, options.one)
-    if (misplaced := [name for name in FOR_FILES if is_told(context, name)]) and files.is_video:
-        raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
+    if (misplaced := first_told(context, FOR_FILES)) and files.is_video:
+        raise ValueError(f"{misplaced} is for motion files, and {files.motion} is a video; leave it out")
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
             detail(f"reads {word}: {path}")
