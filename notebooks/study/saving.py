@@ -68,6 +68,7 @@ class About(TypedDict):
     title : one line for the report's index
     trained : whether it shows what a network does; of a quick profile the figure then says that it is not trained
     private : whether it shows recorded people who may be looked at here alone: it is in the report, and not published
+    run : commit, day and the like of the run whose tables it is drawn from again
     """
 
     notebook: str
@@ -77,6 +78,7 @@ class About(TypedDict):
     title: NotRequired[str]
     trained: NotRequired[bool]
     private: NotRequired[bool]
+    run: NotRequired[Mapping[str, Any]]
 
 
 def save_figure(figure: Figure, name: str, *, tables: Sequence[str] | None = None, **about: Unpack[About]) -> Saved:
@@ -174,6 +176,7 @@ def _recorded(name: str, suffix: str, more: Mapping[str, Any], **about: Unpack[A
         "title": about.get("title", ""),
         "version": version("harmolab"),
         **({"private": True} if about.get("private", False) else {}),
+        **about.get("run", {}),
         **more,
     }
     manifest = folder / MANIFEST

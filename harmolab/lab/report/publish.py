@@ -1,5 +1,7 @@
 """Figures and tables of a full run: each notebook's replace what it published before, as soon as it has run."""
 
+import ast
+import hashlib
 import shutil
 import subprocess
 from collections.abc import Collection, Mapping
@@ -7,10 +9,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import nbformat
+
 from harmolab.files import atomic_write, write_json
 from harmolab.lab.report.pages import MANIFEST, NotebookRun, manifest_of
 
 CODE = ("harmolab", "notebooks")  # folders of a project whose last change a run is of
+DRAWS = ("_figure", "_picture")  # ends of the names of functions that draw; so do those that begin with "draw_"
 
 
 def code_commit(project: Path) -> str:
@@ -44,14 +49,30 @@ def notebook_of(entry: Mapping[str, Any]) -> str:
     return str(entry.get("notebook", "")).removesuffix(".ipynb")
 
 
+def experiment_digest(node: nbformat.NotebookNode) -> str:
+    """Twelve digits that change with what the code cells of a notebook compute.
+
+    They do not change with its texts and comments, nor with functions that draw: pictures are drawn again from tables.
+    """
+    lines = [line for cell in node.cells if cell.cell_type == "code" for line in cell.source.splitlines()]
+    body = ast.parse("\n".join(line for line in lines if not line.startswith("%"))).body
+    code = [ast.unparse(part) for part in body if not (isinstance(part, ast.FunctionDef) and _draws(part.name))]
+    return hashlib.sha256("\n".join(code).encode()).hexdigest()[:12]
+
+
+def _draws(name: str) -> bool:
+    return name.startswith("draw_") or name.endswith(DRAWS)
+
+
 def publish(run: NotebookRun, pictures: Path, figures: Path, commit: str) -> None:
     """Copy what a notebook saved in `pictures` to `figures`, and last the manifest that lists it.
 
     What the notebook published before and saved no more is removed, and what is private is left out. The manifest gets
-    the commit, the day, and the seconds that the notebook took.
+    the commit, the day, the seconds that the notebook took, and the `experiment_digest` of its code.
     """
     name = run.path.stem
     about = {"commit": commit, "date": f"{datetime.now(UTC):%Y-%m-%d}", "seconds": round(run.seconds)}
+    about |= {"experiment": experiment_digest(run.node)}
     saved = {file: entry for file, entry in manifest_of(pictures).items() if not entry.get("private")}
     drawn = {file: entry | about for file, entry in saved.items() if notebook_of(entry) == name}
     others = {file: entry for file, entry in manifest_of(figures).items() if notebook_of(entry) != name}

@@ -34,7 +34,7 @@ TEST_SHARE, HELD_OUT = 0.2, 1 / 6  # of the hands; of the training pieces, where
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most
 # The settings of a reading.
 READING = ("fps", "hears", "mfcc", "mels", "energy_delta", "tones", "reject", "gaps", "alignment")
-PLAYER_SEEDS, QUICK_PLAYER_SEEDS = 3, 1
+PLAYER_SEEDS, QUICK_PLAYER_SEEDS = 2, 1
 PLANTED_DELAY = 0.0625  # seconds, by the error on validation pieces of planted players
 PARTS = ("body", "left hand", "right hand")
 

@@ -45,6 +45,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
     **dict.fromkeys(("a2b_fig05_epochs_hands", "a2b_hands"), REAL),
 }
 KEPT = ("notebook", "source", "seed", "title", "trained")  # of the entry in the manifest
+RUN = ("commit", "date", "seconds", "experiment")  # of the run that the tables are of
 cells = cache(notebook_cells)
 
 
@@ -127,7 +128,8 @@ def redraw(folder: Path) -> Iterator[tuple[str, str]]:
         else:
             about = {key: entry[key] for key in KEPT if key in entry}
             figure = drawn_again(name, tables, entry)
-            save_figure(figure, name, profile=profiles[entry["profile"]], **about)
+            run = {key: entry[key] for key in RUN if key in entry}
+            save_figure(figure, name, profile=profiles[entry["profile"]], run=run, **about)
             yield name, ""
 
 
