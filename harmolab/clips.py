@@ -82,7 +82,8 @@ def load_clip(
     ----------
     song : str or path: wav, flac, ogg or mp3, or a video with sound
     motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
-    offset : float, seconds, audio time of motion frame 0; left out, what the motion's folder says, else 0
+    offset : float, seconds, audio time of motion frame 0
+        Left out, what the motion's file or folder says, else 0, and the clip says that it has no start.
     seconds : float, length of the motion that is taken; all of it when left out
     dance : str, a prior of the tempo where it is one of `DANCES`
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
@@ -104,8 +105,8 @@ def load_clip(
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
-    if offset is None:
-        offset = (None if isinstance(motion, Motion) else recordings.recorded_offset(motion)) or 0.0
+    if offset is None and not isinstance(motion, Motion):
+        offset = recordings.recorded_offset(motion)
     movement = (
         motion
         if isinstance(motion, Motion)
@@ -117,7 +118,10 @@ def load_clip(
     sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
     annotated = None if beats is None else load_annotation(beats).in_music(sound)
     with named_faults(name):
-        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
+        clip = Clip(
+            Path(path).stem or Path(path).name, audio, movement, offset or 0.0, beats=annotated, dance=dance,
+            has_start=offset is not None or isinstance(motion, Motion),
+        )  # fmt: skip
     if track and annotated is None:
         clip = replace(clip, beats=music_beats(replace(clip, audio=sound)))
     if one is None or clip.beats is None:

@@ -297,6 +297,8 @@ class Clip(Display):
     source : str: "synthetic", or the name of the recordings
     beats : BeatTrack or None, annotated music beats on the audio's time line
     dance : str, name of the dance ("cha-cha", ...), empty when unknown
+    has_start : bool
+        False where the offset was assumed: nothing tells at which moment of the music the motion begins.
     """
 
     name: str
@@ -306,6 +308,7 @@ class Clip(Display):
     source: str = ""
     beats: BeatTrack | None = None
     dance: str = ""
+    has_start: bool = True
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.offset):

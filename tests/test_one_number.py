@@ -28,6 +28,7 @@ from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.score import HarmonyScore
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import score_clip, score_motion
+from harmolab.verdict.sentences import UNPLACED
 from tests.builders import BODY, called, cases, planted_dance, waving, write_song
 
 SECONDS, FPS = 32.0, 30.0
@@ -118,6 +119,19 @@ def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_
     results = numbers(song, tmp_path / "dance.npz", *options)
     assert_one(results)
     assert LEVELS.get(case) in (None, results["score"]["level"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [(), ("--dance", "cha-cha")], ids=["nothing told", "dance told"])
+def test_no_command_judges_the_place_in_the_beat_where_nothing_says_when_the_dance_begins(
+    options: tuple[str, ...], song: Path, tmp_path: Path
+) -> None:
+    motion = tmp_path / "dance.npz"
+    save_motion(motion, dances(np.arange(60) * 0.5)["dancer"][0])
+    results = numbers(song, motion, *options)
+    assert {(result["level"], result["verdict"]) for result in results.values()} == {(3, UNPLACED)}
+    placed = json.loads(run("score", song, motion, *options, "--offset", 0, "--json").stdout)["recommended"]
+    assert placed["verdict"] != UNPLACED
 
 
 CHA_CHA = ("--dance", "cha-cha")

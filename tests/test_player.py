@@ -312,6 +312,7 @@ def long_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """song.wav and dance.npz of 20 s, enough beats for a number; late.npz is the dance from 2 s on and knows it."""
     clip = planted_dance(seconds=20.0, fps=30.0)
     folder = with_files(tmp_path_factory.mktemp("long"), clip)
+    save_motion(folder / "dance.npz", clip.motion, offset=0.0)
     save_motion(folder / "late.npz", clip.motion.span(2.0, 18.0), offset=2.0)
     return folder
 

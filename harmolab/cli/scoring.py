@@ -200,7 +200,7 @@ def score(
     others : Print the field's other measures too: beat alignment, mir_eval.
     """
     from harmolab.beats.meter import describe_beats
-    from harmolab.verdict.judge import music_and_motion, other_measures, score_motion
+    from harmolab.verdict.judge import music_and_motion, other_measures, score_motion, without_start
 
     def scored(files: Sources) -> Scored:
         modes = settings(mode, judged, judged.dance or files.dance, lag=lag, clock=clock)
@@ -209,6 +209,8 @@ def score(
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         check_signs(files, clip, scores.values())
+        if not clip.has_start:
+            scores = {name: without_start(score) for name, score in scores.items()}
         return Scored(clip, music, scores)
 
     with plain_errors():

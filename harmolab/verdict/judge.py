@@ -26,7 +26,7 @@ The paper's score stands alone in `harmolab.score`; the verdict stands beside it
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from textwrap import shorten
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -47,7 +47,15 @@ LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on t
 
 @dataclass(frozen=True, eq=False)
 class Judgement(evidence.Evidence, Display):
-    """A verdict in words, made from its evidence."""
+    """A verdict in words, made from its evidence.
+
+    Parameters
+    ----------
+    has_start : bool
+        False where nothing tells at which moment of the song the dance begins: then no place in the beat is judged.
+    """
+
+    has_start: bool = True
 
     def __repr__(self) -> str:
         return f"Judgement({self.level} of 4: {shorten(self.verdict, LINE, placeholder='...')})"
@@ -55,17 +63,22 @@ class Judgement(evidence.Evidence, Display):
     @property
     def verdict(self) -> str:
         """The level in a sentence or two."""
-        return sentences.verdict(self)
+        return sentences.UNPLACED if self.level == 3 and not self.has_start else sentences.verdict(self)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Three sentences at most to read below the verdict: how sure it is, how steady, what would help."""
-        return sentences.remarks(self)
+        lines = sentences.remarks(self)
+        return lines if self.has_start else lines[:1]
 
     @property
     def details(self) -> tuple[str, ...]:
         """All else there is to say: for those who want to know more."""
         return sentences.details(self)
+
+    def without_start(self) -> Self:
+        """The same where nothing tells when the dance begins: "in time" at most, and how sure that is."""
+        return replace(self, level=min(self.level, 3), pattern=None, has_start=False)
 
     def to_dict(self) -> dict[str, Any]:
         """The numbers and sentences, for JSON."""
@@ -214,7 +227,13 @@ def score_clip(
     if clip.beats is None and tracker is not None:
         clip = replace(clip, beats=tracker(clip.audio))
     beats, motion = music_and_motion(clip, clock=params.clock)
-    return score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+    score = score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+    return score if clip.has_start else without_start(score)
+
+
+def without_start(score: HarmonyScore) -> HarmonyScore:
+    """The score with a verdict that says nothing of places in the beat: it is not known when the dance begins."""
+    return replace(score, judgement=score.judgement and score.judgement.without_start())
 
 
 def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:

@@ -21,6 +21,10 @@ RATES = {
     Fraction(2): "twice a beat (double time, or to and fro once a beat)",
 }
 NAMED = (Fraction(1, 2), Fraction(2))  # rates at which one may be on the beat, and that are named with it
+UNPLACED = (
+    "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
+    "the dance begins (--offset), or film with the song playing."
+)
 HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat late."
 
 

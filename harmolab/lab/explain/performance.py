@@ -227,11 +227,6 @@ PLACED = (
     *("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading"),
     *("fastest_after_beat_s", "stillest_after_beat_s"),
 )
-IN_TIME = (
-    "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
-    "the dance begins (--offset), or film with the song playing."
-)
-
 Source = Literal["given", "folder", "same", "sound", "movement"]
 
 
@@ -420,6 +415,11 @@ class OwnDance:
         return cast(Judgement, self.score.judgement)
 
     @property
+    def _placed(self) -> Judgement:
+        """The judgement as far as the place in the song is known."""
+        return self.judgement if self.placement.is_absolute else self.judgement.without_start()
+
+    @property
     def is_together(self) -> bool:
         """True with evidence that the dancer keeps time with the song, be it early or late."""
         return self.judgement.level >= 2
@@ -427,20 +427,17 @@ class OwnDance:
     @property
     def level(self) -> int:
         """Level of the verdict; 3 at most where the place in the beat is not known, since 4 differs by it alone."""
-        return self.judgement.level if self.placement.is_absolute else min(self.judgement.level, 3)
+        return self._placed.level
 
     @property
     def verdict(self) -> str:
         """The result in a sentence or two for a dancer."""
-        return IN_TIME if self.judgement.level >= 3 and not self.placement.is_absolute else self.judgement.verdict
+        return self._placed.verdict
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences to read below the verdict; those on the place in the beat only where it is known."""
-        if self.placement.is_absolute:
-            return self.judgement.remarks
-        # With nothing told, level 3 judges no place: how sure it is, without the number.
-        return replace(self.judgement, pattern=None, level=min(self.judgement.level, 3)).remarks[:1]
+        return self._placed.remarks
 
     @property
     def summary(self) -> tuple[str, ...]:
