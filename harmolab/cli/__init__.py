@@ -6,7 +6,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli.beats import beats
-from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
+from harmolab.cli.common import CheckedCommand, CommandWithParts
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
 from harmolab.cli.evaluating import compare, evaluate, learn, merge, submit
@@ -41,9 +41,6 @@ for command in (pose, convert, learn):
     data_app.command(cls=CheckedCommand)(command)
 data_app.add_typer(study_app, name="study")
 app.add_typer(data_app, name="data", rich_help_panel="Movement")
-for name in RENAMED:
-    anything = {"ignore_unknown_options": True, "allow_extra_args": True}
-    app.command(name, hidden=True, add_help_option=False, context_settings=anything)(moved)
 
 
 def version(value: bool) -> None:

@@ -77,7 +77,6 @@ Offset = Annotated[
         help="Audio time in seconds at which the motion begins (default: what its file or folder says, else 0)."
     ),
 ]
-Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
 Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
 
 
@@ -145,6 +144,17 @@ def processes(jobs: int | None) -> int:
     if jobs is None:
         jobs = (os.cpu_count() or 1) if find_spec("distributed") else 0
     return jobs
+
+
+@dataclass(frozen=True)
+class PartOptions:
+    """Options on where the motion lies in the music, and on the part of both that is shown."""
+
+    offset: Offset = None
+    start: Annotated[
+        float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")
+    ] = None
+    seconds: Seconds = None
 
 
 @dataclass(frozen=True)
@@ -413,24 +423,6 @@ class CommandWithParts(CheckedCommand):
         if args and args[0] in self.parts:
             return self.part(args[0]).make_context(f"{info_name} {args[0]}", args[1:], parent=parent, **extra)
         return super().make_context(info_name, args, parent=parent, **extra)
-
-
-RENAMED = {
-    "explain": "harmolab score SONG DANCE --why page.html",
-    "render": "harmolab play SONG DANCE --out dance.mp4",
-    "tap": "harmolab beats SONG --tap --out song.beats",
-    "compare": "harmolab evaluate compare CORPUS",
-    "pose": "harmolab data pose VIDEO",
-    "convert": "harmolab data convert A B",
-    "learn": "harmolab data learn CORPUS --out patterns.json",
-    "study": "harmolab data study",
-    "report": "make report",
-}  # name that a command had -> what does its work now
-
-
-def moved(context: typer.Context) -> None:
-    """End the call of an old name with the command that does its work now."""
-    screen.refuse(f"{context.info_name} is now: {RENAMED[context.info_name or '']}")
 
 
 def _keep(context: typer.Context, value: bool) -> None:
