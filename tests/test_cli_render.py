@@ -50,8 +50,8 @@ def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path],
 def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
     clip = planted_dance(seconds=16.0, fps=30.0)
     song, dance = write_pair(tmp_path, clip)[:2]
-    small = (song, dance, "--height", 120, "--rate", 10, "--out", tmp_path / "x.mp4")
-    score = score_clip(load_clip(song, dance))
+    small = (song, dance, "--offset", 0, "--height", 120, "--rate", 10, "--out", tmp_path / "x.mp4")
+    score = score_clip(load_clip(song, dance, offset=0.0))
     text = render(*small).stdout
     assert text.startswith(score.judgement.verdict)
     assert f"harmony above chance {score.harmony_above_chance:.2f} (0 is luck, 1 the most)" in text
@@ -188,7 +188,7 @@ def row(result: Result, name: str) -> list[str]:
 def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
     clip = synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3)
     song, dance = write_pair(tmp_path, clip)[:2]
-    result = retime(song, dance, "--out", tmp_path / "x.npz")
+    result = retime(song, dance, "--offset", 0, "--out", tmp_path / "x.npz")
     said = [line for line in result.output.splitlines() if line.startswith(("before: ", "after: "))]
     numbers = [re.match(r"(\w+): You are on the beat: slow on it.* above chance ([\d.]+) ", line) for line in said]
     assert [match[1] for match in numbers] == ["before", "after"]

@@ -114,12 +114,10 @@ def test_paired_beats_get_circles_missed_ones_crosses_and_spare_ones_grey_dots(a
 
 
 def test_stems_can_tell_the_strength(ax: Axes):
-    heights = {"audio_heights": [1.0, 0.25, 0.5], "visual_heights": [0.1, 0.2, 0.3, 0.4]}
-    beats.draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1, **heights)
+    beats.draw_stems(ax, MUSIC, kind="audio", heights=[1.0, 0.25, 0.5])
+    beats.draw_stems(ax, DANCE, kind="visual", heights=[0.1, 0.2, 0.3, 0.4])
     assert [top for *_, top in stems(ax, COLOURS["audio"])] == [1.0, 0.25, 0.5]
     assert [top for *_, top in stems(ax, COLOURS["visual"])] == [-0.1, -0.2, -0.3, -0.4]
-    assert points(named(ax, "hit"))[0] == (0.5, 1.0)
-    assert points(named(ax, "missed"))[0] == (1.0, 0.25)
 
 
 def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
@@ -151,14 +149,6 @@ def test_empty_tracks_draw_without_a_mark(ax: Axes):
     beats.draw_hits(ax, nothing, nothing, [], delay=0.25)
     beats.draw_curve(ax, [], [], nothing)
     assert all(len(line.get_xdata()) == 0 for line in ax.lines if line.get_label() in ("hit", "missed"))
-
-
-def test_beats_that_nobody_notices_are_grey_and_dotted(ax: Axes):
-    beats.draw_stems(ax, MUSIC, kind="audio", ignored=True)
-    (lines,) = ax.collections
-    assert to_hex(lines.get_color()[0]) == COLOURS["chance"].lower()
-    assert lines.get_linestyle()[0][1] is not None
-    assert lines.get_label() == "music beat, not noticed"
 
 
 def test_shares_rise_from_chance_and_stronger_beats_are_wider(ax: Axes):

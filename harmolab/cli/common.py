@@ -77,7 +77,6 @@ Offset = Annotated[
         help="Audio time in seconds at which the motion begins (default: what its file or folder says, else 0)."
     ),
 ]
-Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
 Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
 
 
@@ -145,6 +144,17 @@ def processes(jobs: int | None) -> int:
     if jobs is None:
         jobs = (os.cpu_count() or 1) if find_spec("distributed") else 0
     return jobs
+
+
+@dataclass(frozen=True)
+class PartOptions:
+    """Options on where the motion lies in the music, and on the part of both that is shown."""
+
+    offset: Offset = None
+    start: Annotated[
+        float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")
+    ] = None
+    seconds: Seconds = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.playing import open_page
 from harmolab.cli.screen import plain_errors, waiting, wrote
-from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
+from harmolab.cli.sources import check_signs, clip_of, sources
 
 LONGEST = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
 
@@ -19,11 +19,9 @@ def lab(
     song: common.Song,
     motion: common.Dance = None,
     out: Path | None = None,
-    offset: common.Offset = None,
-    start: common.Start = None,
-    seconds: common.Seconds = None,
-    no_open: Annotated[bool, typer.Option("--no-open")] = False,
     *,
+    part: common.PartOptions,
+    no_open: Annotated[bool, typer.Option("--no-open")] = False,
     judged: common.JudgeOptions,
     read: common.FileOptions,
 ) -> None:
@@ -50,10 +48,9 @@ def lab(
         common.check_out(out, "the lab", common.PAGES)
         common.check_output(context, out)
         params = judged.params(files.dance)
-        clip = clip_of(files, offset=offset, **read.keywords)
-        note_lengths(clip, files.song)
-        begin = max(clip.offset, 0.0) if start is None else start
-        clip = clip.span(begin, min(seconds or LONGEST, clip.audio.duration - begin))
+        clip = clip_of(files, offset=part.offset, **read.keywords)
+        begin = max(clip.offset, 0.0) if part.start is None else part.start
+        clip = clip.span(begin, min(part.seconds or LONGEST, clip.audio.duration - begin))
         if files.is_video:
             check_signs(files, clip, [score_clip(clip, params)])
         with waiting("making the lab"):

@@ -13,7 +13,7 @@ from harmolab.cli import common
 from harmolab.cli.posing import is_body_found
 from harmolab.cli.rendering import GIF, VideoOptions, render
 from harmolab.cli.screen import note, plain_errors, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, sources
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -32,12 +32,10 @@ def play(
     song: common.Song,
     out: Annotated[Path, typer.Option()],
     motion: common.Dance = None,
-    offset: common.Offset = None,
-    start: common.Start = None,
-    seconds: common.Seconds = None,
+    *,
+    part: common.PartOptions,
     other: Path | None = None,
     other_offset: float | None = None,
-    *,
     video: VideoOptions,
     judged: common.JudgeOptions,
     read: common.FileOptions,
@@ -73,11 +71,11 @@ def play(
         if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
             raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
         files = sources(context, song, motion, judged)
-        params, where = judged.params(files.dance), {"offset": offset, "start": start, "seconds": seconds}
+        params = judged.params(files.dance)
         if is_page:
-            _page(files, out, params, read, other=other, other_offset=other_offset, **where)
+            _page(files, out, params, read, part, other=other, other_offset=other_offset)
         else:
-            render(files, out, video, params, read, **where)
+            render(files, out, video, params, read, part)
     wrote(out)
 
 
@@ -86,12 +84,10 @@ def _page(
     out: Path,
     params: HarmonyParams,
     read: common.FileOptions,
+    part: common.PartOptions,
     *,
     other: Path | None,
     other_offset: float | None,
-    offset: float | None,
-    start: float | None,
-    seconds: float | None,
 ) -> None:
     """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
@@ -100,21 +96,20 @@ def _page(
 
     if files.is_video and not is_body_found(files.motion):
         raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
-    clip = clip_of(files, offset=offset, sample_rate=None, **read.keywords)
-    note_lengths(clip, files.song)
+    clip = clip_of(files, offset=part.offset, sample_rate=None, **read.keywords)
     if files.is_video:
-        begin = clip.offset if start is None else start
-        part = clip.span(begin, clip.audio.duration - begin if seconds is None else seconds)
-        check_signs(files, part, [score_clip(part, params)])
+        begin = clip.offset if part.start is None else part.start
+        excerpt = clip.span(begin, clip.audio.duration - begin if part.seconds is None else part.seconds)
+        check_signs(files, excerpt, [score_clip(excerpt, params)])
     clips = [clip]
     if other is not None:
         begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
         movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
         clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
-    where = {"offset": clip.offset, "start": start, "seconds": seconds}
+    where = vars(part) | {"offset": clip.offset}
     command = common.video_command(files.song, files.motion, out, files.dance, **where)
     title = common.dance_title(files.motion, files.song)
-    player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
+    player_of(clips, start=part.start, seconds=part.seconds, title=title, params=params, command=command).save(out)
 
 
 # `harmolab demo`: a first page to look at, without any file.

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import FileOptions
+from harmolab.cli.common import FileOptions, PartOptions
 from harmolab.cli.screen import note, progress
-from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths
+from harmolab.cli.sources import Sources, check_signs, clip_of
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -49,15 +49,7 @@ class VideoOptions:
 
 
 def render(
-    files: Sources,
-    out: Path,
-    video: VideoOptions,
-    params: HarmonyParams,
-    read: FileOptions,
-    *,
-    offset: float | None,
-    start: float | None,
-    seconds: float | None,
+    files: Sources, out: Path, video: VideoOptions, params: HarmonyParams, read: FileOptions, part: PartOptions
 ) -> None:
     """Write the video, and print the verdict on the whole dance, of which it may show a part."""
     from harmolab.lab.explain.filmed import points_in_video
@@ -66,22 +58,21 @@ def render(
     from harmolab.verdict.judge import score_clip
 
     is_gif, over = out.suffix.lower() == GIF, video.over or (files.motion if files.is_video else None)
-    if over is not None and (is_gif or start is not None):
+    if over is not None and (is_gif or part.start is not None):
         raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
-    seconds = GIF_SECONDS if is_gif and seconds is None else seconds
+    seconds = GIF_SECONDS if is_gif and part.seconds is None else part.seconds
     if seconds is not None and seconds <= 0:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     reading, points = read.keywords, None
     if over is not None and not files.is_video:
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
-    clip = clip_of(files, offset=offset, track=video.marks, sample_rate=None, movement=points, **reading)
-    note_lengths(clip, files.song)
+    clip = clip_of(files, offset=part.offset, track=video.marks, sample_rate=None, movement=points, **reading)
     in_video = points_in_video(files.motion) if files.is_video else None
     score = score_clip(clip, params) if video.marks else None
     judgement = _judgement(files, clip, score)
-    part, begin = _part(clip, start, seconds)
+    excerpt, begin = _part(clip, part.start, seconds)
     write_dance(
-        out, part, over=over, points=in_video, marks=video.marks, rate=video.rate or (GIF_RATE if is_gif else None),
+        out, excerpt, over=over, points=in_video, marks=video.marks, rate=video.rate or (GIF_RATE if is_gif else None),
         height=video.height or (GIF_HEIGHT if is_gif else HEIGHT), follow=video.follow, score=score, begin=begin,
         verdict=judgement.verdict if judgement and video.verdict else "", progress=progress,
     )  # fmt: skip

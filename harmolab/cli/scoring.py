@@ -13,7 +13,7 @@ from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.explaining import PageOptions, check_options, explain
 from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, sources
 
 # `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
 
@@ -205,7 +205,6 @@ def score(
     def scored(files: Sources) -> Scored:
         modes = settings(mode, judged, judged.dance or files.dance, lag=lag, clock=clock)
         clip = clip_of(files, offset=offset, seconds=seconds, **read.keywords)
-        note_lengths(clip, files.song)
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         check_signs(files, clip, scores.values())

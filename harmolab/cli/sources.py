@@ -116,6 +116,8 @@ def _only(folder: Path, suffixes: tuple[str, ...]) -> Path | None:
 def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | None = None, **options: Any) -> Clip:
     """The song and the dance with the music's beats; the movement of a video is that of its dancer.
 
+    A line on the screen says where a good part of the dance has no music.
+
     Parameters
     ----------
     files : Sources
@@ -133,10 +135,13 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
     if movement is None and files.is_video:
         movement, offset = _of_video(files, offset)
     with finding_beats():
-        return load_clip(
+        clip = load_clip(
             files.song, movement or files.motion, offset=offset, dance=files.dance, beats=files.beats, one=files.one,
             report=note_assumptions, **options,
         )  # fmt: skip
+    if clip.motion is not None:
+        note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
+    return clip
 
 
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
@@ -172,12 +177,6 @@ def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> N
     for judgement in (score.judgement for score in scores):
         if judgement is not None and judgement.level == 1 and clip.motion is not None:
             check_sign(files.motion, clip.motion)
-
-
-def note_lengths(clip: Clip, song: Path) -> None:
-    """A line where a good part of the dance has no music."""
-    if clip.motion is not None:
-        note_music(clip.audio.duration - clip.offset, clip.motion.duration, song)
 
 
 def note_music(seconds: float, duration: float, song: Path) -> None:

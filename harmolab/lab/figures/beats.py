@@ -93,9 +93,7 @@ def draw_tolerance(ax: Axes, times: ArrayLike, delay: float, *, reach: float = R
     return ax
 
 
-def draw_stems(
-    ax: Axes, track: BeatTrack, *, kind: str, heights: ArrayLike | None = None, ignored: bool = False
-) -> Axes:
+def draw_stems(ax: Axes, track: BeatTrack, *, kind: str, heights: ArrayLike | None = None) -> Axes:
     """One stem for each beat: upwards for the music, downwards for the dance.
 
     Parameters
@@ -105,29 +103,16 @@ def draw_stems(
     kind : "audio" or "visual"
     heights : (B,) array, optional
         Lengths of the stems, not negative; all 1 when left out.
-    ignored : bool
-        Beats that are not salient (Eq. 11-13) are thin, grey and dotted.
     """
     lengths = np.ones(track.times.size) if heights is None else np.asarray(heights, np.float64)
-    look: dict[str, Any] = {"color": COLOURS[kind], "linewidth": 2.2}
-    if ignored:
-        look = {"color": COLOURS["chance"], "linewidth": 1.4, "linestyle": (0, (1, 1.5))}
     if track.times.size:
-        name = f"{NAMES[kind]}, not noticed" if ignored else NAMES[kind]
-        _draw_lines(ax, track.times, 0.0, SIDES[kind] * lengths, zorder=2, label=name, **look)
+        tips = SIDES[kind] * lengths
+        _draw_lines(ax, track.times, 0.0, tips, zorder=2, label=NAMES[kind], color=COLOURS[kind], linewidth=2.2)
     return ax
 
 
 def draw_hits(
-    ax: Axes,
-    audio_track: BeatTrack,
-    visual_track: BeatTrack,
-    pairs: ArrayLike,
-    *,
-    delay: float,
-    lag: float = 0.0,
-    audio_heights: ArrayLike | None = None,
-    visual_heights: ArrayLike | None = None,
+    ax: Axes, audio_track: BeatTrack, visual_track: BeatTrack, pairs: ArrayLike, *, delay: float, lag: float = 0.0
 ) -> Axes:
     """Music beats upwards, visual beats downwards, the tolerance fields, hits and misses (Figs. 1, 3b, 5b).
 
@@ -140,21 +125,17 @@ def draw_hits(
         it does not name are redundant: no error, a small grey dot.
     delay : float, seconds, T_delay
     lag : float, seconds from the music's beats to the expected visual ones; the fields are drawn that much later
-    audio_heights, visual_heights : (N,) and (M,) arrays, optional
-        Lengths of the stems; 1 when left out, as in Fig. 1.
     """
     partners = np.asarray(pairs, np.int64)
-    up = np.ones(audio_track.times.size) if audio_heights is None else np.asarray(audio_heights, np.float64)
-    down = np.ones(visual_track.times.size) if visual_heights is None else np.asarray(visual_heights, np.float64)
-    used = np.isin(np.arange(down.size), partners[partners >= 0])
+    used = np.isin(np.arange(visual_track.times.size), partners[partners >= 0])
     draw_tolerance(ax, audio_track.times + lag, delay)
-    draw_stems(ax, audio_track, kind="audio", heights=up)
-    draw_stems(ax, visual_track, kind="visual", heights=down)
+    draw_stems(ax, audio_track, kind="audio")
+    draw_stems(ax, visual_track, kind="visual")
     times = np.concatenate([audio_track.times, visual_track.times[used]])
-    tips = np.concatenate([up, -down[used]])
+    tips = np.repeat([1.0, -1.0], [partners.size, used.sum()])
     good = np.concatenate([partners >= 0, np.ones(int(used.sum()), bool)])
     draw_marks(ax, times, tips, good)
-    ax.plot(visual_track.times[~used], -down[~used], **SPARE_LOOK, label="visual beat left over")
+    ax.plot(visual_track.times[~used], -np.ones((~used).sum()), **SPARE_LOOK, label="visual beat left over")
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
     ax.set(xlim=(0.0, audio_track.duration), ylim=(-ROOM, ROOM), xlabel="time (s)")
     return name_heights(ax, {-0.65: "dance", 0.65: "music"})
