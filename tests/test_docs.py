@@ -10,14 +10,16 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
+from importlib.metadata import distribution, requires
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import soundfile
 import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -31,11 +33,13 @@ import harmolab.systems
 import study
 from harmolab import load_motion, save_motion, synthetic_clip, write_corpus, write_video
 from harmolab.cli import app
+from harmolab.lab.render.video import write_dance
 from harmolab.params import HarmonyParams
 from tests.tiny_run import Numbers, square
 
 ROOT = Path(__file__).resolve().parents[1]
 CONVENTIONS = ROOT / "docs" / "conventions.md"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 
 def rows(path: Path) -> Iterator[list[str]]:
@@ -228,7 +232,11 @@ def test_the_readme_opens_with_a_moving_picture_that_is_there():
 
 # What is pasted runs
 
-NOT_RUN = ("pip ", "make ")  # installing, and hours of the whole project's own work
+# Installing, the whole project's own work, what is fetched, and what the tutorial tries once more on less.
+NOT_RUN = (
+    *("pip install .", "make ", "harmolab data pose --install"),
+    *("harmolab train my_corpus", "harmolab dance song.mp3 --weights run"),
+)
 
 
 def blocks_in(text: str, language: str) -> list[str]:
@@ -258,32 +266,91 @@ def squeezed(text: str) -> str:
     return re.sub(r"\s+", "", text)
 
 
-@pytest.fixture(scope="module")
-def newcomer(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
-    """An empty folder, and an environment in which `harmolab` is this copy and no browser opens."""
-    programs = tmp_path_factory.mktemp("bin")
-    shim = programs / "harmolab"
-    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m harmolab.cli "$@"\n')
-    shim.chmod(0o755)
-    search = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    changes = {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": search}
-    return tmp_path_factory.mktemp("newcomer"), {**os.environ, **changes, "BROWSER": "true", "COLUMNS": "100"}
+def installed_with(requirements: Iterable[str]) -> set[str]:
+    """All packages that `pip install` of these requirements brings, no extras."""
+    needed, waiting = set[str](), [*requirements]
+    while waiting:
+        one = Requirement(waiting.pop())
+        if one.name not in needed and (one.marker is None or one.marker.evaluate({"extra": ""})):
+            needed.add(one.name)
+            waiting += requires(one.name) or ()
+    return needed
+
+
+def link_packages(folder: Path, names: Iterable[str]) -> None:
+    """Links in a folder to all that these packages have installed, so that Python finds there nothing else."""
+    for package in map(distribution, names):
+        for part in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
+            if not part.endswith(".pth"):
+                (folder / part).unlink(missing_ok=True)
+                (folder / part).symlink_to(str(package.locate_file(part)))
+
+
+class Newcomer:
+    """An empty folder, and an environment of `pip install .`: this copy, what it depends on, and no browser opens."""
+
+    def __init__(self, root: Path) -> None:
+        self.folder, self.packages = root / "folder", root / "packages"
+        for folder in (self.folder, self.packages):
+            folder.mkdir()
+        link_packages(self.packages, {"harmolab", *installed_with(PROJECT["dependencies"])})
+        for name, module in (("harmolab", "-m harmolab.cli"), ("python", "")):
+            (root / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" -S {module} "$@"\n')
+            (root / name).chmod(0o755)
+        paths = {"PATH": f"{root}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": f"{ROOT}{os.pathsep}{self.packages}"}
+        self.environment = {**os.environ, **paths, "BROWSER": "true", "COLUMNS": "100"}
+
+    def run(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """The call of a program, which ended well."""
+        run = subprocess.run(words, cwd=self.folder, env=self.environment, capture_output=True, text=True)
+        assert run.returncode == 0, f"{words[-1]}\n{run.stdout}\n{run.stderr}"
+        return run
+
+    def paste(self, text: str) -> None:
+        """Every command of a text, each of which prints what is shown below it; `pip install` brings its packages."""
+        for command, lines in console_commands(text):
+            if command.startswith("pip install "):
+                link_packages(self.packages, installed_with(command.split()[2:]))
+                continue
+            run = self.run("sh", "-ec", command)
+            missing = [line for line in lines if squeezed(line) not in squeezed(run.stdout + run.stderr)]
+            assert missing == [], f"{command}\n{run.stdout}"
+
+
+@pytest.fixture
+def newcomer(tmp_path: Path) -> Newcomer:
+    return Newcomer(tmp_path)
 
 
 @pytest.mark.slow
-def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newcomer: tuple[Path, dict[str, str]]):
-    folder, environment = newcomer
+def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newcomer: Newcomer):
     ran = console_commands(README)
     assert {command.split()[1] for command, _ in ran if command.startswith("harmolab ")} >= {"demo", *TASKS.values()}
     assert any(lines for _, lines in ran) and blocks_in(README, "python")
-    for command, lines in ran:
-        run = subprocess.run(["sh", "-ec", command], cwd=folder, env=environment, capture_output=True, text=True)
-        assert run.returncode == 0, f"{command}\n{run.stderr}"
-        missing = [line for line in lines if squeezed(line) not in squeezed(run.stdout + run.stderr)]
-        assert missing == [], f"{command}\n{run.stdout}"
+    with pytest.raises(AssertionError, match="No module named 'torch'"):
+        newcomer.run("python", "-c", "import torch")
+    newcomer.paste(README)
     for block in blocks_in(README, "python"):
-        run = subprocess.run([sys.executable, "-c", block], cwd=folder, env=environment, capture_output=True, text=True)
-        assert run.returncode == 0 and run.stdout.strip(), run.stderr
+        assert newcomer.run("python", "-c", block).stdout.strip()
+
+
+def test_commands_of_the_tutorial_for_models_are_those_of_the_readme_which_run():
+    tutorial = (ROOT / "docs" / "tutorial_model.md").read_text("utf-8")
+    commands = [command for command, _ in console_commands(tutorial)]
+    assert commands and set(commands) <= {command for command, _ in console_commands(README)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["tutorial_dance.md", "tutorial_train.md"])
+def test_every_command_of_a_tutorial_runs_as_pasted(page: str, newcomer: Newcomer):
+    folder, clip = newcomer.folder, synthetic_clip("waltz", seconds=20.0, fps=30.0, seed=7)
+    write_corpus(folder / "try", clips=7, seconds=30.0)
+    shutil.copytree(folder / "try", folder / "my_corpus")
+    soundfile.write(folder / "song.mp3", clip.audio.samples, round(clip.audio.sample_rate))
+    write_dance(folder / "phone_video.mp4", clip)
+    for name in ("me.npz", "teacher.npz", "dance.bvh"):
+        save_motion(folder / name, clip.motion)
+    newcomer.paste((ROOT / "docs" / page).read_text("utf-8"))
 
 
 # The Python of a page runs, block after block in one folder, with what the page takes for granted
@@ -444,14 +511,9 @@ CONDA_NAMES = {
 }  # fmt: skip
 
 
-def project() -> dict:
-    return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-
-
 def requirements(*extras: str) -> list[Requirement]:
     """The core dependencies and those of the named extras."""
-    about = project()
-    parts = (about["dependencies"], *map(about["optional-dependencies"].get, extras))
+    parts = (PROJECT["dependencies"], *map(PROJECT["optional-dependencies"].get, extras))
     return [Requirement(line) for part in parts for line in part]
 
 
@@ -483,12 +545,12 @@ def test_conda_environment_names_the_same_packages_with_the_same_bounds_and_pyth
         expected[CONDA_NAMES.get(canonicalize_name(requirement.name), requirement.name)] = requirement.specifier
     assert conda_packages() == expected
     document = yaml.safe_load((ROOT / "environment.yml").read_text("utf-8"))
-    assert f"python{project()['requires-python']}" in document["dependencies"]
+    assert f"python{PROJECT['requires-python']}" in document["dependencies"]
     assert document["channels"][0] == "conda-forge"
 
 
 def test_every_direct_dependency_is_pinned_within_its_bounds():
-    versions, direct = pins(), requirements(*project()["optional-dependencies"])
+    versions, direct = pins(), requirements(*PROJECT["optional-dependencies"])
     found = {one: versions.get(canonicalize_name(one.name), "0") for one in direct}
     assert [str(one) for one, version in found.items() if not one.specifier.contains(version)] == []
 
@@ -497,7 +559,7 @@ def test_hints_name_packages_that_an_index_has_and_all_of_them():
     pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
     texts = {path: path.read_text("utf-8") for path in (*pages, *(ROOT / "harmolab").rglob("*.py")) if path.is_file()}
     assert [path.name for path, text in texts.items() if re.search(r"harmolab\[[a-z]|pip install '\.\[", text)] == []
-    extras = project()["optional-dependencies"]
+    extras = PROJECT["optional-dependencies"]
     for path in ("harmolab/cli/training.py", "docs/tutorial_train.md", "docs/dancing.md"):
         hint = re.search(r"pip install (lightning[-\w ]+)", (ROOT / path).read_text("utf-8"))
         assert hint and set(hint[1].split()) == {Requirement(line).name for line in extras["train"]}, path
@@ -510,7 +572,7 @@ def test_scoring_does_not_depend_on_torch_or_jupyter():
 
 def test_citation_names_the_software_and_three_papers():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    assert citation["version"] == project()["version"]
+    assert citation["version"] == PROJECT["version"]
     titles = [reference["title"].split(":")[0] for reference in citation["references"]]
     assert titles == ["Harmony-aware Human Motion Synthesis with Music", "Music2Dance", "Audio to Body Dynamics"]
 

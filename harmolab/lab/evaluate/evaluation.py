@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
-from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +23,7 @@ from harmolab.lab.evaluate.engine import (
     read_rows,
     run_rows,
 )
-from harmolab.lab.evaluate.measured import MEASURES, shipped_pose_net
+from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.published import protocol_of
 from harmolab.lab.evaluate.reference import (
@@ -407,13 +406,15 @@ def _check_names(settings: EvaluationSettings, systems: Collection[str]) -> None
 
 
 def _pose_net(settings: EvaluationSettings) -> Path | None:
-    """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
-    if settings.pose_net is not None and find_spec("torch") is not None:
-        from harmolab.systems.training.pose_network import load_pose_net
+    """The weights of the pose network: those of the settings, else the shipped ones; None where they cannot be run."""
+    if settings.pose_net is None:
+        return shipped_pose_net()
+    if not has_networks():
+        raise ValueError(f"{settings.pose_net}: a pose network needs {' and '.join(NETWORK_PACKAGES)}; install them")
+    from harmolab.systems.training.pose_network import load_pose_net
 
-        load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
-        return Path(settings.pose_net)
-    return shipped_pose_net()
+    load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
+    return Path(settings.pose_net)
 
 
 def _check_rates(pairs: Sequence[Pair], options: RowOptions) -> None:

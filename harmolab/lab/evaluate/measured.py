@@ -76,6 +76,7 @@ def silent_frames(motion: Motion, audio: Audio, music: BeatTrack, *, start: floa
     return silent
 
 
+NETWORK_PACKAGES = ("torch", "safetensors")  # that a pose network is run and read by
 PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
 ALPHA = 0.05  # a dance whose p-value is at most this is in harmony beyond luck
 # Motion beats of AIST++ between frames: on frames they lie half a frame late, and slow frame rates lower the scores.
@@ -343,10 +344,15 @@ def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str
     return features if pose is None else features | {"pose": pose}
 
 
+def has_networks() -> bool:
+    """True where the packages are installed that read a pose network and run it: torch alone does not do."""
+    return all(find_spec(name) for name in NETWORK_PACKAGES)
+
+
 def shipped_pose_net() -> Path | None:
-    """The weights of the pose network that comes with harmolab; None without torch."""
+    """The weights of the pose network that comes with harmolab; None where it cannot be run."""
     spec = find_spec("harmolab.systems.harmogan")
-    if find_spec("torch") is None or spec is None or spec.origin is None:
+    if not has_networks() or spec is None or spec.origin is None:
         return None
     return Path(spec.origin).parent / "weights" / "pose_net"
 
