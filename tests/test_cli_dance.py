@@ -300,7 +300,7 @@ def one_line(result: Result) -> str:
 def test_no_option_at_all_writes_a_page_a_video_and_a_bvh(song: Path):
     result = danced(song, "--verbose")
     assert re.match(r"seed \d: (Moves like recorded dancers|Not meaningful)", result.stdout)
-    assert re.search(r"like dancing: steps a second\W+[\d.]+ \([\d.]+ to [\d.]+\)", result.stdout)
+    assert re.search(r"like dancing: steps a second\W+[\d.]+ \(recorded [\d.]+ to [\d.]+\)", result.stdout)
     assert re.search(r"rests of the body on the beat, above\W+-?[\d.]+", result.stdout)
     assert files() == ["my song_dance.bvh", "my song_dance.html", "my song_dance.mp4"]
     assert result.stdout.startswith("seed ")
@@ -598,4 +598,6 @@ def test_the_page_plays_somebody_who_moves(song: Path, chromium: Any):
     page.wait_for_timeout(1500)
     assert page.screenshot() != before
     assert faults == []
+    assert not page.get_by_text("looks like dancing").is_visible()
+    page.get_by_text("Numbers").click()
     assert page.get_by_text("looks like dancing").is_visible()

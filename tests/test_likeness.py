@@ -364,7 +364,7 @@ def test_scores_of_a_dance_that_passes_keep_it() -> None:
     assert scores["looks like dancing"] == "13 of 13"
     assert plain.items() <= scores.items()
     low, _, high = others().pooled["hands"]
-    assert f"({low:.3g} to {high:.3g})" in str(scores["like dancing: range of the hands, m"])
+    assert f"(recorded {low:.3g} to {high:.3g})" in str(scores["like dancing: range of the hands, m"])
 
 
 @pytest.fixture(scope="session")

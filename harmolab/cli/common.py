@@ -13,6 +13,7 @@ from functools import wraps
 from importlib.util import find_spec
 from inspect import Signature, cleandoc, signature
 from pathlib import Path
+from tempfile import gettempprefix
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -529,12 +530,14 @@ FOLDER_NAMES = ("audio", "skeletons")  # files of a corpus, which the name of th
 
 
 def plain_name(path: Path) -> str:
-    """The name of a file, or of its folder where all files of a kind are called the same.
+    """The name of a file, or of its folder where all files of a kind are called the same; no temporary folder's.
 
-    >>> plain_name(Path("song.mp3")), plain_name(Path("corpus/DANCE_W_1/audio.mp3"))
-    ('song', 'DANCE_W_1')
+    >>> plain_name(Path("song.mp3")), plain_name(Path("corpus/DANCE_W_1/audio.mp3")), plain_name(Path("tmpx1/audio.wav"))
+    ('song', 'DANCE_W_1', 'audio')
     """
-    return (path.resolve().parent.name if path.stem in FOLDER_NAMES else path.stem) or path.name
+    folder = path.resolve().parent.name
+    is_named = path.stem in FOLDER_NAMES and not folder.startswith(gettempprefix())
+    return (folder if is_named else path.stem) or path.name
 
 
 def dance_title(motion: Path, song: Path) -> str:

@@ -223,7 +223,7 @@ def _write_clip(folder: Path, planted: PlantedClip) -> None:
         raise ValueError(f"{folder}: the clip has no motion")
     with atomic_folder(folder) as part:
         save_audio(part / "audio.wav", audio)
-        save_motion(part / "motion.npz", motion)
+        save_motion(part / "motion.npz", motion, offset=planted.clip.offset)
         write_json(part / "beats.json", _annotation(planted))
 
 

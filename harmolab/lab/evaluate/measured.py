@@ -439,7 +439,7 @@ def _measured(likeness: Likeness, name: str) -> str | None:
         return None
     low, _, high = likeness.recorded[name]
     fails = " fails" if name in likeness.fails else ""
-    return f"{likeness.values[name]:.3g} ({low:.3g} to {high:.3g}){fails}"
+    return f"{likeness.values[name]:.3g} (recorded {low:.3g} to {high:.3g}){fails}"
 
 
 def _judged(score: HarmonyScore) -> dict[str, Entry]:
