@@ -532,8 +532,8 @@ FOLDER_NAMES = ("audio", "skeletons")  # files of a corpus, which the name of th
 def plain_name(path: Path) -> str:
     """The name of a file, or of its folder where all files of a kind are called the same; no temporary folder's.
 
-    >>> plain_name(Path("song.mp3")), plain_name(Path("corpus/DANCE_W_1/audio.mp3")), plain_name(Path("tmpx1/audio.wav"))
-    ('song', 'DANCE_W_1', 'audio')
+    >>> [plain_name(Path(path)) for path in ("song.mp3", "corpus/DANCE_W_1/audio.mp3", "tmpx1/audio.wav")]
+    ['song', 'DANCE_W_1', 'audio']
     """
     folder = path.resolve().parent.name
     is_named = path.stem in FOLDER_NAMES and not folder.startswith(gettempprefix())
