@@ -227,6 +227,13 @@ def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: 
     refused(r"film\.mp4: is a video", dance_player, filmed)
 
 
+def test_page_of_a_video_in_which_a_body_was_found_plays_it(late: OwnDance, filmed: OwnDance):
+    video = replace(late.performance, path=filmed.performance.path, is_video=True)
+    page = dance_page(replace(late, performance=video))
+    assert "srcdoc" in page and "The movement is that of the body which was found" in page
+    assert "optical flow" not in page and "everything that moves counts" not in page
+
+
 def test_names_of_files_are_only_text(late: OwnDance):
     name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
     page = dance_page(replace(late, performance=replace(late.performance, path=Path(name))))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harmolab.cli.common import CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
+from harmolab.cli.dancing import sentence
 from harmolab.cli.labs import LONGEST as OF_LAB
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
@@ -52,7 +53,7 @@ def judge(order: Order, teller: Teller) -> None:
     teller.step("listening to the music")
     params = recommended(None, order.style)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
-    notes = performance.notes if performance.has_body else (BY_FLOW,)
+    notes = map(sentence, performance.notes) if performance.has_body else (BY_FLOW,)
     lines, offset = [without_options(line) for line in (*result.summary, *notes)], result.placement.seconds
     teller.lines(lines, is_good=result.is_together, offset=offset)
     if not performance.is_video and result.motion.duration <= LONGEST:

@@ -98,7 +98,7 @@ def explained_page(template: str, score: HarmonyScore, *, numbers: dict[str, str
 
 
 def _title(dance: OwnDance) -> str:
-    return f"{dance.name} to {dance.song}"
+    return " to ".join(dict.fromkeys((dance.name, dance.song)))
 
 
 def _is_ranked(dance: OwnDance) -> bool:
