@@ -54,7 +54,7 @@ UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 # RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
 _FAULTS = (
     ValueError, OSError, EOFError, RuntimeError, ArithmeticError, LookupError, TypeError, AttributeError, SyntaxError,
-    tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile, pickle.UnpicklingError,
+    csv.Error, tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile, pickle.UnpicklingError,
 )  # fmt: skip
 
 

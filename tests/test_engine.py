@@ -282,6 +282,13 @@ def test_without_arrow_the_rows_are_csv_and_the_table_is_the_same(
     assert len(pd.concat(read_rows(tmp_path / "out"))) == 100  # with pyarrow they are read as they are
 
 
+def test_a_cell_of_a_csv_part_may_hold_the_curve_of_a_long_dance(tmp_path: Path):
+    rows = [{"name": "long", "curve": [one / 7 for one in range(20000)]}, {"name": "none", "curve": None}]
+    parts.write_part(tmp_path / "part-0000000.csv", rows)
+    assert (tmp_path / "part-0000000.csv").stat().st_size > 2**17
+    assert parts.part_rows(tmp_path / "part-0000000.csv") == rows
+
+
 def test_a_damaged_csv_part_is_measured_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(parts, "find_spec", lambda name: None)
     run_rows(Numbers(70), square, tmp_path, jobs=0)

@@ -33,6 +33,7 @@ STAMP = "inputs"  # column of the parts, not of the table: the state of the file
 PART_ROWS = 1024
 FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are being measured
 PARQUET, CSV = ".parquet", ".csv"
+LONGEST_CELL = 2**31 - 1  # bytes: a curve of a long dance is more than the csv module reads unless told
 _WHAT = "a part of a table"
 _DTYPES = {int: "int64", float: "float64", str: pd.Series(["text"]).dtype}  # pandas 3 has a kind of its own for text
 
@@ -137,6 +138,7 @@ def part_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    csv.field_size_limit(LONGEST_CELL)
     with path.open(encoding="utf-8", newline="") as stream:
         lines = csv.reader(stream)
         names = next(lines)
