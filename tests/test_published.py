@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
@@ -13,10 +14,12 @@ import pytest
 from harmolab.lab.report.pages import MANIFEST
 from harmolab.lab.report.publish import experiment_digest, notebook_of
 from study.figures.redraw import PICTURES
+from study.saving import PRIVATE
 
 ROOT = Path(__file__).resolve().parents[1]
 PATHS = {path.stem: path for path in sorted((ROOT / "notebooks").glob("*.ipynb"))}
 ENTRIES: dict[str, dict[str, Any]] = json.loads((ROOT / "figures" / MANIFEST).read_text("utf-8"))
+PEOPLE = re.compile("|".join(f"'{source}'" for source in PRIVATE))
 SAVES = {"save_figure": ".png", "save_table": ".csv"}
 
 # Notebooks whose last full run is older than the one commit of all others; `make figures` takes them off this list.
@@ -53,7 +56,7 @@ def saved_names(stem: str) -> list[str]:
     code = "\n".join(cell.source for cell in nbformat.read(PATHS[stem], 4).cells if cell.cell_type == "code")
     calls = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Call)]
     calls = [call for call in calls if isinstance(call.func, ast.Name) and call.func.id in SAVES]
-    shown = [call for call in calls if "private" not in {word.arg for word in call.keywords}]
+    shown = [call for call in calls if "private=True" not in ast.unparse(call) and not PEOPLE.search(ast.unparse(call))]
     return [pattern_of(call.args[1]) + SAVES[call.func.id] for call in shown if isinstance(call.func, ast.Name)]
 
 

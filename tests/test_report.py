@@ -268,7 +268,7 @@ def test_changed_code_is_run_again_and_a_notebook_that_is_gone_loses_its_figures
 
 def test_what_is_private_is_not_published(tmp_path: Path):
     run = run_of("# One", (), stem="00_one")
-    for name, more in (("shown", {}), ("people", {"private": True})):
+    for name, more in (("shown", {}), ("people", {"private": True}), ("players", {"source": "tracked"})):
         about = {"notebook": "00_one", "source": "synthetic", "profile": RunProfile.full(), **more}
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("HARMOLAB_FIGURES", str(tmp_path / "pictures"))

@@ -24,6 +24,7 @@ from study.figures.words import is_synthetic
 from study.profile import RunProfile
 
 PAGE_WIDTH = 992  # pixels, of a column of the report
+PRIVATE = ("tracked", "tracked videos")  # sources that show people whose recordings may be looked at here alone
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class About(TypedDict):
     seed : the profile's when left out
     title : one line for the report's index
     trained : whether it shows what a network does; of a quick profile the figure then says that it is not trained
-    private : whether it shows recorded people who may be looked at here alone: it is in the report, and not published
+    private : whether it shows recorded people who may be looked at here alone: it is in the report, and not published;
+        so is every picture whose source is one of `PRIVATE`
     run : commit, day and the like of the run whose tables it is drawn from again
     """
 
@@ -175,7 +177,7 @@ def _recorded(name: str, suffix: str, more: Mapping[str, Any], **about: Unpack[A
         "source": about["source"],
         "title": about.get("title", ""),
         "version": version("harmolab"),
-        **({"private": True} if about.get("private", False) else {}),
+        **({"private": True} if about.get("private", False) or about["source"] in PRIVATE else {}),
         **about.get("run", {}),
         **more,
     }
