@@ -529,7 +529,7 @@ ENTRIES = json.loads((SHIPPED / MANIFEST).read_text("utf-8"))
 # Drawn of bodies, of sound, or of the shapes of a network, by the patterns of their names.
 OF_NO_TABLE = (
     *("fig0[0-6]_*", "fig01_03_*", "fig05b_*", "fig10_*", "fig12_sheet_*", "fig14*", "own_dance_*"),
-    *("m2d_fig0[2-5]_*", "m2d_fig07_*", "a2b_features", "a2b_fig0[124789]_*", "a2b_fig03_planted"),
+    *("m2d_fig0[2-5]_*", "m2d_fig07_*", "a2b_features", "a2b_fig0[124789]*_*", "a2b_fig03_planted"),
     *("a2b_fig1[01]_*", "a2b_video_*"),
 )
 
