@@ -40,6 +40,12 @@ def test_a_lab_of_a_dance_is_a_page_of_the_seconds_that_were_asked_for(pair: tup
     assert not re.findall(r"""(?:src|href)=["'](?:https?:)?//""", page.read_text("utf-8"))
 
 
+@pytest.mark.slow
+def test_a_dance_of_no_known_start_is_told_so_and_one_with_an_offset_is_not(pair: tuple[Path, Path]):
+    assert "nothing says where in the song this dance begins" in succeed("lab", *pair, "--no-open").stderr
+    assert "begins" not in succeed("lab", *pair, "--offset", 0, "--no-open").stderr
+
+
 def test_a_lab_spares_its_inputs_and_is_a_page(pair: tuple[Path, Path]):
     assert "the lab is written as .html, .htm" in refusal("lab", *pair, "--out", "x.pdf", "--no-open")
     assert "no such file" in refusal("lab", "none.wav", pair[1], "--no-open")

@@ -326,9 +326,20 @@ def test_hits_and_misses_differ_in_shape_and_colour_and_lie_inside_the_picture(a
     assert points(named(ax, "missed")) == [(3.0, 300.0)]
     assert looks(ax) == [("o", COLOURS["hit"]), ("x", COLOURS["miss"])]
     assert ax.get_ylim()[1] == -ax.get_ylim()[0] > 300
+    assert beats.FAR not in ax.get_legend_handles_labels()[1]
     later = replace(SCORE, params=replace(SCORE.params, lag=0.05))
     hits = named(beats.draw_timing(Figure().subplots(), later), "hit")
     assert points(hits) == [(1.0, -100.0), (2.0, 30.0)]  # less the expected lag
+
+
+def test_beats_after_the_dancer_has_stopped_stand_at_the_edge_and_do_not_stretch_the_axis(ax: Axes):
+    music = track(np.arange(1, 21) * 0.5, duration=11.0)
+    dancer = BeatTrack(np.arange(1, 16) * 0.5 + 0.04, np.ones(15), fps=100.0, duration=11.0)
+    beats.draw_timing(ax, score_harmony(music, dancer, params=HarmonyParams.valleys(), n_rotations=0))
+    far = named(ax, beats.FAR)
+    assert [x for x, _ in points(far)] == [8.0, 8.5, 9.0, 9.5, 10.0]
+    assert -ax.get_ylim()[1] < points(far)[0][1] == points(far)[-1][1] < 0
+    assert ax.get_ylim()[1] < 300
 
 
 @pytest.mark.parametrize(("detector", "event"), [("valleys", "rest"), ("peaks", "hit"), ("turns", "visual beat")])

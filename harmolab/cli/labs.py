@@ -7,7 +7,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.playing import open_page
-from harmolab.cli.screen import plain_errors, waiting, wrote
+from harmolab.cli.screen import note, plain_errors, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, sources
 
 LONGEST = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
@@ -53,6 +53,8 @@ def lab(
         clip = clip.span(begin, min(part.seconds or LONGEST, clip.audio.duration - begin))
         if files.is_video:
             check_signs(files, clip, [score_clip(clip, params)])
+        if not clip.has_start:
+            note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
         with waiting("making the lab"):
             scoring_lab(clip, pattern=params.pattern).save(out)
     wrote(out)

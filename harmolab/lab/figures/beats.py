@@ -285,6 +285,7 @@ Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, inte
 
 DPI = 150
 LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
+FAR = "none within half a beat"
 
 
 def offset_figure(lags: FloatArray, curve: FloatArray, *, best: float, others: Sequence[float] = ()) -> Figure:
@@ -331,9 +332,10 @@ def event_name(score: HarmonyScore) -> str:
 def draw_timing(ax: Axes, score: HarmonyScore, *, event: str = "") -> Axes:
     """Each music beat's distance to the visual beat that hits it, in milliseconds; below zero before it, above after.
 
-    A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
-    band of the tolerance is drawn. An event before the beat is not yet a dancer who is early: that is for the verdict.
-    `event` names the visual beats, `event_name` where it is left out.
+    A green circle is a hit of the score; a red cross a miss, at its nearest visual beat; a diamond at the edge a beat
+    that has none within half the time between beats. Without visual beats only the band of the tolerance is drawn. An
+    event before the beat is not yet a dancer who is early: that is for the verdict. `event` names the visual beats,
+    `event_name` where it is left out.
     """
     music, times = score.music, score.visual.times - score.params.lag
     hits = score.pairs >= 0
@@ -342,9 +344,13 @@ def draw_timing(ax: Axes, score: HarmonyScore, *, event: str = "") -> Axes:
     delay = 1000 * score.params.reaction_delay
     ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
-    finite = np.isfinite(offsets)
-    draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
-    room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
+    half = 500 * float(np.median(np.diff(music.times))) if len(music.times) > 1 else np.inf
+    near = hits | (np.abs(offsets) <= max(half, LEAST_ROOM * delay))
+    draw_marks(ax, music.times[near], offsets[near], hits[near], labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[near]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
+    if (far := np.isfinite(offsets) & ~near).any():
+        edges = 0.95 * room * np.sign(offsets[far])
+        ax.plot(music.times[far], edges, linestyle="none", marker="d", color=COLOURS["miss"], label=FAR)
     label = f"{event or event_name(score)} before  |  after (ms)"
     ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel=label)
     return ax
