@@ -8,7 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import librosa
 import mir_eval
+import numba
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -297,6 +299,13 @@ def test_tracker_is_compiled_where_numba_keeps_its_index(
 
 def test_real_compilation_of_this_machine_is_found() -> None:
     assert listening.is_tracker_compiled()  # conftest has had it compiled
+
+
+def test_all_of_the_tracker_is_compiled_once_for_all_processes() -> None:
+    source = Path(librosa.beat.__file__).read_text("utf-8")
+    files = {file.name for folder in listening._numba_caches() for file in folder.rglob(f"beat.__*.{VERSION}.nbi")}
+    assert len(files) == source.count("@numba.guvectorize") > 0
+    assert numba.guvectorize.__module__ == "numba.np.ufunc.decorators"
 
 
 @cases("is_compiled, options, times", (False, (), 1), (True, (), 0), (False, ("-q",), 0))

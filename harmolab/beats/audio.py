@@ -10,8 +10,8 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -294,10 +294,27 @@ def compile_tracker() -> None:
     with suppress(OSError), FileLock(Path(tempfile.gettempdir()) / name, timeout=300):
         if not is_tracker_compiled():
             LOG.info(COMPILING)
-        import librosa
+        with _numba_keeps_all():
+            import librosa.beat
 
         _analyse(Audio(samples, 22050.0), None)
         librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
+
+
+@contextmanager
+def _numba_keeps_all() -> Iterator[None]:
+    """What is imported here is compiled once for all processes, also where its author has each compile it anew.
+
+    librosa 0.11 leaves one function of its tracker out of numba's cache, over a second of each process's start.
+    """
+    import numba
+
+    guvectorize = numba.guvectorize
+    numba.guvectorize = lambda *signature, **options: guvectorize(*signature, **(options | {"cache": True}))
+    try:
+        yield
+    finally:
+        numba.guvectorize = guvectorize
 
 
 def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
