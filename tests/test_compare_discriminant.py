@@ -32,8 +32,10 @@ SECONDS = 12.0
 
 
 @pytest.fixture(autouse=True)
-def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HARMOLAB_CACHE", "off")
+def no_cache(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is kept of silent songs; recorded ones are listened to once."""
+    if "data" not in request.keywords:
+        monkeypatch.setenv("HARMOLAB_CACHE", "off")
 
 
 def bobbing(seed: int, *, peak: float = 0.0, height: float = 0.05) -> Motion:
