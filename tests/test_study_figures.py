@@ -267,7 +267,9 @@ def test_titles_name_whose_score_clearly_falls_with_late_music():
     means |= {("paper", "late"): (0.5, 0.0), ("recommended", "late"): (0.7, -0.4)}
     found = titles(variants.listening_figure(both_scores(means, "made up")))
     names = ["nobody", LOOKS["recommended"].label]
-    assert [" ".join(title.split("\n")[1:]) for title in found] == [f"with late music it falls for {name}" for name in names]
+    assert [" ".join(title.split("\n")[1:]) for title in found] == [
+        f"with late music it falls for {name}" for name in names
+    ]
 
 
 # Systems compared (Fig. 12)
@@ -489,8 +491,14 @@ def test_trainings_are_dots(ax: Axes):
 def test_the_distance_of_poses_of_the_first_corpus_is_drawn_and_its_title_names_the_nearest_generator():
     rows = pd.concat(MEASURED.assign(corpus=corpus) for corpus in ("beatlocked", "synthetic"))
     (title,) = titles(figure := variants.distances_figure(pd.concat([rows, rows.assign(measure="fid_kinetic")])))
-    assert f"Nearest: “{LOOKS['paper, without'].label}”\n(recordings on the beat)" in title
+    assert f"Nearest, not clearly: “{LOOKS['paper, without'].label}”\n(recordings on the beat)" in title
     assert "distance of poses" in figure.axes[0].get_xlabel()
+
+
+@pytest.mark.parametrize(("high", "words"), [(21.9, "Nearest: "), (22.1, "Nearest, not clearly: ")])
+def test_a_generator_is_the_nearest_where_no_other_interval_reaches_into_its_own(high: float, words: str):
+    rows = pd.DataFrame([record("recommended", "fid", 20.0, 18.0, high), record("paper", "fid", 25.0, 22.0, 28.0)])
+    assert f"{words}“{LOOKS['recommended'].label}”" in titles(variants.distances_figure(rows))[0]
 
 
 # Recorded and generated (Fig. 10)

@@ -202,8 +202,15 @@ def draw_distances(ax: Axes, rows: pd.DataFrame, measure: str) -> str:
     ax.axvline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
     ax.set(xlabel=f"Fréchet {DISTANCES[measure]} to recorded dance (0: the same)", ylim=(-0.8, len(places) - 0.5))
     ax.hlines([*places.values()], *ax.get_xlim(), color=COLOURS["faint"], linewidth=0.8, zorder=0)
-    nearest = LOOKS[str(table.loc[table.index.isin([*LOOKS]), "mean"].idxmin())]
-    return f"Which losses move most like recorded dance? Nearest: “{nearest.label}”\n({corpus_of(table)})"
+    nearest = _nearest(table[table.index.isin([*LOOKS])])
+    return f"Which losses move most like recorded dance? {nearest}\n({corpus_of(table)})"
+
+
+def _nearest(table: pd.DataFrame) -> str:
+    """The variant of the least mean, and whether the interval of another one reaches into its own."""
+    name = str(table["mean"].idxmin())
+    clearly = "" if (table["low"].drop(name) > table.loc[name, "high"]).all() else ", not clearly"
+    return f"Nearest{clearly}: “{LOOKS[name].label}”"
 
 
 def distances_figure(table: pd.DataFrame) -> Figure:
