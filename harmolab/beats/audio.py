@@ -303,7 +303,7 @@ def compile_tracker() -> None:
 
 @contextmanager
 def _numba_keeps_all() -> Iterator[None]:
-    """What is imported here is compiled once for all processes, also where its author has each compile it anew.
+    """Imports in this block are compiled once for all processes, also where their author has each compile anew.
 
     librosa 0.11 leaves one function of its tracker out of numba's cache, over a second of each process's start.
     """
