@@ -305,6 +305,8 @@ def test_a_dropped_phone_video_becomes_a_verdict_a_player_and_a_lab(
     assert page.inner_text("#fault") == ""
     page.click("text=Sliders")
     lab = page.frame_locator("iframe[title=Sliders]")
+    assert lab.locator(".sentence").inner_text() == page.inner_text(".verdict")
+    lab.get_by_role("button", name="the paper's").click()
     before = lab.locator("code").inner_text()
     slider = lab.locator("input[type=range]").first
     slider.focus()

@@ -36,8 +36,17 @@ def test_a_lab_of_a_dance_is_a_page_of_the_seconds_that_were_asked_for(pair: tup
     data = data_of(page)
     assert (data["kind"], data["evidence"]["duration"]) == ("scoring", pytest.approx(8.0, abs=0.1))
     assert {"lambda1", "lambda2", "delay", "beta", "lag"} <= data["start"].keys()
-    assert data["start"]["delay"] == data["modes"]["paper"]["delay"] == 0.25
     assert not re.findall(r"""(?:src|href)=["'](?:https?:)?//""", page.read_text("utf-8"))
+
+
+@pytest.mark.slow
+def test_a_lab_opens_with_the_sentence_of_score(pair: tuple[Path, Path]):
+    first = succeed("score", *pair, "--offset", 0).stdout.splitlines()[0]
+    succeed("lab", *pair, "--offset", 0, "--no-open", "--out", "lab.html")
+    data = data_of(Path("lab.html"))
+    now = round((data["start"]["lag"] - live.LAG.low) / live.LAG.step)
+    assert data["start"]["mode"] == "recommended"
+    assert data["evidence"]["verdicts"][now]["sentence"] == first
 
 
 @pytest.mark.slow

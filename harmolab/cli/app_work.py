@@ -60,7 +60,8 @@ def judge(order: Order, teller: Teller) -> None:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
     clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
-    _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern).save)
+    sliders = scoring_lab(clip, pattern=params.pattern, mode="recommended")
+    _view(order, teller, "lab.html", "Sliders", sliders.save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result), "Your video with its beats")
 

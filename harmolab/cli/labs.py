@@ -27,8 +27,9 @@ def lab(
 ) -> None:
     """Sliders for λ1, λ2, T_delay, β and lag on your own dance: a page that shows what each does to the score.
 
-    The page asks for no network and no Python. A mark below each slider is the paper's value. Without --seconds it
-    shows the first minute.
+    The page opens with the sentence of harmolab score. The paper counts beats that are met instead: its button makes
+    the sliders move, and a mark below each is the paper's value. The page asks for no network and no Python. Without
+    --seconds it shows the first minute.
 
     Example: `harmolab lab song.mp3 dance.bvh --offset 12.4 --out lab.html`
 
@@ -56,7 +57,7 @@ def lab(
         if not clip.has_start:
             note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
         with waiting("making the lab"):
-            scoring_lab(clip, pattern=params.pattern).save(out)
+            scoring_lab(clip, pattern=params.pattern, mode="recommended").save(out)
     wrote(out)
     if not no_open:
         open_page(out)
