@@ -22,11 +22,7 @@ ENTRIES: dict[str, dict[str, Any]] = json.loads((ROOT / "figures" / MANIFEST).re
 PEOPLE = re.compile("|".join(f"'{source}'" for source in PRIVATE))
 SAVES = {"save_figure": ".png", "save_table": ".csv"}
 
-# Notebooks whose last full run is older than the one commit of all others; `make figures` takes them off this list.
-AWAITED = frozenset(["16_music2dance"])
-LATER = pytest.mark.xfail(reason="not yet run in full", strict=True)
-
-of_the_run = pytest.mark.parametrize("stem", [stem for stem in PATHS if stem not in AWAITED])
+each_notebook = pytest.mark.parametrize("stem", PATHS)
 
 
 def test_digest_changes_with_what_is_computed_and_not_with_words_or_with_what_draws():
@@ -66,7 +62,7 @@ def pattern_of(name: ast.expr) -> str:
     return "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
 
 
-@of_the_run
+@each_notebook
 def test_all_that_a_notebook_saves_is_published_and_nothing_else(stem: str):
     missing = [name for name in saved_names(stem) if not any(fnmatchcase(file, name) for file in published(stem))]
     others = [file for file in published(stem) if not any(fnmatchcase(file, name) for name in saved_names(stem))]
@@ -74,18 +70,17 @@ def test_all_that_a_notebook_saves_is_published_and_nothing_else(stem: str):
     assert [file for file in published(stem) if not (ROOT / "figures" / file).is_file()] == []
 
 
-@pytest.mark.parametrize("stem", [pytest.param(stem, marks=[LATER] * (stem in AWAITED)) for stem in PATHS])
+@each_notebook
 def test_published_files_are_of_the_experiment_as_it_stands(stem: str):
     digest = experiment_digest(nbformat.read(PATHS[stem], 4))
     assert {entry.get("experiment") for entry in published(stem).values()} == {digest}
 
 
 def test_all_published_files_are_of_one_commit_of_the_full_profile():
-    assert len({entry.get("commit") for entry in ENTRIES.values() if notebook_of(entry) not in AWAITED}) <= 1
+    assert len({entry.get("commit") for entry in ENTRIES.values()}) == 1
     assert {entry["profile"] for entry in ENTRIES.values()} == {"full"}
 
 
-@pytest.mark.xfail(bool(AWAITED), reason="some are of notebooks that were not yet run in full", strict=True)
 def test_every_picture_that_can_be_drawn_again_is_published_with_its_tables():
     files = {f"{name}.png" for name in PICTURES} | {
         f"{name}.csv" for _, _, *names in PICTURES.values() for name in names
