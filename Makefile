@@ -41,7 +41,7 @@ test: $(STAMP) ## run every test but those in a browser (about 10 minutes on two
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not browser"
 
 test-browser: $(STAMP) ## run the tests that drive JupyterLab and the report in Chromium
-	$(BIN)/python -m pytest -m browser
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m browser
 
 check: lint ## format, lint, types and the fast tests: run it before you commit
 	HARMOLAB_HOSTILE_TIMES=0.2 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q --hypothesis-profile quick -m "not slow and not data and not browser"
