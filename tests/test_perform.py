@@ -6,7 +6,6 @@ The shipped players make most of what is tested here; no number of theirs is ask
 import html
 import json
 import re
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -21,7 +20,6 @@ import torch
 from typer.testing import Result
 
 import harmolab
-from benchmarks import bench_audio2body
 from harmolab.body.kinematics import Similarity
 from harmolab.cli import app
 from harmolab.musician import Audio2Body
@@ -392,23 +390,6 @@ def test_strikes_of_the_avatar_are_those_of_the_points():
     flat, deep = strikes(points).times, strikes(avatar(points, "piano")).times
     assert len(flat) > 8
     np.testing.assert_allclose(deep, flat, atol=1 / 24)
-
-
-# Speed
-
-
-@pytest.mark.slow
-def test_three_minutes_are_played_a_hundred_times_as_fast_as_they_last(tmp_path: Path):
-    """Loaded, heard, passed through the network and put on an avatar; time of this process."""
-    audio = planted_performance("piano", seconds=bench_audio2body.SONG).performance.audio
-    save_audio(tmp_path / "song.wav", audio)
-    system, seconds = Audio2Body.shipped("piano"), []
-    for _ in range(2):
-        start = time.process_time()
-        motion = bench_audio2body.played(tmp_path / "song.wav", system)
-        seconds.append(time.process_time() - start)
-    assert motion.duration == pytest.approx(180.0, abs=0.1)
-    assert min(seconds) < motion.duration / 100
 
 
 # Training and weights
