@@ -19,30 +19,14 @@ import numpy as np
 import pytest
 
 from harmolab.cli.app_work import without_options
-from harmolab.lab.app import LOCK, AppServer, Order, Teller, Work, sweep
+from harmolab.lab.app import LOCK, AppServer, sweep
 from tests.builders import cases, planted_dance, write_pair
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
 from tests.test_listening_presenting import ask
+from tests.tiny_app import echo
 
 ENDINGS = {"dance": (".mp4", ".npz"), "song": (".wav", ".mp4")}
-
-
-def echo() -> Work:
-    """Work that is done at once: "judge" says the names of its files, "fit" fails, "dance" breaks off."""
-
-    def work(order: Order, teller: Teller) -> None:
-        if order.task == "fit":
-            raise ValueError(f"{order.dance}: cannot be read")
-        if order.task == "dance":
-            os._exit(1)
-        teller.lines([f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}", "more"])
-        (order.folder / "why.html").write_text("because")
-        teller.view("page", order.folder / "why.html", "Why")
-        if order.style == "waltz":
-            time.sleep(600)
-
-    return work
 
 
 @pytest.fixture
@@ -234,6 +218,7 @@ def test_a_page_that_lives_keeps_its_files_when_another_one_starts(server: AppSe
 def test_whatever_ends_the_command_the_files_are_gone(
     ending: signal.Signals, is_group: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it, and so would its children
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     environment = os.environ | {"TMPDIR": str(tmp_path)}
     words = [sys.executable, "-m", "harmolab.cli", "app", "--no-open"]

@@ -79,6 +79,18 @@ def test_any_number_of_processes_writes_the_same_bytes(jobs: int, undisturbed: P
     assert contents(tmp_path / "out") == contents(undisturbed)
 
 
+def test_a_few_tasks_are_measured_in_this_process_unless_a_number_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(engine, "_connected", lambda jobs, scheduler: 1 / jobs / 0)  # would start processes
+    run_rows(Numbers(engine.FEW - 1), square, tmp_path / "few", jobs=None)
+    with pytest.raises(ZeroDivisionError):
+        run_rows(Numbers(engine.FEW), square, tmp_path / "many", jobs=None)
+    with pytest.raises(ZeroDivisionError):
+        run_rows(Numbers(3), square, tmp_path / "named", jobs=1)
+    assert engine.usual_jobs(engine.FEW) == os.cpu_count()
+
+
 def worker_settings(task: Number) -> dict[str, Any]:
     import dask
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import shlex
 import webbrowser
@@ -131,20 +130,14 @@ Up = Annotated[
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab data learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
-    int | None, typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without Dask).", min=0)
+    int | None,
+    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 for a few and without Dask).", min=0),
 ]
 Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
 Force = Annotated[
     bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
 ]
-
-
-def processes(jobs: int | None) -> int:
-    """The number of processes of `Jobs`."""
-    if jobs is None:
-        jobs = (os.cpu_count() or 1) if find_spec("distributed") else 0
-    return jobs
 
 
 @dataclass(frozen=True)

@@ -125,9 +125,8 @@ def evaluate(
         )  # fmt: skip
         measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
         evaluation = measure(
-            settings, out, jobs=common.processes(jobs), scheduler=scheduler, resume=resume, force=force,
-            progress=progress,
-        )  # fmt: skip
+            settings, out, jobs=jobs, scheduler=scheduler, resume=resume, force=force, progress=progress
+        )
         if isinstance(evaluation, int):
             typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
             return
@@ -326,6 +325,7 @@ def compare(
     from harmolab.clips import check_dances, corpus_dances
     from harmolab.lab.compare.auc import compare as run
     from harmolab.lab.compare.rows import Processes
+    from harmolab.lab.evaluate.engine import usual_jobs
 
     with plain_errors():
         if resume and out is None:
@@ -335,7 +335,7 @@ def compare(
         result = run(
             corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
             beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
-            processes=Processes(common.processes(jobs), scheduler, out, resume, force),
+            processes=Processes(usual_jobs() if jobs is None else jobs, scheduler, out, resume, force),
         )  # fmt: skip
     if as_json:
         typer.echo(json.dumps(result.summary, indent=2))

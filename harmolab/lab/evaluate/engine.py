@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import os
 import platform
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -65,6 +66,7 @@ def read_rows(folder: PathLike) -> Iterator[pd.DataFrame]:
     return part_frames(folder, read_manifest(folder)["rows"])
 
 
+FEW = 40  # tasks that one process has measured before several have started
 PER_WORKER = 4  # tasks under way for each: one runs, the others wait, so that it never does
 MOST_WAITING = 1024  # rows that are measured, but wait for an earlier one
 TURNS = 256  # rows after which the workers are counted again: a cluster may grow
@@ -106,7 +108,7 @@ class Measurement(NamedTuple):
         return {KEY: task.key, ERROR: error} | ({} if self.stamp is None else {STAMP: self.stamp(task)})
 
 
-def check_engine_installed(jobs: int, scheduler: str = "") -> None:
+def check_engine_installed(jobs: int | None, scheduler: str = "") -> None:
     """ValueError unless dask is installed, where `run_rows` needs it for these."""
     if (jobs or scheduler) and find_spec("distributed") is None:
         raise ValueError(
@@ -115,12 +117,17 @@ def check_engine_installed(jobs: int, scheduler: str = "") -> None:
         )
 
 
+def usual_jobs(n_tasks: int = FEW) -> int:
+    """Processes for so many tasks where nobody named a number: one a core, 0 for a few tasks and without dask."""
+    return (os.cpu_count() or 1) if n_tasks >= FEW and find_spec("distributed") else 0
+
+
 def run_rows(
     tasks: Sequence[Task],
     measure: Measure,
     out: PathLike,
     *,
-    jobs: int = 1,
+    jobs: int | None = 1,
     scheduler: str = "",
     resume: bool = False,
     force: bool = False,
@@ -142,7 +149,7 @@ def run_rows(
         numbers. An exception becomes a row with a text in the column "error", and so does a task that kills its
         process again and again.
     out : folder of the run: ``run.json`` and the parts
-    jobs : int, worker processes on this machine; 0 measures in this process, without dask
+    jobs : int, worker processes on this machine; 0 measures in this process, without dask; None: `usual_jobs`
     scheduler : str, address of a dask scheduler, such as ``tcp://10.0.0.5:8786``, in place of `jobs`; its workers need
         the same packages and files
     resume : go on with a run in `out`, or start it where there is none
@@ -167,7 +174,7 @@ def run_rows(
         When the scheduler does not answer, or not any more; what was measured is kept.
     """
     check_engine_installed(jobs, scheduler)
-    if jobs < 0:
+    if jobs is not None and jobs < 0:
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
     out, size = Path(out), part_rows or PART_ROWS
     with _open_folder(out, _manifest(tasks, settings or {}), resume=resume, force=force):
@@ -177,7 +184,8 @@ def run_rows(
         if missing:
             measurement = Measurement(measure, stamp)
             indices = (index for place, rows in zip(places, done, strict=True) for index in place[rows:])
-            with _rows(tasks, measurement, indices, jobs, scheduler) as rows:
+            workers = usual_jobs(missing) if jobs is None else jobs
+            with _rows(tasks, measurement, indices, workers, scheduler) as rows:
                 counted = zip(progress(range(missing), "measured"), rows, strict=True)
                 write_parts(out, size, (row for _, row in counted))
     return read_rows(out)

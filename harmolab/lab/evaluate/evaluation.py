@@ -210,7 +210,7 @@ def evaluate_dances(
     settings: EvaluationSettings,
     out: PathLike,
     *,
-    jobs: int = 0,
+    jobs: int | None = 0,
     scheduler: str = "",
     resume: bool = False,
     force: bool = False,
@@ -291,7 +291,7 @@ def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
 
 
 def measured_parts(
-    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int, scheduler: str, resume: bool, progress: Progress
+    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int | None, scheduler: str, resume: bool, progress: Progress
 ) -> Iterator[pd.DataFrame]:
     """The rows of some tasks of a plan, by `run_rows`."""
     return run_rows(

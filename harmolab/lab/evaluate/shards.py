@@ -64,7 +64,7 @@ def measure_shard(
     out: PathLike,
     shard: Shard,
     *,
-    jobs: int = 0,
+    jobs: int | None = 0,
     scheduler: str = "",
     resume: bool = False,
     force: bool = False,

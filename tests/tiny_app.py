@@ -1,0 +1,23 @@
+"""Work of an app that tests order: a module of its own, as the process that does it imports it before it answers."""
+
+import os
+import time
+
+from harmolab.lab.app import Order, Teller, Work
+
+
+def echo() -> Work:
+    """Work that is done at once: "judge" says the names of its files, "fit" fails, "dance" breaks off."""
+
+    def work(order: Order, teller: Teller) -> None:
+        if order.task == "fit":
+            raise ValueError(f"{order.dance}: cannot be read")
+        if order.task == "dance":
+            os._exit(1)
+        teller.lines([f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}", "more"])
+        (order.folder / "why.html").write_text("because")
+        teller.view("page", order.folder / "why.html", "Why")
+        if order.style == "waltz":
+            time.sleep(600)
+
+    return work
