@@ -117,9 +117,20 @@ def bootstrap_interval(
 
 
 def bootstrap_interval_of(
-    statistic: Callable[[NDArray[np.int64]], float], n: int, *, count: int = 1000, seed: int = 0, level: float = LEVEL
+    statistic: Callable[[NDArray[np.int64]], ArrayLike],
+    n: int,
+    *,
+    count: int = 1000,
+    seed: int = 0,
+    level: float = LEVEL,
 ) -> tuple[float, float]:
-    """Percentile interval of ``statistic(places)`` over resamplings of the places 0 to n - 1.
+    """Percentile interval of a statistic over resamplings of the places 0 to n - 1.
+
+    Parameters
+    ----------
+    statistic : function of resamplings, (C, n) places, that returns their C values; it is called with some at a time
+    n, count : int, places, and resamplings of them
+    seed, level : as in `bootstrap_interval`
 
     Returns
     -------
@@ -128,7 +139,7 @@ def bootstrap_interval_of(
     if n < 2:
         return math.nan, math.nan
     drawn = np.random.default_rng(seed).integers(0, n, (count, n))
-    values = np.array([statistic(places) for places in drawn])
+    values = np.concatenate([statistic(some) for some in np.array_split(drawn, max(1, count // 100))])
     return (math.nan, math.nan) if np.isnan(values).mean() > 0.5 else _percentiles(values, level)
 
 

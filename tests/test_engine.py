@@ -367,11 +367,11 @@ def workers_of(pid: int) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes by /proc")
 def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
-    count, kills, is_over = 480, [0], threading.Event()
+    count, kills, is_over = 320, [0], threading.Event()
     run_rows(Numbers(count), square, tmp_path / "alone", jobs=0)
 
     def kill_workers() -> None:
-        while not is_over.wait(5.0):
+        while not is_over.wait(3.0):
             for pid in workers_of(os.getpid())[-1:]:
                 os.kill(pid, signal.SIGKILL)
                 kills[0] += 1

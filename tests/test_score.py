@@ -475,11 +475,13 @@ def test_no_answers_have_no_wilson_interval():
 def test_bootstrap_of_a_statistic_is_that_of_the_mean_for_the_mean(rng: np.random.Generator):
     values = rng.normal(size=30)
     expected = significance.bootstrap_interval(values, seed=3)
-    assert significance.bootstrap_interval_of(lambda places: values[places].mean(), 30, seed=3) == pytest.approx(
+    assert significance.bootstrap_interval_of(lambda places: values[places].mean(axis=1), 30, seed=3) == pytest.approx(
         expected, abs=1e-12
     )
 
 
 @pytest.mark.parametrize(("value", "n"), [(1.0, 1), (np.nan, 9)])
 def test_bootstrap_of_what_is_rarely_defined_is_nan(value: float, n: int):
-    np.testing.assert_equal(significance.bootstrap_interval_of(lambda places: value, n), (np.nan, np.nan))
+    np.testing.assert_equal(
+        significance.bootstrap_interval_of(lambda places: np.full(len(places), value), n), (np.nan, np.nan)
+    )

@@ -62,9 +62,9 @@ def compare_numbers(windows: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
         true = windows[f"{score} true"].to_numpy()
         wrong = windows[[name for name in windows if name.startswith(f"{score} wrong ")]].to_numpy()
 
-        def auc_of(places: Sequence[int], true: Any = true, wrong: Any = wrong) -> float:
-            index = np.concatenate([members[place] for place in places])
-            return auc(true[index], wrong[index])
+        def auc_of(drawn: Iterable[Sequence[int]], true: Any = true, wrong: Any = wrong) -> list[float]:
+            indices = (np.concatenate([members[place] for place in places]) for places in drawn)
+            return [auc(true[index], wrong[index]) for index in indices]
 
         interval = bootstrap_interval_of(auc_of, len(members), count=settings["rotations"], seed=settings["seed"])
         numbers[score] = {"auc": auc(true, wrong), "interval": interval}

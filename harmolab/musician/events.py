@@ -472,7 +472,7 @@ def _lag(score: HarmonyScore) -> Lag:
         return NO_LAG._replace(share=hits[best], p_value=p)
     pairs = hit_pairs(onsets.times, events.times - lags[best], delay=delay, matching=score.params.matching)
     late = events.times[pairs[pairs >= 0]] - onsets.times[pairs >= 0]
-    interval = bootstrap_interval_of(lambda places: float(np.median(late[places])), late.size)
+    interval = bootstrap_interval_of(lambda places: np.median(late[places], axis=1), late.size)
     return Lag(float(np.median(late)), interval, hits[best], p)
 
 

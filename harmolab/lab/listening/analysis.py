@@ -19,7 +19,7 @@ from scipy.stats import rankdata
 
 from harmolab.lab.listening.answers import Answers
 from harmolab.lab.listening.trials import CHOICES, MARKED, Key, is_answer, marks_of
-from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
+from harmolab.significance import auc, bootstrap_interval, bootstrap_interval_of, wilson_interval
 from harmolab.types import BoolArray, FloatArray
 
 # Marks from 0 to 10 for four sides of a dance, as in Music2Dance's study (Table 3), and what they add up to.
@@ -72,7 +72,7 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
         columns = np.array([each == version for each in versions])
         for side, marks in sides.items():
             dances = _over_raters(marks[:, columns])
-            low, high = _interval_of_mean(dances, seed)
+            low, high = bootstrap_interval(dances, seed=seed)
             rows.append(
                 {
                     "version": version, "side": side, "n": int(dances.size), "raters": len(raters),
@@ -82,10 +82,6 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
                 }
             )  # fmt: skip
     return rows
-
-
-def _interval_of_mean(values: FloatArray, seed: int) -> tuple[float, float]:
-    return bootstrap_interval_of(lambda places: float(values[places].mean()), values.size, seed=seed)
 
 
 def _over_raters(marks: FloatArray) -> FloatArray:
@@ -130,7 +126,9 @@ def agreement(name: str, measure: Callable[[FloatArray], float], values: FloatAr
     if len(values) < 2:
         raise ValueError("agreement needs two raters or more; merge their files first")
     shared = values[:, (~np.isnan(values)).sum(axis=0) > 1]
-    low, high = bootstrap_interval_of(lambda places: measure(shared[:, places]), shared.shape[1], seed=seed)
+    low, high = bootstrap_interval_of(
+        lambda drawn: [measure(shared[:, places]) for places in drawn], shared.shape[1], seed=seed
+    )
     row = {"measure": name, "raters": len(values), "n": shared.shape[1]}
     return {**row, "rate": measure(shared), "low": low, "high": high}
 
@@ -359,30 +357,36 @@ def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
     singles = bootstrap_interval_of(lambda at: _point_biserial(score[at], liked[:, at]), score.size, seed=seed)
     scores = np.broadcast_to(score, liked.shape)
     return {
-        "rank": _rank(score, share),
+        "rank": float(_rank(score, share)),
         "low": ranks[0],
         "high": ranks[1],
-        "point_biserial": _point_biserial(score, liked),
+        "point_biserial": float(_point_biserial(score, liked)),
         "pb_low": singles[0],
         "pb_high": singles[1],
         "auc": auc(scores[liked == 1], scores[liked == 0]),
     }
 
 
-def _rank(score: FloatArray, share: FloatArray) -> float:
-    return _pearson(rankdata(score), rankdata(share))
+def _rank(score: FloatArray, share: FloatArray) -> FloatArray:
+    """Spearman's correlation of (..., T) scores and shares."""
+    return _pearson(rankdata(score, axis=-1), rankdata(share, axis=-1))
 
 
-def _point_biserial(score: FloatArray, liked: FloatArray) -> float:
-    answered = ~np.isnan(liked)
-    return _pearson(np.broadcast_to(score, liked.shape)[answered], liked[answered])
+def _point_biserial(score: FloatArray, liked: FloatArray) -> FloatArray:
+    """Correlation of (..., T) scores with all that is answered of (R, ..., T)."""
+    single = np.moveaxis(liked, 0, -1)
+    both = np.broadcast_arrays(score[..., None], single)
+    return _pearson(*(one.reshape(*one.shape[:-2], -1) for one in both))
 
 
-def _pearson(one: FloatArray, other: FloatArray) -> float:
-    """Correlation; NaN if either does not vary."""
-    if one.size < 2 or one.std() * other.std() * one.size <= 1e-12:
-        return math.nan
-    return float(np.corrcoef(one, other)[0, 1])
+def _pearson(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Correlation along the last axis where both are numbers; NaN if either does not vary."""
+    both = ~np.isnan(one + other)
+    one, other = (np.where(both, values, 0.0) for values in (one, other))
+    count = np.maximum(both.sum(axis=-1, keepdims=True), 1)
+    one, other = (both * (values - values.sum(axis=-1, keepdims=True) / count) for values in (one, other))
+    spread = np.sqrt(np.square(one).sum(axis=-1) * np.square(other).sum(axis=-1))
+    return np.divide((one * other).sum(axis=-1), spread, out=np.full(spread.shape, math.nan), where=spread > 1e-12)
 
 
 def _labelled(rows: Sequence[Row], grid: Grid) -> list[Row]:
