@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -135,6 +136,8 @@ def train(
 
             notice = _notice if first else TrainOptions.notice
             extras = {"report": report, "notice": notice, "progress": progress, "measure": measured}
+            if system in LEARNERS:
+                import_module("lightning_fabric")  # a training begins with it, after minutes of reading
             learner = trainable(system)
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:

@@ -10,22 +10,26 @@ Gradients and means are added up over all shards of a batch in the order of the 
 result to the last bit, whether one process computes them one after the other or each process some of them.
 """
 
+from __future__ import annotations
+
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
-from lightning_fabric import Fabric
 from torch import Tensor, nn
 
 from harmolab.files import write_text
 from harmolab.systems.training import checkpoints
 from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.units import Batch, UnitSet, collate
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 # Units on a device, and batches of them in parts: the same gradients from one process as from several.
 
@@ -49,12 +53,12 @@ class Tensors(Batch[Tensor]):
         return len(self.audio)
 
     @classmethod
-    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> "Tensors":
+    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> Tensors:
         """All units of a set as one padded batch on `device`."""
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "Tensors":
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.
 
         Padding thus never depends on how a batch is shared among processes.
@@ -286,6 +290,8 @@ def make_fabric(*, accelerator: str = "auto") -> Fabric:
     ValueError
         If this machine has no such accelerator.
     """
+    from lightning_fabric import Fabric  # seconds, which nobody waits for who only dances
+
     check_choice("accelerator", accelerator, ("auto", "cpu", "cuda"))
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
     if accelerator == "cuda" and not torch.cuda.is_available():

@@ -6,16 +6,17 @@ The file is called `<weights>_poses.safetensors` and holds one tensor, ``poses``
 each clip's dance in its header.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
-from lightning_fabric import Fabric
 from numpy.typing import ArrayLike
 from safetensors.numpy import save
 from torch import nn
@@ -29,6 +30,9 @@ from harmolab.systems.training.motion_code import frames_at
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import read_tensors, save_weights
 from harmolab.types import FloatArray
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 # Movements that a dance may start from: a few short clips of training motion, kept beside a generator's weights.
 
