@@ -265,7 +265,7 @@ def waited(page: Any) -> None:
 
 @pytest.fixture
 def real() -> Iterator[AppServer]:
-    from harmolab.cli.serving import new_server
+    from harmolab.cli.labs import new_server
 
     server = new_server()
     with server.running():

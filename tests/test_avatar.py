@@ -18,9 +18,9 @@ from harmolab.data.synthetic import DANCER, synthetic_clip
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.person import LIFT, body_plan, shadow_outline, stage_of
 from harmolab.lab.player import Dancer, Player, movement_data
-from harmolab.lab.render.overlay import CORE, RIM, overlay_skeleton
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import BACKGROUND, render_skeleton
+from harmolab.lab.render.video import CORE, RIM, overlay_skeleton
 from harmolab.musician import avatar as avatars
 from harmolab.musician.avatar import SHOULDERS, AvatarParams, avatar, bow, forward_offset, placed_points, spine
 from harmolab.musician.video import PREDICTION, TRUTH, render_points

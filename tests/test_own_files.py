@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.lab.labs.own_files import OwnFiles
+from harmolab.lab.labs.one_clip import OwnFiles
 
 
 def upload(files: OwnFiles, kind: str, name: str, content: bytes = b"bytes") -> None:

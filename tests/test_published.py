@@ -12,7 +12,7 @@ import nbformat
 import pytest
 
 from harmolab.lab.report.pages import MANIFEST
-from harmolab.lab.report.publish import experiment_digest, notebook_of
+from harmolab.lab.report.run import experiment_digest, notebook_of
 from study.figures.redraw import PICTURES
 from study.saving import PRIVATE
 

@@ -16,7 +16,7 @@ from harmolab.cli import app
 from harmolab.systems import FeatureParams, LeeParams, RenParams
 from harmolab.systems.ren2020 import networks as nets
 from harmolab.systems.ren2020 import train as ren
-from harmolab.systems.ren2020.st_gcn import STGCN, GraphBlock, partitions
+from harmolab.systems.ren2020.networks import STGCN, GraphBlock, partitions
 from harmolab.systems.ren2020.train import danced, players
 from harmolab.systems.training import loop
 from harmolab.systems.training.checkpoints import TrainOptions

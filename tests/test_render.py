@@ -13,9 +13,9 @@ from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab import person
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.render.overlay import CORE, load_points, overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
 from harmolab.lab.render.stick import BACKGROUND, DANCER, HIT, MISS, MUSIC, captioned, hit_times, render_skeleton
+from harmolab.lab.render.video import CORE, load_points, overlay_skeleton, points_in_picture
 from harmolab.params import HarmonyParams
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.motion import save_motion

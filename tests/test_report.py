@@ -25,7 +25,7 @@ from PIL import Image
 from harmolab.lab.figures import style
 from harmolab.lab.report import run as report
 from harmolab.lab.report.pages import SAVED, NotebookRun, data_words, source_names, write_pages
-from harmolab.lab.report.publish import publish
+from harmolab.lab.report.run import publish
 from harmolab.lab.report.templates import TEMPLATES
 from study import saving
 from study.profile import RunProfile

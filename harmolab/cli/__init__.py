@@ -10,6 +10,7 @@ from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import convert, data_app
 from harmolab.cli.evaluating import compare, evaluate, learn, merge, submit
+from harmolab.cli.labs import app as app_page
 from harmolab.cli.labs import lab
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
@@ -17,7 +18,6 @@ from harmolab.cli.posing import pose
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
 from harmolab.cli.screen import Quiet, Verbose
-from harmolab.cli.serving import app as app_page
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from harmolab.cli.common import CommandWithParts, recommended
+from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
-from harmolab.cli.labs import LONGEST as OF_LAB
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults

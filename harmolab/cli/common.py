@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
+OF_LAB = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
 VIDEOS_OUT = (".mp4", ".webm")
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")

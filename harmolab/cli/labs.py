@@ -1,7 +1,10 @@
-"""`harmolab lab`: the sliders of the score on a dance of one's own, as a page."""
+"""`harmolab lab`: sliders of the score on a dance of one's own, as a page; `harmolab app`: a page that takes files."""
 
+from __future__ import annotations
+
+import signal
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,7 +13,50 @@ from harmolab.cli.playing import open_page
 from harmolab.cli.screen import note, plain_errors, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, sources
 
-LONGEST = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
+if TYPE_CHECKING:
+    from harmolab.lab.app import AppServer, Work
+
+# The app: a page of this machine's own for those who want no terminal
+
+
+def app(
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open")] = False,
+) -> None:
+    """Drop a video, or a movement and a song, on a page in the browser: are you in time? With player and sliders.
+
+    Only this machine can open the page, and nothing leaves it. Files of up to 1 GB are kept in a temporary folder
+    that is gone when the command ends.
+
+    Example: `harmolab app`
+
+    Parameters
+    ----------
+    port : Port of the local page; 0: any free one.
+    no_open : Print the address only.
+    """
+    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        signal.signal(number, signal.default_int_handler)  # as Ctrl-C: the page ends, and its files go
+    with plain_errors():
+        common.check_pages("harmolab app")
+        common.serve(new_server(port), no_open, "then all files of the page are gone")
+
+
+def new_server(port: int = 0) -> AppServer:
+    """The page, with the work that is done here and the files that are read."""
+    from harmolab.lab.app import AppServer
+    from harmolab.params import DANCES
+    from harmolab.readers.video import SUFFIXES
+
+    endings = {"dance": (*SUFFIXES, *common.MOTIONS), "song": (*common.SOUNDS, *SUFFIXES)}
+    return AppServer(work, endings, tuple(DANCES), port=port)
+
+
+def work() -> Work:
+    """The work of the page's worker; imported there, since it takes seconds."""
+    from harmolab.cli.app_work import work
+
+    return work
 
 
 @common.with_options
@@ -51,7 +97,7 @@ def lab(
         params = judged.params(files.dance)
         clip = clip_of(files, offset=part.offset, **read.keywords)
         begin = max(clip.offset, 0.0) if part.start is None else part.start
-        clip = clip.span(begin, min(part.seconds or LONGEST, clip.audio.duration - begin))
+        clip = clip.span(begin, min(part.seconds or common.OF_LAB, clip.audio.duration - begin))
         if files.is_video:
             check_signs(files, clip, [score_clip(clip, params)])
         if not clip.has_start:

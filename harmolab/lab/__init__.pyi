@@ -26,10 +26,10 @@ from .figures.style import COLOURS as COLOURS
 from .figures.style import figure_style as figure_style
 from .labs.corpus import corpus_lab as corpus_lab
 from .labs.meter import meter_lab as meter_lab
+from .labs.one_clip import OwnFiles as OwnFiles
 from .labs.one_clip import detector_lab as detector_lab
 from .labs.one_clip import saliency_lab as saliency_lab
 from .labs.one_clip import scoring_lab as scoring_lab
-from .labs.own_files import OwnFiles as OwnFiles
 from .labs.pages import write_lab_pages as write_lab_pages
 from .listening.analysis import agreement_row as agreement_row
 from .listening.analysis import answer_grid as answer_grid

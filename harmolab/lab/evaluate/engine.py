@@ -118,7 +118,7 @@ def check_engine_installed(jobs: int | None, scheduler: str = "") -> None:
 
 
 def usual_jobs(n_tasks: int = FEW) -> int:
-    """Processes for so many tasks where nobody named a number: one a core, 0 for a few tasks and without dask."""
+    """Processes for so many tasks without a number: one a core, 0 for a few tasks or without dask."""
     return (os.cpu_count() or 1) if n_tasks >= FEW and find_spec("distributed") else 0
 
 

@@ -21,9 +21,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from harmolab.systems.ren2020.networks import GlobalDiscriminator, LocalDiscriminator, RenGenerator, settle
+from harmolab.systems.ren2020.networks import STGCN, GlobalDiscriminator, LocalDiscriminator, RenGenerator, settle
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.systems.ren2020.st_gcn import STGCN
 from harmolab.systems.training.checkpoints import Report, TrainOptions
 from harmolab.systems.training.layers import Statistics, decode, drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tensors, Terms, make_fabric
