@@ -70,26 +70,21 @@ def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = ()) -> None
     nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": {"paper": list(paper)}}), path)
 
 
-def run_of(
-    title: str, paper: tuple[str, ...], error: str = "", stem: str = "03_beats", cells: tuple = (), **facts: str
-) -> NotebookRun:
-    """A run that never took place."""
+def run_of(title: str, *paper: str, error: str = "", stem: str = "03_beats", cells: tuple = (), **facts: str):
+    """A run that never took place, of a notebook that builds these items of the paper."""
     metadata = {"harmolab": {"paper": list(paper), **facts}}
     node = new_notebook(cells=[new_markdown_cell(title), *cells], metadata=metadata)
     return NotebookRun(Path(f"/planted/{stem}.ipynb"), node, 1.0, error)
 
 
-def write_picture(
-    folder: Path, name: str, *, source: str, profile: str = "quick", inches: float = 4.0, notebook: str = "03_beats"
-) -> bytes:
-    """A saved figure and its entry in the manifest."""
+def write_picture(folder: Path, name: str, *, inches: float = 4.0, notebook: str = "03_beats", **about: str) -> bytes:
+    """A saved figure and its entry in the manifest: of a quick run and of synthetic data unless it is said."""
     folder.mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(inches, 2.0))
-    figure.savefig(folder / f"{name}.png")
-    entry = {"notebook": f"{notebook}.ipynb", "profile": profile, "seed": 1, "source": source, "title": f"The <{name}>"}
+    Figure(figsize=(inches, 2.0)).savefig(folder / f"{name}.png")
+    entry = {"profile": "quick", "seed": 1, "source": "synthetic", "title": f"The <{name}>"} | about
     manifest = folder / "manifest.json"
     entries = json.loads(manifest.read_text()) if manifest.is_file() else {}
-    manifest.write_text(json.dumps({**entries, f"{name}.png": entry}))
+    manifest.write_text(json.dumps({**entries, f"{name}.png": {"notebook": f"{notebook}.ipynb", **entry}}))
     return (folder / f"{name}.png").read_bytes()
 
 
@@ -114,52 +109,34 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path, Path]:
 
 
 @pytest.mark.slow
-def test_report_with_a_failing_notebook_is_written_names_cell_and_error_and_publishes_the_good_one(built):
+def test_report_with_a_failing_notebook_publishes_the_good_one_and_its_pages_load_nothing_from_elsewhere(built):
     code, out, figures = built
     assert sorted(file.name for file in figures.iterdir()) == ["fig01.png", "manifest.json", "table1.csv"]
-    index = (out / "index.html").read_text()
+    pages = {path.stem: path.read_text() for path in out.glob("*.html")}
     assert code == 1
-    assert "1 of 2 notebooks failed" in index
-    assert "code cell 2: KeyError: &#39;planted fault&#39;" in index
-    assert "This notebook failed" in (out / "01_bad.html").read_text()
-    assert "This notebook failed" not in (out / "00_good.html").read_text()
-
-
-@pytest.mark.slow
-def test_pages_load_nothing_from_elsewhere(built):
-    _, out, _ = built
-    for page in out.glob("*.html"):
-        text = page.read_text()
-        assert re.findall(r"""(?:src|href)=["'](?:https?:)?//[^"']+""", text) == []
-        assert re.findall(r"""(?:@import|url\()\s*["']?(?:https?:)?//""", text) == []
-        assert re.findall(r"<script[^>]*src=", text) == []
-
-
-@pytest.mark.slow
-def test_page_shows_figures_as_pictures_the_lab_as_a_page_in_it_and_equations_without_a_script(built):
-    _, out, _ = built
-    page = (out / "00_good.html").read_text()
+    assert {stem for stem, page in pages.items() if "This notebook failed" in page} == {"01_bad"}
+    for page in pages.values():
+        assert re.findall(r"""(?:src|href)=["'](?:https?:)?//[^"']+""", page) == []
+        assert re.findall(r"""(?:@import|url\()\s*["']?(?:https?:)?//""", page) == []
+        assert re.findall(r"<script[^>]*src=", page) == []
+    # Figures are pictures, the lab is a page in the page, and equations need no script.
+    page = pages["00_good"]
     assert len(re.findall(r'<img[^>]* src="data:image/png;base64,', page)) == 3
     assert len(re.findall(r'<iframe[^>]* title="The meter lab"', page)) == 1
-    assert "<mfrac>" in page
-    assert "$$" not in page
-    assert "widget-view" not in page
+    assert "<mfrac>" in page and "$$" not in page and "widget-view" not in page
 
 
 @pytest.mark.slow
-def test_index_lists_figures_tables_and_where_the_data_came_from(built):
+def test_index_names_faults_figures_tables_their_data_and_the_state_of_every_item_of_the_paper(built):
     _, out, _ = built
     index = (out / "index.html").read_text()
+    assert "1 of 2 notebooks failed" in index
+    assert "code cell 2: KeyError: &#39;planted fault&#39;" in index
     assert '<img src="figures/fig01.png" alt="A &lt;planted&gt; title" loading="lazy">' in index
     assert "<td>0.875</td>" in index
     assert "data: planted recordings, synthetic" in index
     assert "quick profile" in index
     assert (out / "figures" / "fig01.png").is_file()
-
-
-@pytest.mark.slow
-def test_index_tells_the_state_of_every_item_of_the_paper(built):
-    index = (built[1] / "index.html").read_text()
     states = dict(re.findall(r"<td>((?:Fig\.|Table) \d+)</td><td>[^<]*</td>\s*<td><span class=\"(\w+)\"", index))
     assert list(states) == [f"Fig. {n}" for n in range(1, 15)] + ["Table 1", "Table 2"]
     assert {item for item, state in states.items() if state == "built"} == {"Fig. 1", "Table 1"}
@@ -170,7 +147,7 @@ def test_texts_of_what_came_out_are_pages_that_the_index_links_to_first(tmp_path
     (tmp_path / "figures").mkdir()
     text = tmp_path / "claims.md"
     text.write_text("# Claim by claim\n\n| a |\n|---|\n| [03](../notebooks/03_beats.ipynb), [more](readings.md) |\n")
-    write_pages(tmp_path, [run_of("# a", ("Fig. 8",))], "quick", documents=[text])
+    write_pages(tmp_path, [run_of("# a", "Fig. 8")], "quick", documents=[text])
     page = (tmp_path / "claims.html").read_text()
     assert '<a href="03_beats.html">03</a>, more' in page
     assert "<table>" in page
@@ -181,32 +158,8 @@ def test_texts_of_what_came_out_are_pages_that_the_index_links_to_first(tmp_path
 def page_of(folder: Path, text: str, *cells: nbformat.NotebookNode, profile: str = "quick", **facts: str) -> str:
     """The page of a notebook with this text and these executed cells; full figures lie in `committed` beside it."""
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    write_pages(folder, [run_of(text, (), cells=cells, **facts)], profile, committed=folder.parent / "committed")
+    write_pages(folder, [run_of(text, cells=cells, **facts)], profile, committed=folder.parent / "committed")
     return (folder / "03_beats.html").read_text()
-
-
-def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    async def run(path: Path, variables: dict[str, str], timeout: float) -> NotebookRun:
-        assert variables["HARMOLAB_PROFILE"] == "full"
-        write_picture(Path(variables["HARMOLAB_FIGURES"]), "fig01", source="synthetic", notebook="00_good")
-        return run_of("# Good", (), stem=path.stem)
-
-    monkeypatch.setattr(report, "_run", run)
-    for folder in ("notebooks", "out", "figures"):
-        (tmp_path / folder).mkdir()
-    write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good")
-    (tmp_path / "out" / "index.html").write_text(report.MARK)
-    (tmp_path / "out" / "old.html").write_text("from an earlier run")
-    (tmp_path / "figures" / "old.png").write_text("from an earlier run")
-    (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {"notebook": "00_good.ipynb"}}')
-    arguments = {"profile": "full", "figures": tmp_path / "figures", "progress": False}
-    assert report.build(tmp_path / "notebooks", tmp_path / "out", **arguments).failures == ()
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["00_good.html", "figures", "index.html"]
-    assert sorted(file.name for file in (tmp_path / "figures").iterdir()) == ["fig01.png", "manifest.json"]
-    assert [*json.loads((tmp_path / "figures" / "manifest.json").read_text())] == ["fig01.png"]
-    assert not list(tmp_path.glob(".out-*"))
 
 
 def git(project: Path, *words: str) -> None:
@@ -220,9 +173,10 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, list
     ran, failing = [], set()
 
     async def run(path: Path, variables: dict[str, str], timeout: float) -> NotebookRun:
+        assert variables["HARMOLAB_PROFILE"] == "full"
         ran.append(path.stem)
-        write_picture(Path(variables["HARMOLAB_FIGURES"]), f"of_{path.stem}", source="synthetic", notebook=path.stem)
-        return run_of(f"# {path.stem}", (), stem=path.stem, error="planted" if path.stem in failing else "")
+        write_picture(Path(variables["HARMOLAB_FIGURES"]), f"of_{path.stem}", notebook=path.stem)
+        return run_of(f"# {path.stem}", stem=path.stem, error="planted" if path.stem in failing else "")
 
     monkeypatch.setattr(report, "_run", run)
     (tmp_path / "notebooks").mkdir()
@@ -234,18 +188,28 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, list
     return tmp_path, ran, failing
 
 
-def full_run(folder: Path, only: tuple[str, ...] = ()) -> dict[str, dict]:
-    """The manifest after a full run of the project."""
+def full_run(folder: Path, only: tuple[str, ...] = (), failed: tuple[str, ...] = ()) -> dict[str, dict]:
+    """The manifest after a full run of the project, in which these notebooks fail."""
     options = {"profile": "full", "figures": folder / "figures", "jobs": 1, "progress": False, "only": only}
-    report.build(folder / "notebooks", folder / "out", **options)
+    result = report.build(folder / "notebooks", folder / "out", **options)
+    assert tuple(run.path.stem for run in result.failures) == failed
     return json.loads((folder / "figures" / "manifest.json").read_text())
 
 
-def test_a_full_run_publishes_what_ran_and_goes_on_with_the_others(project: tuple[Path, list[str], set[str]]):
+def test_a_full_run_replaces_the_last_one_publishes_what_ran_and_goes_on_with_the_others(project):
     folder, ran, failing = project
     failing.add("01_two")
-    manifest = full_run(folder)
+    for name, old in (("out", "old.html"), ("figures", "old.png")):
+        (folder / name).mkdir()
+        (folder / name / old).write_text("from an earlier run")
+    (folder / "out" / "index.html").write_text(report.MARK)
+    (folder / "figures" / "manifest.json").write_text('{"old.png": {"notebook": "00_one.ipynb"}}')
+    manifest = full_run(folder, failed=("01_two",))
     assert [*manifest] == ["of_00_one.png", "of_02_three.png"]
+    pages = ["00_one.html", "01_two.html", "02_three.html"]
+    assert sorted(file.name for file in (folder / "out").iterdir()) == [*pages, "figures", "index.html"]
+    assert sorted(file.name for file in (folder / "figures").iterdir()) == ["manifest.json", *manifest]
+    assert not list(folder.glob(".out-*"))
     (commit,) = {entry["commit"] for entry in manifest.values()}
     assert re.fullmatch("[0-9a-f]{7,}", commit) and {entry["seconds"] for entry in manifest.values()} == {1}
     failing.clear()
@@ -266,14 +230,10 @@ def test_changed_code_is_run_again_and_a_notebook_that_is_gone_loses_its_figures
     assert not (folder / "figures" / "of_02_three.png").exists()
 
 
-def test_what_is_private_is_not_published(tmp_path: Path):
-    run = run_of("# One", (), stem="00_one")
+def test_what_is_private_is_not_published(tmp_path: Path, save):
     for name, more in (("shown", {}), ("people", {"private": True}), ("players", {"source": "tracked"})):
-        about = {"notebook": "00_one", "source": "synthetic", "profile": RunProfile.full(), **more}
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("HARMOLAB_FIGURES", str(tmp_path / "pictures"))
-            saving.save_figure(Figure(), name, tables=(), **about)
-    publish(run, tmp_path / "pictures", tmp_path / "figures", "abc")
+        save(Figure(), name, tables=(), **{"source": "synthetic", "profile": RunProfile.full(), **more})
+    publish(run_of("# One", stem="00_x"), tmp_path, tmp_path / "figures", "abc")
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["manifest.json", "shown.png"]
 
 
@@ -300,9 +260,7 @@ def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
 
 
 @cases("arguments, seconds", ((), 900), (("--profile", "full"), 21600), (("--timeout", "30"), 30))
-def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(
-    arguments: tuple[str, ...], seconds: float, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(arguments, seconds: float, monkeypatch):
     def build(*, timeout: float, **_: object) -> report.Report:
         assert timeout == seconds
         return report.Report(Path("index.html"), ())
@@ -325,13 +283,13 @@ def test_command_line_says_what_is_wrong_and_returns_two(tmp_path: Path, capsys:
 
 
 def test_title_is_the_first_heading_without_its_number():
-    assert run_of("Intro\n\n# 03 Beats from joint speed\n\n# Later", ()).title == "Beats from joint speed"
-    assert run_of("no heading", ()).title == "03_beats"
+    assert run_of("Intro\n\n# 03 Beats from joint speed\n\n# Later").title == "Beats from joint speed"
+    assert run_of("no heading").title == "03_beats"
 
 
 def test_item_that_one_of_two_notebooks_builds_counts_as_built(tmp_path: Path):
     (tmp_path / "figures").mkdir()
-    write_pages(tmp_path, [run_of("# a", ("Fig. 8",)), run_of("# b", ("Fig. 8",), error="code cell 1: no")], "quick")
+    write_pages(tmp_path, [run_of("# a", "Fig. 8"), run_of("# b", "Fig. 8", error="code cell 1: no")], "quick")
     index = (tmp_path / "index.html").read_text()
     assert re.search(r"<td>Fig. 8</td>.*?class=\"(\w+)\"", index, flags=re.DOTALL)[1] == "built"
 
@@ -343,7 +301,7 @@ def test_equation_that_cannot_be_drawn_is_shown_as_its_source_and_aligned_ones_k
 
 
 def test_picture_of_a_quick_run_stands_beside_the_committed_one_with_both_labels(tmp_path: Path):
-    png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic")
+    png = write_picture(tmp_path / "out" / "figures", "a")
     write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full", inches=6.0)
     cell = cell_with(png, saved=("a.png",), remark="saved a.png")
     page = page_of(tmp_path / "out", "# 03 Beats", cell, picture="a.png")
@@ -371,13 +329,13 @@ def test_report_of_the_full_profile_has_its_own_pictures_alone(tmp_path: Path):
 
 def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp_path: Path):
     names = ("a.png", "b.png", "c.png")
-    pngs = [write_picture(tmp_path / "figures", name[0], source="synthetic") for name in names]
+    pngs = [write_picture(tmp_path / "figures", name[0]) for name in names]
     page = page_of(tmp_path, "# 03 Beats", cell_with(pngs[-1], saved=names))
     assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
 
 
 def test_card_shows_the_panel_that_the_notebook_names():
-    run = run_of("# One", ())
+    run = run_of("# One")
     assert run.crop == "0% 0% 0% 0%"
     run.node.metadata["harmolab"] = {"panel": [0.1, 0.2, 0.7, 0.5]}
     assert run.crop == "20% 30% 50% 10%"  # from top, right, bottom and left
@@ -386,11 +344,8 @@ def test_card_shows_the_panel_that_the_notebook_names():
 def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     (tmp_path / "figures").mkdir()
     text = "[on](04_next.ipynb)\n\nNext: [04 Next](04_next.ipynb)"
-    runs = [
-        run_of("# 03 Beats\n\n" + text, (), part="the score", finding="3 of 4 <b>."),
-        run_of("# 04 Next", (), stem="04_next", part="the generator"),
-    ]
-    write_pages(tmp_path, runs, "quick")
+    first = run_of("# 03 Beats\n\n" + text, part="the score", finding="3 of 4 <b>.")
+    write_pages(tmp_path, [first, run_of("# 04 Next", stem="04_next", part="the generator")], "quick")
     first, second = ((tmp_path / f"{stem}.html").read_text() for stem in ("03_beats", "04_next"))
     assert first.count('href="04_next.html" rel="next"') == second.count('href="03_beats.html" rel="prev"') == 2
     assert 'rel="prev"' not in first
@@ -411,11 +366,8 @@ def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     ("no data: shapes alone", ""),
     ("", ""),
 )
-def test_source_of_a_figure_in_plain_words(source: str, words: str):
+def test_source_of_a_figure_in_plain_words_and_its_corpora_as_people_know_them(source: str, words: str):
     assert data_words(source) == words
-
-
-def test_corpora_are_named_as_people_know_them():
     names = source_names("beatlocked + realdance/a + realdance/b + synthetic")
     assert names == ["recordings on the beat", "recordings", "synthetic"]
 
@@ -424,8 +376,7 @@ def test_cell_of_a_table_that_holds_no_number_is_a_dash(tmp_path: Path):
     table = pd.DataFrame({"low": [float("nan")], "high": [0.5]}).to_html()
     output = new_output("display_data", {"text/html": table})
     page = page_of(tmp_path, "# a", new_code_cell("table", outputs=[output]))
-    assert "<td>–</td>" in page
-    assert "<td>0.5</td>" in page
+    assert "<td>–</td>" in page and "<td>0.5</td>" in page
 
 
 @pytest.fixture
@@ -435,18 +386,15 @@ def save(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., savin
     return partial(saving.save_figure, notebook="00_x.ipynb", profile=RunProfile.quick())
 
 
-def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(save: Callable[..., saving.Saved]):
-    planted, recorded = Figure(), Figure()
-    save(planted, "a", source="Synthetic cha-cha")
-    save(planted, "b", source="Synthetic cha-cha")
-    save(recorded, "c", source="tang2018")
-    assert [text.get_text() for text in planted.texts] == ["synthetic data"]
-    assert [text.get_text() for text in recorded.texts] == []
+def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(save):
+    for source, words in (("Synthetic cha-cha", ["synthetic data"]), ("tang2018", [])):
+        figure = Figure()
+        for name in "ab":
+            save(figure, name, source=source)
+        assert [text.get_text() for text in figure.texts] == words
 
 
-def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(
-    tmp_path: Path, save: Callable[..., saving.Saved]
-):
+def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(tmp_path: Path, save):
     bundle = save(Figure(), "a", source="tang2018")._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == (tmp_path / "a.png").read_bytes()
     figure = pyplot.figure()
@@ -463,7 +411,7 @@ def test_style_holds_inside_the_block_and_leaves_everything_else_alone():
     pyplot.rcParams["interactive"] = False
 
 
-def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, save: Callable[..., saving.Saved]):
+def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, save):
     for name in "ab":
         figure = Figure()
         figure.subplots().plot([0, 1])
@@ -471,7 +419,7 @@ def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, save: Callable[.
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, save: Callable[..., saving.Saved]):
+def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, save):
     for name, source in [("a", "one"), ("b", "two"), ("a", "three")]:
         save(Figure(), name, source=source, seed=0)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
@@ -480,29 +428,24 @@ def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, save:
     assert sorted(file.name for file in tmp_path.glob("[!.]*")) == ["a.png", "b.png", "manifest.json"]
 
 
-@pytest.mark.usefixtures("save")
-def test_what_is_saved_at_the_same_time_loses_no_entry(tmp_path: Path):
-    facts = {"notebook": "00", "source": "planted", "profile": RunProfile.quick()}
-    table = pd.DataFrame({"score": [1.0]})
+def test_what_is_saved_at_the_same_time_loses_no_entry(tmp_path: Path, save):
+    one = partial(saving.save_table, pd.DataFrame({"score": [1.0]}), source="planted", **save.keywords)
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda number: saving.save_table(table, f"table{number}", **facts), range(40)))
+        list(pool.map(one, [f"table{number}" for number in range(40)]))
     assert len(json.loads((tmp_path / "manifest.json").read_text())) == 40
 
 
-def test_picture_is_written_in_the_format_of_its_suffix(tmp_path: Path):
+def test_picture_is_written_in_the_format_of_its_suffix_else_path_and_fault_are_named(tmp_path: Path):
     assert style.write_figure(Figure(), tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert style.write_figure(Figure(), tmp_path / "a.PDF").read_bytes().startswith(b"%PDF")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.PDF", "a.png"]
-
-
-def test_picture_that_cannot_be_written_names_its_path_and_the_fault(tmp_path: Path):
     refused(r"a\.wav: no picture format 'wav'", style.write_figure, Figure(), tmp_path / "a.wav")
     with pytest.raises(FileNotFoundError, match="nowhere does not exist"):
         style.write_figure(Figure(), tmp_path / "nowhere" / "a.png")
 
 
 @pytest.mark.parametrize("name", ["", "../a", "a/b", ".hidden"])
-def test_figure_name_that_is_no_plain_file_name_is_refused(save: Callable[..., saving.Saved], name: str):
+def test_figure_name_that_is_no_plain_file_name_is_refused(save, name: str):
     refused("plain file name", save, Figure(), name, source="x")
 
 
@@ -518,7 +461,7 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
 @pytest.mark.browser
 @pytest.mark.usefixtures("built")  # a report cannot be built any more once the browser's event loop runs
 def test_code_and_full_run_are_switched_without_a_network(tmp_path: Path, chromium):
-    png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic", inches=9.0)
+    png = write_picture(tmp_path / "out" / "figures", "a", inches=9.0)
     write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
     plumbed = [new_output("stream", text="plumbed")]
     plumbing = new_code_cell("settings", outputs=plumbed, metadata={"tags": ["plumbing"]})
@@ -648,9 +591,8 @@ def test_thumbnail_of_a_card_is_the_panel_that_the_notebook_names(extension, tmp
     assert {path.stem for path in tmp_path.glob("*.png")} == names
     for path in tmp_path.glob("*.png"):
         with Image.open(path) as image:
-            assert (
-                200 < image.width < 920 and image.height > 100
-            )  # shown 400 wide, so that letters of 8 points are left
+            # It is shown 400 wide, so that letters of 8 points are left.
+            assert 200 < image.width < 920 and image.height > 100
 
 
 def test_links_beside_the_docs_lead_to_a_page_or_are_text(extension, monkeypatch: pytest.MonkeyPatch):
@@ -700,9 +642,8 @@ def dead_links(site: Path) -> set[tuple[str, str]]:
 
 def test_link_check_finds_a_file_and_a_place_that_are_not_there(tmp_path: Path):
     (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "one.html").write_text(
-        '<a href="../two.html#here"><a href="../two.html#there"><img src="no.png">'
-    )
+    links = '<a href="../two.html#here"><a href="../two.html#there"><img src="no.png">'
+    (tmp_path / "a" / "one.html").write_text(links)
     (tmp_path / "two.html").write_text('<p id="here"><a href="/a/one.html"><a href="#"><a href="https://example.org">')
     assert dead_links(tmp_path) == {("one.html", "../two.html#there"), ("one.html", "no.png")}
 
