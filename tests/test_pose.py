@@ -21,7 +21,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app, posing
-from harmolab.files import UNFINISHED, cache_folder
+from harmolab.files import UNFINISHED
 from harmolab.lab.explain.filmed import filmed_motion
 from harmolab.readers import pose
 from harmolab.readers.keypoints import MEDIAPIPE_33
@@ -142,6 +142,11 @@ def waves(hertz: float, seconds: float = 6.0, size: float = 60.0) -> np.ndarray:
     return 120 + size * np.sin(2 * np.pi * hertz * np.arange(round(seconds * FPS)) / FPS)
 
 
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    return film(tmp_path / "take.mp4", waves(1.0, seconds=2.0))
+
+
 def test_every_picture_gets_the_answer_of_its_own_body(tmp_path: Path):
     people = list(found_people(pictures(), stand_in(tmp_path)))
     heights = [person[15, 3] for person, _ in people]
@@ -163,33 +168,26 @@ def test_a_process_that_goes_wrong_is_one_clear_error(tmp_path: Path, fault: str
 
 
 @pytest.mark.slow
-@cases("fault, seconds", ("hang", 0.7), ("mute", 60.0))
-def test_a_process_that_hangs_or_never_begins_is_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, seconds: float
-):
-    monkeypatch.setattr(pose, "BEGIN_SECONDS", 60.0 if fault == "hang" else 0.7)
+@cases("fault, start, seconds", ("hang", 60.0, 0.7), ("mute", 0.7, 60.0))
+def test_a_process_that_hangs_or_never_begins_is_stopped(tmp_path: Path, monkeypatch, fault: str, start, seconds):
+    monkeypatch.setattr(pose, "BEGIN_SECONDS", start)
     begin = time.monotonic()
     words = "gave no answer for 0.7 s and was stopped"
     refused(words, list, found_people(pictures(), stand_in(tmp_path, fault), seconds=seconds))
     assert time.monotonic() - begin < 10
 
 
-def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
-    def damaged():
-        yield from pictures(2)
-        raise ValueError("take.mp4: is cut off")
-
-    refused(r"take\.mp4: is cut off", list, found_people(damaged(), stand_in(tmp_path)))
-
-
 @pytest.mark.slow
-def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
-    def slow():
-        for picture in pictures(3):
+def test_slow_pictures_are_no_silence_of_the_process_and_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
+    def slow(count: int):
+        for picture in pictures(count):
             time.sleep(0.4)
             yield picture
+        if count < 3:
+            raise ValueError("take.mp4: is cut off")
 
-    assert len(list(found_people(slow(), stand_in(tmp_path), seconds=0.3))) == 3
+    assert len(list(found_people(slow(3), stand_in(tmp_path), seconds=0.3))) == 3
+    refused(r"take\.mp4: is cut off", list, found_people(slow(2), stand_in(tmp_path)))
 
 
 def test_the_motion_is_in_metres_with_y_up_and_named_joints(tmp_path: Path):
@@ -227,17 +225,13 @@ def test_pictures_without_the_body_are_filled_in_and_do_not_count(tmp_path: Path
     assert np.isfinite(motion.positions).all()
 
 
-def test_joints_out_of_the_picture_are_left_out_and_named():
+def test_joints_out_of_the_picture_are_left_out_and_named_and_too_little_of_a_body_is_an_error():
     landmarks = np.repeat(standing_body()[None], 30, axis=0)
     landmarks[:, 25:33, 5] = 0.1  # from the knees down
     reading = body_motion(landmarks, 30.0)
     assert [name for name in pose.BODY if name not in reading.motion.skeleton.joints] == list(pose.BODY[-6:])
     assert reading.motion.valid.all()
     assert "left out: left knee, right knee, left ankle" in reading.notes[-1]
-
-
-def test_too_little_of_a_body_is_an_error():
-    landmarks = np.repeat(standing_body()[None], 30, axis=0)
     landmarks[:, 13:, 5] = 0.1
     refused("only 3 of 15 joints of the body are seen; film all of it", body_motion, landmarks, 30.0)
 
@@ -248,15 +242,16 @@ def test_a_single_wrong_picture_is_taken_out():
     assert np.ptp(body_motion(landmarks, 30.0).motion.positions, axis=0).max() == 0
 
 
+LIVELY, QUIET = waves(1.5), waves(0.2, size=5.0)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("quiet_one_first", [True, False])
-def test_of_two_people_the_one_who_moves_most_is_taken(tmp_path: Path, quiet_one_first: bool):
-    lively, quiet = waves(1.5), waves(0.2, size=5.0)
-    left, right = (quiet, lively) if quiet_one_first else (lively, quiet)
+@cases("left, right", (QUIET, LIVELY), (LIVELY, QUIET))
+def test_of_two_people_the_one_who_moves_most_is_taken(tmp_path: Path, left: np.ndarray, right: np.ndarray):
     reading = read_pose(film(tmp_path / "two.mp4", left, right, blue=0), command=two_people(tmp_path))
     assert reading.notes[0] == "2 people are in the picture; the one who moves most was taken"
     wrist = reading.motion.positions[:, pose.BODY.index("left_wrist"), 1]
-    np.testing.assert_allclose(wrist, lively / 255, atol=0.08)
+    np.testing.assert_allclose(wrist, LIVELY / 255, atol=0.08)
 
 
 def two_people(folder: Path) -> list[str]:
@@ -284,51 +279,41 @@ def test_what_was_read_is_kept_by_the_content_of_the_video(tmp_path: Path, cache
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("content", [b"PK\x03\x04", "nan", "shape", "type"])
-def test_a_damaged_reading_in_the_cache_is_read_anew(tmp_path: Path, cache: Path, content: bytes | str):
-    path = film(tmp_path / "take.mp4", waves(1.0))
-    first = read_pose(path, command=stand_in(tmp_path)).motion
+def test_a_damaged_reading_in_the_cache_is_read_anew(video: Path, tmp_path: Path, cache: Path):
+    first = read_pose(video, command=stand_in(tmp_path)).motion
     (kept,) = cache.glob("poses_*.npz")
-    if isinstance(content, bytes):
-        kept.write_bytes(content)
-    else:
-        people = np.zeros((1, 10, 33, 6), np.float32)
-        people[0, 0, 0, 0] = np.nan
-        np.savez(kept, people={"nan": people, "shape": people[:, :, :5], "type": np.zeros(people.shape, int)}[content])
-    np.testing.assert_array_equal(first.positions, read_pose(path, command=stand_in(tmp_path)).motion.positions)
+    people = np.zeros((1, 10, 33, 6), np.float32)
+    unknown = people.copy()
+    unknown[0, 0, 0, 0] = np.nan
+    for damaged in (None, unknown, people[:, :, :5], people.astype(int)):
+        np.savez(kept, people=damaged)
+        if damaged is None:
+            kept.write_bytes(b"PK\x03\x04")
+        np.testing.assert_array_equal(first.positions, read_pose(video, command=stand_in(tmp_path)).motion.positions)
 
 
-def test_the_oldest_readings_go_where_all_take_too_much_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(pose, "KEPT_BYTES", 150_000)
+def test_the_oldest_readings_go_where_all_take_too_much_room(tmp_path: Path, cache: Path, monkeypatch):
+    monkeypatch.setattr(pose, "KEPT_BYTES", 50_000)
     for number in range(4):
-        read_pose(film(tmp_path / "take.mp4", waves(0.5 + number)), command=stand_in(tmp_path))
+        read_pose(film(tmp_path / "take.mp4", waves(0.5 + number, seconds=2.0)), command=stand_in(tmp_path))
         time.sleep(0.02)
-    folder = cache_folder()
-    assert folder is not None
-    files = list(folder.glob("poses_*.npz"))
+    files = list(cache.glob("poses_*.npz"))
     assert 1 <= len(files) < 4
-    assert sum(file.stat().st_size for file in files) <= 150_000
+    assert sum(file.stat().st_size for file in files) <= 50_000
 
 
-def test_without_an_environment_the_error_says_what_fetches_it(tmp_path: Path):
-    refused("`harmolab data pose --install` fetches it", read_pose, film(tmp_path / "take.mp4", waves(1.0)))
+def test_without_an_environment_the_error_says_what_fetches_it(video: Path):
+    refused("`harmolab data pose --install` fetches it", read_pose, video)
 
 
 # The environment
-
-
-@pytest.fixture
-def video(tmp_path: Path) -> Path:
-    return film(tmp_path / "take.mp4", waves(1.0, seconds=2.0))
 
 
 def made(folder: Path) -> Path:
     return pose.make_pose_environment(pip=pip(folder))
 
 
-def test_it_lies_in_the_cache_with_version_and_python_of_pinned_whole_wheels_and_is_fetched_once(
-    tmp_path: Path, cache: Path
-):
+def test_it_lies_in_the_cache_by_version_and_python_of_pinned_wheels_and_is_fetched_once(tmp_path: Path, cache: Path):
     folder = made(tmp_path)
     assert folder == cache / f"pose_mediapipe_0.10.21_{sys.implementation.cache_tag}"
     assert pose.pose_environment() == folder
@@ -383,11 +368,10 @@ def test_several_at_once_make_one(tmp_path: Path, cache: Path):
 
 def test_where_it_cannot_be_or_is_turned_off_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     made(tmp_path)
-    monkeypatch.setenv("HARMOLAB_POSE", "off")
-    assert pose.pose_environment() is None
-    monkeypatch.setenv("HARMOLAB_POSE", "on")
-    monkeypatch.setenv("HARMOLAB_CACHE", "off")
-    assert pose.pose_environment() is None
+    for name in ("HARMOLAB_POSE", "HARMOLAB_CACHE"):
+        monkeypatch.setenv("HARMOLAB_POSE", "on")
+        monkeypatch.setenv(name, "off")
+        assert pose.pose_environment() is None
     refused("HARMOLAB_CACHE is off", pose.make_pose_environment)
     monkeypatch.setattr(pose.sys, "version_info", (3, 13, 0))
     refused(r"MediaPipe 0\.10\.21 runs in Python 3\.9 to 3\.12, and this is 3\.13", pose.make_pose_environment)
@@ -399,13 +383,12 @@ def test_where_it_cannot_be_or_is_turned_off_there_is_none(tmp_path: Path, monke
 @pytest.fixture
 def installs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The folders that commands made, by the stand-in of pip."""
-    done: list[Path] = []
+    done, original = [], pose.make_pose_environment
 
     def make(**_: Sequence[str]) -> Path:
         done.append(original(pip=pip(tmp_path)))
         return done[-1]
 
-    original = pose.make_pose_environment
     monkeypatch.setattr(pose, "make_pose_environment", make)
     return done
 
@@ -420,11 +403,14 @@ def run(*arguments: object, answer: str = "") -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments], input=answer)
 
 
-def test_without_a_terminal_nothing_is_fetched_and_the_line_says_how(installs: list[Path]):
+def test_without_a_terminal_nothing_is_fetched_and_a_line_says_how_and_what_would_be_surer(installs, video: Path):
     result = run("data", "pose", "--install")
     assert result.exit_code == 2 and not installs
     assert "about 55 MB, 155 MB on disk, in " in result.stderr
     assert "To agree: harmolab data pose --install --yes" in result.stderr
+    (line,) = offered(video).splitlines()
+    assert line.endswith("its dancer's body would be surer: `harmolab data pose --install` fetches what finds it, once")
+    assert not installs
 
 
 def test_yes_fetches_without_a_question(installs: list[Path], cache: Path):
@@ -453,9 +439,8 @@ def offered(video: Path) -> str:
     return stream.getvalue()
 
 
-def test_other_commands_ask_once_and_take_the_flow_after_a_no(
-    installs: list[Path], video: Path, terminal: None, monkeypatch: pytest.MonkeyPatch
-):
+@pytest.mark.usefixtures("terminal")
+def test_other_commands_ask_once_and_take_the_flow_after_a_no(installs, video: Path, monkeypatch: pytest.MonkeyPatch):
     asked: list[str] = []
     monkeypatch.setattr(posing.typer, "confirm", lambda text, **_: asked.append(text))
     for _ in range(2):
@@ -463,12 +448,6 @@ def test_other_commands_ask_once_and_take_the_flow_after_a_no(
     assert len(asked) == 1 and not installs
     monkeypatch.setattr(pose, "hindrance", lambda: "this is Python 3.13")
     assert offered(video) == "", "where it cannot be made nobody is asked"
-
-
-def test_without_a_terminal_one_line_says_what_would_be_surer(installs: list[Path], video: Path):
-    (line,) = offered(video).splitlines()
-    assert line.endswith("its dancer's body would be surer: `harmolab data pose --install` fetches what finds it, once")
-    assert not installs
 
 
 def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], video: Path, tmp_path: Path):
@@ -479,20 +458,17 @@ def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], v
 @cases(
     "arguments, words",
     ((), "pose takes a VIDEO, --install or --remove"),
-    (("nothing.mp4",), "nothing.mp4: no such file"),
-    (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab data convert` reads files of movement"),
-    (("take.mp4", "--out", "x.gif"), "x.gif: a motion is written as .npz, .bvh"),
-    (("text.mp4",), "text.mp4: cannot be read as video"),
+    (("nothing.mp4", "--yes"), "nothing.mp4: no such file"),
+    (("dance.bvh", "--yes"), "dance.bvh: is no video by its name; `harmolab data convert` reads files of movement"),
+    (("take.mp4", "--out", "x.gif", "--yes"), "x.gif: a motion is written as .npz, .bvh"),
+    (("text.mp4", "--yes"), "text.mp4: cannot be read as video"),
 )
-def test_mistakes_are_told_before_anything_is_fetched(
-    installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
-):
+def test_mistakes_are_told_before_anything_is_fetched(installs, video: Path, monkeypatch, arguments, words: str):
     monkeypatch.chdir(video.parent)
     (video.parent / "dance.bvh").write_text("HIERARCHY")
     (video.parent / "text.mp4").write_text("no video")
-    result = run("data", "pose", *arguments, "--yes") if arguments else run("data", "pose")
-    assert result.exit_code == 2 and not installs
-    assert words in result.stderr
+    result = run("data", "pose", *arguments)
+    assert result.exit_code == 2 and not installs and words in result.stderr
 
 
 # The real thing
@@ -503,17 +479,13 @@ def mediapipe() -> Path:
     """The folder of an environment that somebody made on this machine; none is fetched for a test."""
     named = os.environ.get("HARMOLAB_TEST_POSE")
     if named is None:
-        pytest.skip(
-            "no MediaPipe: HARMOLAB_TEST_POSE names the folder of an environment, `harmolab data pose --install`"
-        )
+        pytest.skip("no MediaPipe: HARMOLAB_TEST_POSE names the folder that `harmolab data pose --install` makes")
     return Path(named)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["worst", "two people"])
-def test_the_movement_of_a_filmed_dancer_is_read_in_time(
-    mediapipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
-):
+def test_the_movement_of_a_filmed_dancer_is_read_in_time(mediapipe: Path, tmp_path: Path, case: str):
     pose.pose_folder().symlink_to(mediapipe)
     motion, _, _ = phone_videos.filmed_part(planted_dance(seconds=12.0), seconds=8.0)
     read = filmed_motion(phone_videos.film(tmp_path / "take.mp4", motion, None, phone_videos.CASES[case])).motion
