@@ -12,9 +12,9 @@ import torch
 from benchmarks.timing import best_of
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.systems.music2dance.codes import RotationCode
+from harmolab.systems.music2dance.generate import CachedWaveNet
 from harmolab.systems.music2dance.networks import DanceNetwork, WaveNet
 from harmolab.systems.music2dance.params import Music2DanceParams
-from harmolab.systems.music2dance.sampler import CachedWaveNet
 
 FRAMES, ANEW = 2000, 200  # danced by either
 DANCES = ("cha-cha", "rumba", "tango", "waltz")

@@ -31,10 +31,18 @@ from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.choreographer import generate
 from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.banks import FOLDER, REMARKS, puppets, shipped_bank
-from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
 from harmolab.systems.choreographer.form import EASE, HOP, Form, pace
 from harmolab.systems.choreographer.generate import TOO_LITTLE, Choreographer, Choreography, repetition, warnings_of
-from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
+from harmolab.systems.choreographer.lay import (
+    MusicBeats,
+    beat_numbers,
+    beats_between,
+    choose,
+    faded,
+    fit,
+    node_costs,
+    runs_of,
+)
 from harmolab.systems.choreographer.takes import Take, dancing_span, mirrored, nearest_dance, take_of
 from harmolab.systems.training.motion_code import fixed_bones
 from harmolab.types import Audio, BeatTrack, Clip, Motion

@@ -30,10 +30,9 @@ from harmolab.systems.music2dance import generate
 from harmolab.systems.music2dance import sequences as seq
 from harmolab.systems.music2dance.codes import POINTS, PositionCode, RotationCode, body_points, stored_code
 from harmolab.systems.music2dance.feet import FootParams, train_feet
-from harmolab.systems.music2dance.generate import heard_song
+from harmolab.systems.music2dance.generate import heard_song, sampler
 from harmolab.systems.music2dance.networks import DanceNetwork, Prediction, shifted
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
-from harmolab.systems.music2dance.sampler import sampler
 from harmolab.systems.music2dance.sequences import SequenceSet
 from harmolab.systems.training import units
 from harmolab.systems.training.about import read_about

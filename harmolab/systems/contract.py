@@ -20,7 +20,7 @@ from harmolab.files import PathLike
 from harmolab.systems.training.about import read_about
 from harmolab.types import Audio, BeatTrack, Motion
 
-# Name of a part -> the system that it belongs to; its class stands in the module `parts` there.
+# Name of a part -> the system that it belongs to; its class stands in the module of its name there.
 PARTS: Mapping[str, str] = MappingProxyType({"attributes": "music2dance", "feet": "music2dance"})
 # Systems that play an instrument -> the package that each is.
 PLAYERS: Mapping[str, str] = MappingProxyType({"audio2body": "harmolab.musician"})
@@ -99,7 +99,7 @@ def find(name: str) -> type[System]:
 
 def trainable(name: str) -> type[Trainable]:
     """The class of a system, as `find`, or of a part of one."""
-    return _class(name, f"{__package__}.{PARTS[name]}.parts") if name in PARTS else find(name)
+    return _class(name, f"{__package__}.{PARTS[name]}.{name}") if name in PARTS else find(name)
 
 
 def check_whole(name: str | None, place: str = "") -> None:

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import binary_opening, gaussian_filter1d
 
-from harmolab.systems.choreographer.choose import SLACK, MusicBeats
+from harmolab.systems.choreographer.lay import SLACK, MusicBeats
 from harmolab.types import Audio, BoolArray, FloatArray
 
 HOP = 0.05  # seconds of sound whose loudness is one number

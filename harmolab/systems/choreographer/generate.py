@@ -16,9 +16,8 @@ from harmolab.body.skeletons import Skeleton, side_pairs
 from harmolab.files import PathLike, Progress, cache_folder, silent
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
-from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer import lay
 from harmolab.systems.choreographer.form import Form, pace
-from harmolab.systems.choreographer.lay import Ending, Run, beat_numbers, danced, runs_of
 from harmolab.systems.choreographer.moves import ChoreographerParams, Course, Moves, moves_of, pattern_shares, pulse
 from harmolab.systems.choreographer.takes import (
     Item,
@@ -103,7 +102,7 @@ class Choreography:
     held: BoolArray
 
 
-def pieces_of(moves: Moves, runs: list[Run], music: MusicBeats, start: float) -> tuple[Piece, ...]:
+def pieces_of(moves: Moves, runs: list[lay.Run], music: lay.MusicBeats, start: float) -> tuple[Piece, ...]:
     """The runs of a dance, by name and time."""
     pieces = []
     for run in runs:
@@ -114,7 +113,7 @@ def pieces_of(moves: Moves, runs: list[Run], music: MusicBeats, start: float) ->
     return tuple(pieces)
 
 
-def seam_sizes(runs: list[Run], params: ChoreographerParams) -> tuple[float, float]:
+def seam_sizes(runs: list[lay.Run], params: ChoreographerParams) -> tuple[float, float]:
     """Mean and worst seam, centimetres; those below a twin's are left out of the mean."""
     seams = np.array([run.seam for run in runs[1:]])
     real = seams[seams >= params.twin]
@@ -158,7 +157,7 @@ def recording_shares(moves: Moves, path: IntArray) -> dict[str, float]:
 
 
 def warnings_of(
-    moves: Moves, music: MusicBeats, *, worst: float, minutes: float, is_own_pulse: bool, has_beats: bool
+    moves: Moves, music: lay.MusicBeats, *, worst: float, minutes: float, is_own_pulse: bool, has_beats: bool
 ) -> tuple[str, ...]:
     """Sentences about what this corpus cannot do for this song."""
     lines = []
@@ -178,7 +177,7 @@ def warnings_of(
     return (*lines, *_bar_warning(moves, music, is_own_pulse))
 
 
-def _bar_warning(moves: Moves, music: MusicBeats, is_own_pulse: bool) -> tuple[str, ...]:
+def _bar_warning(moves: Moves, music: lay.MusicBeats, is_own_pulse: bool) -> tuple[str, ...]:
     """A sentence where the bar is not danced, and why."""
     meter = moves.meter
     if is_own_pulse or meter == 0:
@@ -358,19 +357,19 @@ class Choreographer(DanceSystem):
         is_own_pulse = not takes[0].beats.size
         period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
         end = start + (frames - 1) / self.fps
-        music = beats_between(track, start, end, meter=meter_of(track, dance), period=period)
+        music = lay.beats_between(track, start, end, meter=meter_of(track, dance), period=period)
         form = Form.of(request.audio)
         music = form.danced_beats(music, end, period)
         moves = self._moves_of(takes, music.period, frames / self.fps)
-        lead = float(beat_numbers(music, np.array([start]))[0])
+        lead = float(lay.beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
-        ending = None if initial is None else Ending(initial, lead, beat, moves, self.params)
+        ending = None if initial is None else lay.Ending(initial, lead, beat, moves, self.params)
         costs = None if ending is None else ending.costs()
-        path = choose(moves, music, self.params, seed=request.seed, first=costs, progress=request.progress)
+        path = lay.choose(moves, music, self.params, seed=request.seed, first=costs, progress=request.progress)
         turn, shift = (1.0, 0.0) if ending is None else ending.fit(int(path[0]))
-        runs = runs_of(moves, path, self.params, turn=turn, shift=shift)
-        numbers = beat_numbers(music, start + np.arange(frames) / self.fps)
-        positions = danced(moves, runs, numbers, self.fps, plant_feet=request.plant_feet, initial=initial)
+        runs = lay.runs_of(moves, path, self.params, turn=turn, shift=shift)
+        numbers = lay.beat_numbers(music, start + np.arange(frames) / self.fps)
+        positions = lay.danced(moves, runs, numbers, self.fps, plant_feet=request.plant_feet, initial=initial)
         mean, worst = seam_sizes(runs, self.params)
         minutes, (stretch, repeated) = distinct_minutes(moves, self.params), repetition(moves, path, self.params)
         about = warnings_of(

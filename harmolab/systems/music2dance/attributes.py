@@ -1,6 +1,7 @@
 """The dance that a song calls for: the paper's attribute classifier (Sec. 4.3, Fig. 5), its baseline, their training.
 
-Its classes are dances, or groups of dances: no one sorted songs by mood.
+Its classes are dances, or groups of dances: no one sorted songs by mood. It is trained by itself, into a folder of its
+own inside the run of a dancer, RUN/attributes, where the dancer finds it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,14 +19,16 @@ from harmolab.data.recordings import recording_files
 from harmolab.files import PathLike, Progress, silent
 from harmolab.readers.audio import load_audio
 from harmolab.systems.music2dance.music_features import CHANNELS, blind_features
-from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS
+from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS, PRESETS
 from harmolab.systems.training import layers
+from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_numbers
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
+from harmolab.systems.training.network_system import Learner, preset_settings
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.units import recording_folders
-from harmolab.systems.training.weights import stored_record
+from harmolab.systems.training.weights import load_weights, stored_record
 from harmolab.types import FloatArray
 
 Front = Literal["convolution", "frames"]
@@ -379,3 +382,41 @@ def split_songs(songs: Iterable[Song], *, seed: int = 0) -> SongSplit:
         fault = f"{len(labels)} songs, each of another dance"
         raise ValueError(f"{fault}: none can be tested on; two of a dance are needed")
     return SongSplit(tuple(name for name in labels if name not in test), tuple(name for name in labels if name in test))
+
+
+class Attributes(Learner):
+    """The attribute classifier (`AttributeClassifier`), as a thing to train."""
+
+    @classmethod
+    def load(cls, folder: PathLike) -> AttributeClassifier:
+        """The classifier in the folder of its run."""
+        return load_weights(folder, AttributeClassifier)
+
+    @classmethod
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        preset: str = PRESETS[0],
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`, on recorded songs, of which a fifth is tested on; the outcome is noticed, too. Its own keywords:
+
+        preset : "recommended" or "paper", of `AttributeParams`
+        split_seed : int, of the songs that are tested on
+        changes : other values for fields of `AttributeParams`, such as ``epochs``
+        """
+        params, notice = preset_settings(AttributeParams, preset, PRESETS, changes), options.notice
+        songs = load_songs(data, progress=options.progress)
+        split = split_songs(songs.songs, seed=split_seed)
+        for line in songs.notes:
+            notice(f"left out: {line}")
+        notice(f"songs: {len(split.train)} train, {len(split.test)} test; dances: {', '.join(songs.classes)}")
+        train_attributes(songs.songs, songs.classes, split, options, params)
+        test = read_about(options.out)["meta"]["test"]
+        notice(
+            f"test songs: {test['right']} of {test['songs']} dances are right; {test['majority']} would be by always "
+            "naming the most frequent dance of the training songs"
+        )

@@ -2,10 +2,12 @@
 
 It sees the lower body, the places of both feet and which of them stand, and adds increments to the lower body's
 channels. It learns on recorded motion with simulated sliding: noise, and everything smoothed.
+
+It is trained by itself, into a folder of its own inside the run of a dancer, RUN/feet, where the dancer finds it.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -14,16 +16,18 @@ from torch import Tensor, nn
 from torch.nn.functional import conv1d, pad
 
 from harmolab.body.skeletons import foot_joints, joint_part
+from harmolab.files import PathLike
 from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, MotionCode, PositionCode, RotationCode, stored_code
-from harmolab.systems.music2dance.params import MOST_REACH, Representation
-from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, Windows, training_windows
+from harmolab.systems.music2dance.params import MOST_REACH, Music2DanceParams, Representation
+from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, Windows, load_sequences, training_windows
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_numbers
 from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, decode, drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, epoch_order, make_fabric
+from harmolab.systems.training.network_system import Learner, changed, noticed_split
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.splits import Split
-from harmolab.systems.training.weights import stored_record
+from harmolab.systems.training.weights import load_weights, stored_record
 from harmolab.types import FloatArray
 
 Kind = Literal["convolution", "lstm"]
@@ -281,3 +285,35 @@ def standing_speed(model: FootModel, motion: Tensor, windows: Windows, fps: floa
     speeds = torch.stack([steps[..., list(foot)].amin(dim=-1) * fps**2 for foot in foot_joints(skeleton)], dim=-1)
     standing = windows.contacts[:, 1:] * windows.contacts[:, :-1] * windows.valid[:, 1:, None]
     return (speeds * standing).sum() / standing.sum().clamp(min=1.0)
+
+
+class Feet(Learner):
+    """The foot constraint model (`FootModel`), as a thing to train."""
+
+    @classmethod
+    def load(cls, folder: PathLike) -> FootModel:
+        """The model in the folder of its run."""
+        return load_weights(folder, FootModel)
+
+    @classmethod
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        representation: Representation = "positions",
+        step: int = 2,
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`, on the figures of the training side; its own keywords:
+
+        representation : "positions" or "rotations", as the dancer's that it serves
+        step, split_seed : as of `harmolab.systems.training.network_system.PresetSystem.learn`
+        changes : other values for fields of `FootParams`, such as ``epochs`` and ``velocity_weight``
+        """
+        params = changed(FootParams(), changes)
+        coding = replace(Music2DanceParams.recommended(), representation=representation)
+        check_velocity(params, representation)
+        sequences = load_sequences(data, coding, step=step, progress=options.progress)
+        train_feet(noticed_split(sequences.units, split_seed, options.notice), sequences, options, params)

@@ -1,19 +1,24 @@
-"""From a song to a dance with a trained network: the song heard in windows, then frame after frame."""
+"""From a song to a dance with a trained network: the song heard in windows, then frame after frame.
+
+Dancing frame by frame is done in numpy, where every convolution remembers what it saw. Convolved anew for each frame, a
+WaveNet of 125 frames' reach costs 125 times as much. Here each block keeps the values of its last `dilation` frames in
+a ring. What music and dance add to every gate is known before the dance begins.
+"""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
+from scipy.special import expit
 
 from harmolab.files import Progress
 from harmolab.systems.music2dance.codes import RotationCode
 from harmolab.systems.music2dance.feet import FootModel
-from harmolab.systems.music2dance.networks import CONTACTS, DanceNetwork
-from harmolab.systems.music2dance.sampler import Sampler, sampler
+from harmolab.systems.music2dance.networks import CONTACTS, MOST_SPREAD, DanceNetwork, LstmDancer, WaveNet
 from harmolab.systems.music2dance.sequences import LEAST_STD, cells_from, n_cells
 from harmolab.systems.training.feet import on_floor, standing_dancer
 from harmolab.systems.training.layers import Normaliser
@@ -22,6 +27,121 @@ from harmolab.types import FloatArray
 Feet = Literal["planted", "model", "none"]
 FEET: tuple[Feet, ...] = ("planted", "model", "none")
 EDGE = 1e-3  # weight of a window at its ends
+SingleArray = NDArray[np.float32]
+Step = tuple[SingleArray, SingleArray, SingleArray]
+
+
+class Sampler:
+    """A network that dances one song, frame by frame.
+
+    Parameters
+    ----------
+    net : WaveNet or LstmDancer
+    """
+
+    def __init__(self, net: WaveNet | LstmDancer) -> None:
+        self.head, self.n_motion = _affine(net.head.layer), net.head.n_motion
+        self.carry, self.least = np.float32(net.head.carry), np.float32(net.head.least)
+
+    def step(self, frame: SingleArray, number: int) -> Step:
+        """Mean (C,), standard deviation (C,) and contact logits (2,) of frame `number`, after the frame (C + 2,)."""
+        raise NotImplementedError
+
+    def predicted(self, values: SingleArray, frame: SingleArray) -> Step:
+        """As `networks.Head`, of one frame."""
+        values, n_motion = values @ self.head[0] + self.head[1], self.n_motion
+        spread = np.minimum(values[n_motion : 2 * n_motion], np.float32(MOST_SPREAD))
+        sigma = self.least + np.logaddexp(np.float32(0), spread)
+        return values[:n_motion] + self.carry * frame[:n_motion], sigma, values[2 * n_motion :]
+
+
+def sampler(network: DanceNetwork, music: torch.Tensor, dance: int) -> Sampler:
+    """The sampler of a network for heard music (T, c), one row a frame, and the number of a dance."""
+    body: Any = network.body
+    with torch.no_grad():
+        vector = network.vectors(torch.tensor([dance]))
+        return (CachedWaveNet if isinstance(body, WaveNet) else SteppedLstm)(body, music, vector)
+
+
+class CachedWaveNet(Sampler):
+    """A `WaveNet` that remembers.
+
+    Parameters
+    ----------
+    net : WaveNet
+    music : (T, c) tensor, of each frame that will be predicted
+    dance : (1, d) tensor
+    """
+
+    def __init__(self, net: WaveNet, music: torch.Tensor, dance: torch.Tensor) -> None:
+        super().__init__(net)
+        front: Any = net.front
+        blocks: list[Any] = list(net.blocks)
+        self.front = [_affine(front[0]), _affine(front[2])]
+        self.dilations: list[int] = [block.dilation for block in blocks]
+        # Both taps of a convolution as one matrix: the frame `dilation` ago, then this one.
+        taps = [block.seeing.weight for block in blocks]
+        self.seeing = [_array(torch.cat([tap[..., 0], tap[..., 1]], dim=1).T) for tap in taps]
+        self.given = [_array(block.seeing.bias + block.hearing(music) + block.knowing(dance)) for block in blocks]
+        self.onward = [None if block.onward is None else _affine(block.onward) for block in blocks]
+        # What goes aside is added up over the blocks: one product of all their gates.
+        self.aside = _array(torch.cat([block.aside.weight for block in blocks], dim=1).T)
+        self.aside_bias = _array(torch.stack([block.aside.bias for block in blocks]).sum(dim=0))
+        self.joining = _affine(net.joining)
+        size = int(front[2].out_features)
+        self.rings = [np.zeros((dilation, size), np.float32) for dilation in self.dilations]
+        self.gates = np.zeros((len(self.dilations), size), np.float32)
+
+    def step(self, frame: SingleArray, number: int) -> Step:
+        """As of `Sampler`; call it with number 0, 1, 2, ... in turn."""
+        values = frame
+        for weight, bias in self.front:
+            values = np.maximum(values @ weight + bias, 0)
+        size = values.size
+        for place, dilation in enumerate(self.dilations):
+            slot = self.rings[place][number % dilation]
+            convolved = np.concatenate([slot, values]) @ self.seeing[place] + self.given[place][number]
+            slot[:] = values
+            gate = np.tanh(convolved[:size]) * expit(convolved[size:])
+            self.gates[place] = gate
+            if (onward := self.onward[place]) is not None:
+                values = values + gate @ onward[0] + onward[1]
+        joined = np.maximum(self.gates.ravel() @ self.aside + self.aside_bias, 0)
+        joined = np.maximum(joined @ self.joining[0] + self.joining[1], 0)
+        return self.predicted(joined, frame)
+
+
+class SteppedLstm(Sampler):
+    """An `LstmDancer`, one step at a time; parameters as of `CachedWaveNet`."""
+
+    def __init__(self, net: LstmDancer, music: torch.Tensor, dance: torch.Tensor) -> None:
+        super().__init__(net)
+        reader: Any = net.reader
+        n_frame = self.n_motion + CONTACTS
+        self.frame = _array(reader.weight_ih_l0[:, :n_frame].T)
+        rest = torch.cat([music, dance.expand(len(music), -1)], dim=1) @ reader.weight_ih_l0[:, n_frame:].T
+        self.given = _array(rest + reader.bias_ih_l0 + reader.bias_hh_l0)
+        self.past = _array(reader.weight_hh_l0.T)
+        self.state, self.memory = np.zeros((2, reader.hidden_size), np.float32)
+
+    def step(self, frame: SingleArray, number: int) -> Step:
+        """As of `Sampler`."""
+        entry, forget, new, out = np.split(frame @ self.frame + self.state @ self.past + self.given[number], 4)
+        self.memory = expit(forget) * self.memory + expit(entry) * np.tanh(new)
+        self.state = expit(out) * np.tanh(self.memory)
+        return self.predicted(self.state, frame)
+
+
+def _affine(layer: torch.nn.Linear) -> tuple[SingleArray, SingleArray]:
+    """Weight, to multiply rows from the right, and bias."""
+    return _array(layer.weight.T), _array(layer.bias)
+
+
+def _array(values: torch.Tensor) -> SingleArray:
+    return np.ascontiguousarray(values.detach().cpu().numpy(), dtype=np.float32)
+
+
+# A whole song.
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +159,7 @@ class Danced:
 
 
 @torch.no_grad()
-def heard_song(network: DanceNetwork, music: NDArray[np.float32], moments: FloatArray) -> torch.Tensor:
+def heard_song(network: DanceNetwork, music: SingleArray, moments: FloatArray) -> torch.Tensor:
     """A song (M, F), not standardised, as the network hears it at moments (T,): (T, c).
 
     The LSTM of the mapping was trained on windows of eight seconds. So it hears a longer song in such windows, every
@@ -63,7 +183,7 @@ def heard_song(network: DanceNetwork, music: NDArray[np.float32], moments: Float
 
 
 def danced(
-    network: DanceNetwork, music: NDArray[np.float32], *, start: float, frames: int, dance: int, seed: int,
+    network: DanceNetwork, music: SingleArray, *, start: float, frames: int, dance: int, seed: int,
     prior: FloatArray, progress: Progress,
 ) -> Danced:  # fmt: skip
     """A dance of `frames` frames to a song from audio time `start` on (Eq. 12-13).
@@ -123,8 +243,8 @@ def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:
 
 
 def _frames(
-    net: Sampler, first: NDArray[np.float32], draws: NDArray[np.float32], temperature: float, progress: Progress
-) -> NDArray[np.float32]:
+    net: Sampler, first: SingleArray, draws: SingleArray, temperature: float, progress: Progress
+) -> SingleArray:
     """Motion and contacts (P + T, C + 2): the frames `first` (P, C + 2), then one for each of the draws (T, C)."""
     rows = np.zeros((len(first) + len(draws), first.shape[1]), np.float32)
     frame = np.zeros(first.shape[1], np.float32)
@@ -139,7 +259,7 @@ def _frames(
     return rows
 
 
-def correlated_draws(shape: tuple[int, int], memory: float, rng: np.random.Generator) -> NDArray[np.float32]:
+def correlated_draws(shape: tuple[int, int], memory: float, rng: np.random.Generator) -> SingleArray:
     """Draws (T, C) of a standard normal distribution, of which frames `d` apart correlate by exp(-d / memory).
 
     Each channel is an autoregression of the first order: x(t) = a x(t - 1) + sqrt(1 - a^2) e(t), a = exp(-1 / memory).

@@ -16,6 +16,7 @@ Generator = Literal["wavenet", "lstm"]
 REPRESENTATIONS: tuple[Representation, ...] = ("positions", "rotations")
 FEATURES: tuple[Features, ...] = ("attributes", "mel")
 GENERATORS: tuple[Generator, ...] = ("wavenet", "lstm")
+PRESETS = ("recommended", "paper")
 # Beyond these, settings in a file are not ours: they would only fill the memory.
 MOST_REACH, MOST_RATE, MOST_SECONDS = 4096, 240.0, 60.0
 MOST_TEMPERATURE = 4.0  # all of the predicted deviation, 1, already shakes

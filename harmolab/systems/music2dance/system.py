@@ -17,7 +17,7 @@ from harmolab.systems.music2dance.feet import FootModel
 from harmolab.systems.music2dance.generate import FEET, Danced, Feet, dance_positions, danced
 from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.music2dance.networks import DanceNetwork
-from harmolab.systems.music2dance.params import Music2DanceParams
+from harmolab.systems.music2dance.params import PRESETS, Music2DanceParams
 from harmolab.systems.music2dance.sequences import load_sequences, song_features
 from harmolab.systems.training.about import DEFAULT_STEM, json_file, read_about, weights_stem
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -31,7 +31,6 @@ from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 ATTRIBUTES, FOOT_MODEL = "attributes", "feet"  # folders beside the weights, and systems that are trained
 TRAIN = "train one: harmolab train DATA --system {0} --out RUN/{0}, where RUN is the folder of these weights"
-PRESETS = ("recommended", "paper")
 SHORT_NAMES = MappingProxyType({"phase1": "first_epochs", "phase2": "second_epochs"})
 Part = TypeVar("Part", AttributeClassifier, FootModel)
 
