@@ -8,13 +8,12 @@ from harmolab import __version__
 from harmolab.cli.beats import beats
 from harmolab.cli.common import RENAMED, CheckedCommand, CommandWithParts, moved
 from harmolab.cli.dancing import dance
-from harmolab.cli.data import convert, data_app
+from harmolab.cli.data import convert, data_app, pose
 from harmolab.cli.evaluating import compare, evaluate, learn, merge, submit
 from harmolab.cli.labs import app as app_page
 from harmolab.cli.labs import lab
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import demo, play
-from harmolab.cli.posing import pose
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
 from harmolab.cli.screen import Quiet, Verbose

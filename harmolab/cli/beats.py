@@ -92,8 +92,7 @@ def beats(
     typer.echo(text)
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))
-    wrote(out)
-    wrote(clicks)
+    wrote(out, clicks)
 
 
 def _check_tapping(context: typer.Context, page: TapOptions, out: Path | None) -> None:

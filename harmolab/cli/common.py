@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from harmolab.lab.listening.local_page import LocalPage
     from harmolab.params import HarmonyParams
     from harmolab.readers.motion_file import MotionFile
-    from harmolab.types import BeatTrack
+    from harmolab.types import BeatTrack, Motion
     from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
@@ -266,10 +266,15 @@ def print_music(beats: BeatTrack) -> None:
         typer.echo(f"music: {describe_beats(beats)}")
 
 
+def frames_text(motion: Motion) -> str:
+    """Frames, joints and rate of a motion in words."""
+    frames, joints, _ = motion.positions.shape
+    return f"{frames} frames of {joints} joints at {motion.fps:g} a second"
+
+
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
     """A line on what was guessed or assumed when a motion file was read; with --verbose on all of it."""
-    frames, joints, _ = file.motion.positions.shape
-    screen.detail(f"{Path(path).name}: {file.kind}, {frames} frames of {joints} joints at {file.motion.fps:g} a second")
+    screen.detail(f"{Path(path).name}: {file.kind}, {frames_text(file.motion)}")
     for sentence in file.notes:
         screen.detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:

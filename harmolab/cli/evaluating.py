@@ -13,7 +13,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import left_out
-from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
+from harmolab.cli.screen import note, plain_errors, printable, progress, say, wrote
 
 if TYPE_CHECKING:
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
@@ -167,8 +167,7 @@ def _write(out: Path, evaluation: Evaluation, *, allow_missing: bool) -> None:
 
     paths = write_evaluation(out, evaluation)
     _print(evaluation)
-    for path in paths.values():
-        wrote(path)
+    wrote(*paths.values())
     if evaluation.missing and not allow_missing:
         note(f"{evaluation.missing} dances were not measured: exit code 1; --allow-missing makes it 0")
         raise typer.Exit(1)
@@ -225,8 +224,7 @@ def _print(evaluation: Evaluation) -> None:
     names = [name for name in (*evaluation.measures, *evaluation.set_measures) if name in KEY or " " in name]
     for first in range(0, len(records), beside):
         _print_table(records[first : first + beside], names, measured)
-    for sentence in (*findings(evaluation), *table_notes(evaluation)):
-        typer.echo(printable(sentence))
+    say(*findings(evaluation), *table_notes(evaluation))
     left_out = [*evaluation.errors, *evaluation.unpaired]
     for one in left_out[:NAMED]:
         note(f"left out: {one.file}: {one.reason}")
@@ -273,10 +271,7 @@ def submit(folder: Path, out: Path | None = None) -> None:
             write_submission(folder, out)
             wrote(out / ROW)
         faults = submission_faults(out or folder)
-    for fault in faults:
-        typer.echo(printable(fault))
-    if not faults:
-        typer.echo("nothing is missing: the numbers follow from the files")
+    say(*(faults or ["nothing is missing: the numbers follow from the files"]))
     raise typer.Exit(int(bool(faults) and out is None))
 
 

@@ -11,7 +11,7 @@ import typer
 
 from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output
 from harmolab.cli.dancing import files_to_write, written
-from harmolab.cli.screen import note, plain_errors, printable, progress, waiting, wrote
+from harmolab.cli.screen import note, plain_errors, progress, say, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
@@ -92,12 +92,9 @@ def perform(
             paths, lambda path: _write(path, result, title=f"{song.name}: {result.instrument}", used=used),
             is_asked=out is not None,
         )  # fmt: skip
-    typer.echo(printable(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s"))
-    typer.echo(printable(result.notice))
-    for sentence in _beside(result):
-        typer.echo(printable(sentence))
-    for path in done:
-        wrote(path)
+    say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s", result.notice)
+    say(*_beside(result))
+    wrote(*done)
     if result.start and any(path.suffix.lower() == ".bvh" for path in done):
         typer.echo(f"it begins at {result.start:g} s of the song: pass --offset {result.start:g} with it")
 
@@ -170,10 +167,5 @@ def _beside(result: Performed) -> list[str]:
     if result.truth is None:
         return []
     own, true = result.words, result.truth.words
-    return [
-        *result.errors,
-        f"From the sound: {own.verdict}",
-        *own.sentences,
-        f"The truth: {true.verdict}",
-        *true.sentences,
-    ]
+    truth = (f"The truth: {true.verdict}", *true.sentences)
+    return [*result.errors, f"From the sound: {own.verdict}", *own.sentences, *truth]

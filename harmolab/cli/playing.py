@@ -11,7 +11,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, PartOptions
-from harmolab.cli.posing import is_body_found
+from harmolab.cli.data import is_body_found
 from harmolab.cli.screen import note, plain_errors, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, sources
 

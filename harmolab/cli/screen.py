@@ -51,30 +51,19 @@ class _Notes(logging.Handler):
         note(record.getMessage())
 
 
-def _set_level(value: int) -> Callable[[typer.Context, bool], None]:
-    """A callback of an option that sets the level."""
+def _level(value: int, *names: str, about: str) -> Any:
+    """An option that sets the level."""
 
     def keep(context: typer.Context, is_on: bool) -> None:
         if is_on and context.meta.setdefault(KEY, value) != value:
             refuse("--quiet and --verbose exclude each other")
 
-    return keep
+    return typer.Option(*names, help=about, callback=keep, expose_value=False, is_eager=True)
 
 
-Quiet = Annotated[
-    bool,
-    typer.Option(
-        "--quiet", "-q", help="Print results only: no notes, no progress.", callback=_set_level(QUIET),
-        expose_value=False, is_eager=True,
-    ),
-]  # fmt: skip
-Verbose = Annotated[
-    bool,
-    typer.Option(
-        "--verbose", "-v", help="Print also what is read and how, all settings, and where an error arose.",
-        callback=_set_level(VERBOSE), expose_value=False, is_eager=True,
-    ),
-]  # fmt: skip
+Quiet = Annotated[bool, _level(QUIET, "--quiet", "-q", about="Print results only: no notes, no progress.")]
+SETTINGS = "Print also what is read and how, all settings, and where an error arose."
+Verbose = Annotated[bool, _level(VERBOSE, "--verbose", "-v", about=SETTINGS)]
 
 
 def is_verbose() -> bool:
@@ -98,10 +87,16 @@ def _line(message: str) -> None:
     typer.echo(f"harmolab: {printable(message)}", err=True)
 
 
-def wrote(path: Path | None, *, err: bool = False) -> None:
-    """The line that a file, if any, was written, unless it is to be quiet."""
-    if path is not None and LEVEL.get() > QUIET:
-        typer.echo(printable(f"wrote {path}"), err=err)
+def say(*lines: str, err: bool = False) -> None:
+    """Lines of a result."""
+    for line in lines:
+        typer.echo(printable(line), err=err)
+
+
+def wrote(*paths: Path | None, err: bool = False) -> None:
+    """The line that a file, if any, was written, for each, unless it is to be quiet."""
+    if LEVEL.get() > QUIET:
+        say(*(f"wrote {path}" for path in paths if path is not None), err=err)
 
 
 def refuse(message: str) -> NoReturn:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, first_told, note_assumptions
-from harmolab.cli.posing import offer_poses
+from harmolab.cli.data import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 
 if TYPE_CHECKING:
