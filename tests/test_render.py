@@ -50,9 +50,8 @@ def standing(skeleton: Skeleton, axes: int = 3) -> FloatArray:
         side, _, part = name.partition("_")
         across, up = places.get(part, (0.07 * (part == "head"), central.get(part or name, 1.0)))
         pose.append([{"left": across, "right": -across}.get(side, 0.0), up + 0.07 * (part == "head"), 0.0])
-    if axes == 2:
-        return np.tile(np.array(pose)[:, :2] * [100.0, -100.0] + [300.0, 300.0], (2, 1, 1))
-    return np.tile(np.array(pose), (2, 1, 1))
+    body = np.tile(np.array(pose), (2, 1, 1))
+    return body if axes == 3 else body[..., :2] * [100.0, -100.0] + [300.0, 300.0]
 
 
 BODIES = {"Tang": TANG_23, "paper": PAPER_21, "SMPL": SMPL_24, "COCO": COCO_17}
@@ -99,17 +98,15 @@ def test_height_of_the_figure_is_that_of_the_person(name: str) -> None:
 
 
 def test_head_that_was_not_measured_is_assumed_and_pale() -> None:
-    player = PLAYER_50
-    paints = [part.paint for part in person.body_plan(standing(player, 2), player).parts]
+    paints = [part.paint for part in person.body_plan(standing(PLAYER_50, 2), PLAYER_50).parts]
     assert "assumed" in paints and "head" not in paints
     assert min(person.PAINTS["assumed"]) > max(person.PAINTS["head"])
 
 
 def test_a_foot_is_one_part_around_ankle_heel_and_toe() -> None:
     feet = [part for part in person.body_plan(standing(TANG_23), TANG_23).parts if len(part.points) == 3]
-    assert [{TANG_23.joints[joint] for joint in part.points} for part in feet] == [
-        {f"{side}_{part}" for part in ("ankle", "heel", "toe")} for side in ("left", "right")
-    ]
+    joints = [{TANG_23.joints[joint] for joint in part.points} for part in feet]
+    assert joints == [{f"{side}_ankle", f"{side}_heel", f"{side}_toe"} for side in ("left", "right")]
 
 
 def test_bodies_without_names_are_sticks_and_without_bones_dots() -> None:
@@ -210,7 +207,7 @@ def test_colours_of_the_sides_mean_nothing_else() -> None:
 
 # The dance on its floor
 
-MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))
+MAN, TWO_LIMBS = Skeleton(("foot", "hip", "head"), (-1, 0, 1)), Skeleton(("a", "b", "c", "d"), (-1, 0, -1, 2))
 STANDING = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
 
 
@@ -223,17 +220,13 @@ def dark(frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.nonzero(frame.max(axis=2) < 165)
 
 
-def test_standing_dancer_fills_the_middle_of_the_picture() -> None:
+def test_standing_dancer_fills_the_middle_of_the_picture_the_floor_lies_below_the_wall_and_the_shadow_on_it() -> None:
     frame = next(render_dance(dance(STANDING, STANDING)))
     rows, columns = dark(frame)
     assert frame.shape == (480, 640, 3)
     assert columns.mean() == pytest.approx(320, abs=2)
     assert 0.5 < np.ptp(rows) / 480 < 0.75
     assert 20 < rows.min() < rows.max() < 460
-
-
-def test_floor_lies_below_the_wall_and_the_shadow_on_it() -> None:
-    frame = next(render_dance(dance(STANDING, STANDING)))
     assert tuple(frame[0, 5]) == WALL
     assert tuple(frame[-1, 5]) == FLOOR or frame[-1, 5].min() > 150
     leaning = STANDING + np.array([[0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]])
@@ -245,20 +238,18 @@ def test_right_of_the_viewer_is_positive_x_and_nearer_is_larger() -> None:
     sideways = STANDING + np.array([[0, 0, 0], [0.4, 0, 0], [0.8, 0, 0]])
     rows, columns = dark(next(render_dance(dance(sideways, sideways))))
     assert columns[rows < np.median(rows)].mean() > columns[rows > np.median(rows)].mean() + 20
-    pair = Skeleton(("a", "b", "c", "d"), (-1, 0, -1, 2))
-    for nearer, expected in ((1.0, 1), (-1.0, -1)):
+    for nearer in (1.0, -1.0):
         poles = np.array([[-0.5, 0, nearer], [-0.5, 1.5, nearer], [0.5, 0, -nearer], [0.5, 1.5, -nearer]])
-        rows, columns = dark(next(render_dance(dance(poles, poles, skeleton=pair))))
+        rows, columns = dark(next(render_dance(dance(poles, poles, skeleton=TWO_LIMBS))))
         left, right = (np.ptp(rows[side]) for side in (columns < 320, columns >= 320))
-        assert np.sign(left - right) == expected
+        assert np.sign(left - right) == nearer
 
 
 def test_nearer_limb_hides_the_farther_one_and_is_darker() -> None:
-    cross = Skeleton(("a", "b", "c", "d"), (-1, 0, -1, 2))  # a bar from left to right and a pole that cross
     levels = []
-    for near in (0.1, -0.1):
+    for near in (0.1, -0.1):  # a bar from left to right and a pole that cross
         pose = np.array([[-0.5, 1.0, near], [0.5, 1.0, near], [0.0, 0.2, -near], [0.0, 1.8, -near]])
-        frame = next(render_dance(dance(pose, pose, skeleton=cross)))
+        frame = next(render_dance(dance(pose, pose, skeleton=TWO_LIMBS)))
         rows, columns = dark(frame)
         bar = rows[columns > columns.max() - 20]  # the right end of the bar
         levels.append(frame[int(np.median(bar)), [int(np.median(columns)), columns.max() - 20]].max(axis=1))
@@ -281,6 +272,8 @@ def score(music: BeatTrack, visual: BeatTrack) -> HarmonyScore:
 
 
 def test_music_dancer_and_hits_have_marks_of_their_own_only_where_beats_are_given() -> None:
+    for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit"), (MISS, "miss")):
+        assert "#{:02X}{:02X}{:02X}".format(*mark) == COLOURS[name]
     bare = render_dance(dance(*[STANDING] * 30))
     assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in bare)
     frames = render_dance(dance(*[STANDING] * 60), score=score(track([0.5, 1.5]), track([0.566, 1.0])))
@@ -312,11 +305,6 @@ def test_words_stand_in_a_band_at_the_lower_edge_in_as_many_lines_as_they_need()
         assert not (frame[rows[0] :, -4:] < 200).any()  # no letter is cut off
         bands.append(rows.size)
     assert 20 < bands[0] < 40 < bands[1] < 90
-
-
-def test_marks_have_the_projects_colours() -> None:
-    for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit"), (MISS, "miss")):
-        assert "#{:02X}{:02X}{:02X}".format(*mark) == COLOURS[name]
 
 
 def test_hit_falls_on_the_later_beat_of_the_two() -> None:
@@ -360,11 +348,11 @@ def test_dancer_is_seen_from_where_she_faces(angle: float) -> None:
 PLAIN = np.full((100, 160), 225, np.uint8)
 
 
-def dots(*places: tuple[float, float], dimensions: int = 3, fps: float = 10.0) -> Motion:
-    """One joint that visits `places` in turn, one a frame."""
+def dots(*places: tuple[float, float], dimensions: int = 3) -> Motion:
+    """One joint that visits `places` in turn, ten a second."""
     positions = np.zeros((len(places), 1, dimensions))
     positions[:, 0, :2] = places
-    return Motion(positions, fps, Skeleton.unnamed(1))
+    return Motion(positions, 10.0, Skeleton.unnamed(1))
 
 
 def drawn_centre(frame: np.ndarray) -> tuple[float, float]:
@@ -387,8 +375,7 @@ def test_the_camera_keeps_the_whole_motion_in_the_picture(swinging_arm: Callable
 
 def test_a_nearer_limb_hides_a_farther_one() -> None:
     positions = np.array([[[0, 0, -1.0], [1, 0, -1.0], [0.5, -0.5, 1.0], [0.5, 0.5, 1.0]]] * 2)
-    cross = Skeleton(("a", "b", "c", "d"), (-1, 0, -1, 2))
-    motions = [Motion(positions * [1, 1, side], 10.0, cross) for side in (1, -1)]
+    motions = [Motion(positions * [1, 1, side], 10.0, TWO_LIMBS) for side in (1, -1)]
     last, first = (next(render_skeleton(motion, height=200, width=200))[90:110, 90:110] for motion in motions)
     assert (last != first).any()
 
@@ -413,9 +400,7 @@ def test_the_box_covers_its_share_of_the_picture_and_leaves_the_rest_alone() -> 
     for frame in moving_box([original] * 50, 25.0, seed=3, size=0.3):
         changed = frame != PLAIN
         assert changed.sum() == pytest.approx(30 * 30, rel=0.25)  # with its soft edge
-        rows, columns = np.nonzero(changed)
-        assert np.ptp(rows) == pytest.approx(30, abs=3)
-        assert np.ptp(columns) == pytest.approx(30, abs=3)
+        assert np.ptp(np.nonzero(changed), axis=1) == pytest.approx([30, 30], abs=3)
     np.testing.assert_array_equal(original, PLAIN)
 
 
@@ -432,11 +417,8 @@ def walked(seed: int, fps: float, steps: int) -> np.ndarray:
     return np.array([*itertools.islice(box_walk(np.random.default_rng(seed), (1.0, 0.7), 0.8, fps), steps)])
 
 
-def test_the_same_seed_walks_the_same_way_at_any_frame_rate() -> None:
+def test_the_box_walks_within_reach_at_about_its_speed_by_its_seed_at_any_frame_rate() -> None:
     np.testing.assert_allclose(walked(5, 50.0, 100)[::2], walked(5, 25.0, 50), atol=1e-9)
-
-
-def test_the_box_walks_within_reach_at_about_its_speed() -> None:
     places = walked(1, 25.0, 5000)
     assert places.min() >= 0 and (places.max(axis=0) <= [1.0, 0.7]).all()
     speed = np.linalg.norm(np.diff(places, axis=0), axis=1) * 25
@@ -461,13 +443,13 @@ POLE = Skeleton(("hip", "knee"), (-1, 0))
 HEIGHT, WIDTH = 240, 320
 
 
-def plain(count: int, level: int = 90) -> list[np.ndarray]:
-    return [np.full((HEIGHT, WIDTH, 3), level, np.uint8)] * count
+def plain(count: int) -> list[np.ndarray]:
+    return [np.full((HEIGHT, WIDTH, 3), 90, np.uint8)] * count
 
 
-def pole(xs: list[float], fps: float = 10.0, valid: list[bool] | None = None) -> Motion:
-    """An upright limb from (x, 60) to (x, 180), one x a frame."""
-    return Motion([[[x, 60.0], [x, 180.0]] for x in xs], fps, POLE, valid)
+def pole(xs: list[float], valid: list[bool] | None = None) -> Motion:
+    """An upright limb from (x, 60) to (x, 180), ten x a second."""
+    return Motion([[[x, 60.0], [x, 180.0]] for x in xs], 10.0, POLE, valid)
 
 
 def drawn_x(frame: np.ndarray) -> float | None:
@@ -517,16 +499,11 @@ def test_marks_light_up_on_their_beats() -> None:
     assert [n for n, frame in enumerate(frames) if (frame[10, 10] == (0, 114, 178)).all()] == [5, 6]
 
 
-def test_pixels_of_the_source_are_scaled_to_the_frames(video: VideoFrames) -> None:
+def test_pixels_of_the_source_are_scaled_to_the_frames_and_points_of_another_picture_are_refused(video) -> None:
     np.testing.assert_allclose(points_in_picture(pole([400, 400]), video).positions[0], [[200, 30], [200, 90]])
-
-
-def test_points_of_another_picture_are_refused(video: VideoFrames) -> None:
     fault = r"take\.mp4: 100% of the points lie outside its pictures of 640 x 480 pixels"
     refused(fault, points_in_picture, pole([1500, 1500]), video)
-
-
-def test_points_outside_in_frames_without_anybody_do_not_count(video: VideoFrames) -> None:
+    # Points of frames without anybody do not count.
     kept = points_in_picture(pole([100, -9000, -9000, 100], valid=[True, False, False, True]), video)
     assert kept.positions[0, 0, 0] == 50
 
