@@ -17,7 +17,7 @@ from study.profile import RunProfile
 
 GPU = RunProfile.gpu()
 TINY = RunProfile(
-    "tiny", n_clips=14, n_sequences=None, n_rotations=1, n_seeds=1, n_dancers=1, epochs=(1, 1), pose_epochs=1,
+    "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, n_dancers=1, epochs=(1, 1), pose_epochs=1,
     hidden=16,
 )  # fmt: skip
 

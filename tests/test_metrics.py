@@ -77,6 +77,11 @@ def test_the_p_score_is_that_of_mir_eval(rng: np.random.Generator):
         )
 
 
+def test_the_p_score_is_not_the_slow_one_of_mir_eval(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(mir_eval.beat, "p_score", None)  # 15 s for ten minutes of music
+    assert alignment.mir_eval_scores(STEADY, STEADY)["mir_eval_p_score"] == pytest.approx(1.0)
+
+
 def test_all_other_scores_come_in_one_dictionary():
     motion = STEADY[:10] + 0.05
     scores = alignment.other_scores(track(STEADY, duration=30.0), track(motion, duration=30.0))

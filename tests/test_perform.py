@@ -20,6 +20,7 @@ import torch
 from typer.testing import Result
 
 import harmolab
+from benchmarks import bench_audio2body
 from harmolab.body.kinematics import Similarity
 from harmolab.cli import app
 from harmolab.musician import Audio2Body
@@ -390,6 +391,14 @@ def test_strikes_of_the_avatar_are_those_of_the_points():
     flat, deep = strikes(points).times, strikes(avatar(points, "piano")).times
     assert len(flat) > 8
     np.testing.assert_allclose(deep, flat, atol=1 / 24)
+
+
+@pytest.mark.slow
+def test_three_minutes_are_played_to_their_end(tmp_path: Path):
+    audio = planted_performance("piano", seconds=bench_audio2body.SONG).performance.audio
+    save_audio(tmp_path / "song.wav", audio)
+    motion = bench_audio2body.played(tmp_path / "song.wav", Audio2Body.shipped("piano"))
+    assert motion.duration == pytest.approx(180.0, abs=0.1)
 
 
 # Training and weights

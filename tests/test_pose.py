@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from harmolab.cli import app, posing
+from harmolab.cli import app, data
 from harmolab.files import UNFINISHED
 from harmolab.lab.explain.filmed import filmed_motion
 from harmolab.readers import pose
@@ -396,7 +396,7 @@ def installs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody sits before the screen."""
-    monkeypatch.setattr(posing, "_is_terminal", lambda: True)
+    monkeypatch.setattr(data, "_is_terminal", lambda: True)
 
 
 def run(*arguments: object, answer: str = "") -> Result:
@@ -435,14 +435,14 @@ def test_on_a_terminal_a_question_is_asked(installs: list[Path], terminal: None,
 def offered(video: Path) -> str:
     """What the offer to read this video by its body prints."""
     with redirect_stderr(StringIO()) as stream:
-        posing.offer_poses(video)
+        data.offer_poses(video)
     return stream.getvalue()
 
 
 @pytest.mark.usefixtures("terminal")
 def test_other_commands_ask_once_and_take_the_flow_after_a_no(installs, video: Path, monkeypatch: pytest.MonkeyPatch):
     asked: list[str] = []
-    monkeypatch.setattr(posing.typer, "confirm", lambda text, **_: asked.append(text))
+    monkeypatch.setattr(data.typer, "confirm", lambda text, **_: asked.append(text))
     for _ in range(2):
         assert "take.mp4 is read by the flow of its picture" in offered(video)
     assert len(asked) == 1 and not installs

@@ -53,7 +53,7 @@ def history(folder: Path) -> list[dict[str, str]]:
 def test_two_processes_have_the_history_of_one(case: str, shared: Path):
     # Batches of 5 units and 3 do not share evenly between two.
     one, two = history(shared / "one" / case), history(shared / "two" / case)
-    assert [list(row) for row in one] == [list(row) for row in two] and len(one) == 4
+    assert [list(row) for row in one] == [list(row) for row in two] and len(one) == 6
     for alone, together in zip(one, two, strict=True):
         for name, value in alone.items():
             if value and name != "phase":

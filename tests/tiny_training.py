@@ -34,11 +34,10 @@ SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_ep
 PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
 # 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4.
 PATTERNS = (BarPattern.stop_on_the_beat(),)
-SHORTER: dict[str, Any] = {"pretrain_epochs": 2, "adversarial_epochs": 2}
 CASES = {
-    "paper": replace(PAPER, **SHORTER),
-    "paper_shards": replace(PAPER, shards=2, **SHORTER),
-    "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5, **SHORTER),
+    "paper": PAPER,
+    "paper_shards": replace(PAPER, shards=2),
+    "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
 }
 
 

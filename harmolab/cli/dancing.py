@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
     from harmolab.score import HarmonyScore
     from harmolab.systems.choreographer.generate import Choreography
-    from harmolab.types import Audio, BeatTrack, Motion
+    from harmolab.types import Audio, BeatTrack, BoolArray, Motion
 
 # The files of a dance: their names, checked before any work, and what is written to each.
 
@@ -303,7 +303,6 @@ def dance(
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.clips import song_beats
-        from harmolab.lab.evaluate.measured import silent_frames
         from harmolab.metrics.likeness import likeness
         from harmolab.params import DANCES
         from harmolab.types import Clip
@@ -321,7 +320,7 @@ def dance(
             music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
             score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
-            held = silent_frames(motion, audio, track, start=offset) if choreography is None else choreography.held
+            held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
             judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
             return DanceReport(
                 number, motion, offset, music, score, judged, choreography, dancer.remarks,
@@ -355,6 +354,13 @@ def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
         note(f"seed {number} is left: {report.likeness.verdict}")
     note(f"no seed up to {seed + MOST_SEEDS - 1} does better: seed {seed} is danced")
     return left[0]
+
+
+def _silent(motion: Motion, audio: Audio, track: BeatTrack, offset: float) -> BoolArray:
+    """The frames of a network's dance in which the music is silent."""
+    from harmolab.lab.evaluate.measured import silent_frames
+
+    return silent_frames(motion, audio, track, start=offset)
 
 
 def _check_harmonise(reach: float | None) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-
-# `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
@@ -130,6 +128,8 @@ def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
     else:
         save_playing_page(out, result)
 
+
+# `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
 
 ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 
