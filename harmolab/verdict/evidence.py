@@ -17,10 +17,10 @@ is ranked by how well the next cycle of movement fits; moved by a lag u, the bea
 best reading T(u) = max_f M_f(u). The choice of the reading is part of the null, since every lag has it too.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -119,7 +119,9 @@ def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...]
     stride = max(1, round(1 / (SAMPLED_AT * float(np.diff(signal.times[:2])[0]))))
     phase = np.interp(signal.times[::stride], beats, np.arange(beats.size, dtype=np.float64))
     weights = np.gradient(phase) * signal.valid[::stride]
-    grids = [_agreement(phase, weights, signal.values[::stride], cycle) for cycle in cycles]
+    lengths = {cycle: cycle * -(-BLOCK // cycle) for cycle in cycles}
+    blocks = {length: _Blocks.of(phase, weights, signal.values[::stride], length) for length in set(lengths.values())}
+    grids = [_agreement(phase, blocks[lengths[cycle]], cycle) for cycle in cycles]
     z: FloatArray = np.max([grid.z for grid in grids], axis=0)
     own = z[N_RATIOS // 2]
     p = float(np.mean(z >= own)) if np.isfinite(own) else 1.0
@@ -132,6 +134,48 @@ def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...]
     return TimeTest(z, grids[0].harmonics[cycles[0] - 1], p, rates, owns)
 
 
+class _Blocks(NamedTuple):
+    """Whole blocks of beats on every grid.
+
+    Edges are first samples, and the end of the last block, (241, B + 1); counts of blocks that exist, (241,);
+    deviations (241, T + 1) are weighted ones from the mean of their block, over its weight and spread, and a 0 behind
+    them, where blocks end that do not exist.
+    """
+
+    edges: IntArray
+    counts: IntArray
+    deviations: FloatArray
+
+    @classmethod
+    def of(cls, phase: FloatArray, weights: FloatArray, values: FloatArray, length: int) -> "_Blocks":
+        """Blocks of so many beats, of (T,) samples."""
+        edges, counts = _block_edges(phase, length)
+        blocks = cls(edges, counts, np.zeros((N_RATIOS, phase.size + 1)))
+        mass, first, second = (
+            blocks.sums(np.append(weights * power, 0.0), edges) for power in (1.0, values, np.square(values))
+        )
+        mass = np.where(mass > 0, mass, 1.0)
+        mean = first / mass
+        spread = np.sqrt(np.maximum(second / mass - mean**2, 0.0))
+        typical = spread.sum(axis=1, keepdims=True) / np.maximum((spread > 0).sum(axis=1, keepdims=True), 1)
+        scale = blocks.at_samples(mass * np.maximum(spread, LEAST_SPREAD * typical))
+        away = (np.append(values, 0.0) - blocks.at_samples(mean)) * np.append(weights, 0.0)
+        np.divide(away, scale, out=blocks.deviations, where=scale > 0)
+        return blocks
+
+    def sums(self, samples: NDArray[Any], places: IntArray) -> NDArray[Any]:
+        """Sums over the blocks, (241, B), of samples in which these edges have these places."""
+        is_block = np.arange(self.edges.shape[1] - 1) < self.counts[:, None]
+        return np.where(is_block, np.add.reduceat(samples.ravel(), places.ravel()).reshape(self.edges.shape)[:, :-1], 0)
+
+    def at_samples(self, numbers: FloatArray) -> FloatArray:
+        """(241, T + 1): at each sample the number, of (241, B), of its block; of the nearest one outside of all."""
+        inner = self.edges[:, 1:-1]
+        size = np.full((N_RATIOS, 1), self.deviations.shape[1])
+        lengths = np.diff(inner, axis=1, prepend=0, append=size)
+        return np.repeat(numbers.ravel(), lengths.ravel()).reshape(self.deviations.shape)
+
+
 class _Agreement(NamedTuple):
     """z of every ratio, (241,), and the agreed power of each harmonic there, (2 C, 241)."""
 
@@ -139,54 +183,21 @@ class _Agreement(NamedTuple):
     harmonics: FloatArray
 
 
-def _agreement(phase: FloatArray, weights: FloatArray, values: FloatArray, cycle: int) -> _Agreement:
+def _agreement(phase: FloatArray, blocks: _Blocks, cycle: int) -> _Agreement:
     """The agreement of blocks on every grid, for movements that recur after `cycle` beats."""
-    edges, counts = _block_edges(phase, cycle * -(-BLOCK // cycle))
-    is_block = np.arange(edges.shape[1] - 1) < counts[:, None]
-    # One row of samples a ratio, and a 0 behind it, where blocks end that do not exist.
-    rows = np.arange(N_RATIOS)[:, None]
-    places = (edges + rows * (phase.size + 1)).ravel()
-
-    def sums(samples: NDArray[Any]) -> NDArray[Any]:
-        """Sums over the blocks, (ratios, blocks), of (ratios, T + 1) samples."""
-        return np.where(is_block, np.add.reduceat(samples.ravel(), places).reshape(edges.shape)[:, :-1], 0)
-
-    deviations = _deviations(phase, weights, values, edges, sums)
-    turn = np.zeros(deviations.shape, np.complex128)
+    places = blocks.edges + np.arange(N_RATIOS)[:, None] * (phase.size + 1)
+    turn = np.zeros(blocks.deviations.shape, np.complex128)
     turn[:, :-1] = np.exp(-2j * np.pi / cycle * RATIOS[:, None] * phase)
-    wave, variance, harmonics = deviations.astype(np.complex128), np.zeros(N_RATIOS), []
+    wave, variance, harmonics = blocks.deviations.astype(np.complex128), np.zeros(N_RATIOS), []
     for _ in range(2 * cycle):
         wave *= turn
-        vectors = sums(wave)
+        vectors = blocks.sums(wave, places)
         power = np.square(vectors.real) + np.square(vectors.imag)
         harmonics.append(np.square(np.abs(vectors.sum(axis=1))) - power.sum(axis=1))
         variance += np.square(power.sum(axis=1)) - np.square(power).sum(axis=1)
-    enough = (counts >= FEWEST_BLOCKS) & (variance > 0)
+    enough = (blocks.counts >= FEWEST_BLOCKS) & (variance > 0)
     z = np.divide(np.sum(harmonics, axis=0), np.sqrt(variance), out=np.full(N_RATIOS, -np.inf), where=enough)
-    return _Agreement(z, np.array(harmonics) / np.maximum(counts, 1) ** 2)
-
-
-def _deviations(
-    phase: FloatArray,
-    weights: FloatArray,
-    values: FloatArray,
-    edges: IntArray,
-    sums: Callable[[FloatArray], FloatArray],
-) -> FloatArray:
-    """(ratios, T + 1) weighted deviations from the mean of their block, over its weight and spread."""
-    ones = np.ones((N_RATIOS, 1))
-    mass, first, second = (sums(np.append(weights * power, 0.0) * ones) for power in (1.0, values, np.square(values)))
-    mass = np.where(mass > 0, mass, 1.0)
-    mean = first / mass
-    spread = np.sqrt(np.maximum(second / mass - mean**2, 0.0))
-    typical = spread.sum(axis=1, keepdims=True) / np.maximum((spread > 0).sum(axis=1, keepdims=True), 1)
-    scale = mass * np.maximum(spread, LEAST_SPREAD * typical)
-    block = np.zeros((N_RATIOS, phase.size + 1), np.int64)
-    np.add.at(block, (np.arange(N_RATIOS)[:, None], edges), 1)
-    block = np.clip(np.cumsum(block, axis=1) - 1, 0, mean.shape[1] - 1)
-    pick = partial(np.take_along_axis, indices=block, axis=1)
-    deviations = (np.append(values, 0.0) - pick(mean)) * np.append(weights, 0.0)
-    return np.divide(deviations, pick(scale), out=np.zeros_like(deviations), where=pick(scale) > 0)
+    return _Agreement(z, np.array(harmonics) / np.maximum(blocks.counts, 1) ** 2)
 
 
 def _block_edges(phase: FloatArray, beats: int) -> tuple[IntArray, IntArray]:
