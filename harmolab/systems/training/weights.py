@@ -20,6 +20,7 @@ import safetensors.torch
 import torch
 from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
 
 from harmolab.files import PathLike, atomic_write, reading
 from harmolab.systems.training.about import FORMAT, json_file, read_about, weights_stem, write_synced
@@ -124,9 +125,18 @@ def load_weights(path: PathLike, network: type[N]) -> N:
             raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
         _check_finite(stem, tensors)
         # Without memory of its own ("meta" device): a false description cannot fill the machine.
-        with torch.device("meta"):
+        with torch.device("meta"), _NothingDrawn():
             module = network.built(about["build"], tensors)  # type: ignore[attr-defined]
         return _filled(module, tensors)
+
+
+class _NothingDrawn(TorchFunctionMode):
+    """Weights are not drawn at random: without memory, torch imports its compiler for that, two seconds long."""
+
+    def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        if func in (Tensor.normal_, nn.init.normal_):
+            return args[0] if args else kwargs["tensor"]
+        return func(*args, **(kwargs or {}))
 
 
 def _tensor_file(stem: Path) -> Path:
