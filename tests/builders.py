@@ -135,6 +135,12 @@ def refused(message: str, call: Callable[..., object], /, *arguments: Any, **opt
         call(*arguments, **options)
 
 
+def missing(message: str, call: Callable[..., object], /, *arguments: Any, **options: Any) -> None:
+    """Passes where the call ends in a FileNotFoundError whose text has this pattern in it."""
+    with pytest.raises(FileNotFoundError, match=message):
+        call(*arguments, **options)
+
+
 def cases(names: str, *rows: object, **options: Any) -> pytest.MarkDecorator:
     """A test that is run once a row, its arguments these names: `pytest.mark.parametrize` of a written-out table."""
     return pytest.mark.parametrize(names, rows, **options)
