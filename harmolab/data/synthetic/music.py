@@ -23,11 +23,11 @@ def _seconds(length: float, rate: int) -> FloatArray:
 
 def _shaped(sound: FloatArray, rate: int, *, attack: float = ATTACK, release: float = 0.02) -> FloatArray:
     """The sound with raised-cosine ends."""
-    ends = np.ones(sound.size)
+    shaped = sound.copy()
     for seconds, order in ((attack, slice(None)), (release, slice(None, None, -1))):
         ramp = np.sin(np.linspace(0, np.pi / 2, min(round(seconds * rate), sound.size))) ** 2
-        ends[order][: ramp.size] *= ramp
-    return sound * ends
+        shaped[order][: ramp.size] *= ramp
+    return shaped
 
 
 def _noise(size: int, rate: int, low: float, high: float, rng: np.random.Generator) -> FloatArray:

@@ -174,11 +174,12 @@ def _held_back(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
 def _added_up(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
     """The slide (T - 1, 2) taken back step by step, (T, 2); forgotten quickly where there is no load."""
     decays = np.exp(-((1 - load) / FREE_TIME + load / HOLD_TIME) / fps)
-    shift = np.zeros((len(slide) + 1, 2))
-    for frame, (velocity, decay) in enumerate(zip(slide, decays, strict=True)):
-        moved = decay * shift[frame] - velocity / fps
-        shift[frame + 1] = moved * (FARTHEST / max(float(np.hypot(*moved)), FARTHEST))
-    return shift
+    steps = slide / fps
+    shifts = [0j]  # x + i z: two numbers a step are slow as an array
+    for step, decay in zip((steps[:, 0] + 1j * steps[:, 1]).tolist(), decays.tolist(), strict=True):
+        moved = decay * shifts[-1] - step
+        shifts.append(moved * (FARTHEST / max(abs(moved), FARTHEST)))
+    return np.column_stack([np.real(shifts), np.imag(shifts)])
 
 
 @dataclass(frozen=True)
