@@ -16,7 +16,6 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import harmolab
 from harmolab.lab.listening import analysis
@@ -30,7 +29,7 @@ from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import Item, Key, KeyEntry, Trial, TrialSet, make_key, make_trials
 from harmolab.types import Audio, Clip
 from study.figures.results import rates_figure, study_title
-from tests.builders import cases, refused
+from tests.builders import cases, missing, refused
 
 # Trials and their files
 
@@ -176,11 +175,6 @@ def test_damaged_key_is_refused_by_name(tmp_path: Path, old: str, new: str, mess
     refused(f"^{re.escape(str(path))}: .*{message}", files.read_key, path)
 
 
-def test_pages_are_read_back(tmp_path: Path):
-    files.write_page(tmp_path, "1" * 12, "<p>Zoë</p>")
-    assert files.read_page(tmp_path, "1" * 12) == "<p>Zoë</p>"
-
-
 @cases(
     "read, name, fault",
     (files.read_trials, "t.json", r"t\.json: no such file"),
@@ -190,11 +184,12 @@ def test_pages_are_read_back(tmp_path: Path):
     (AnswerLog, "none/a.jsonl", "create it first"),
 )
 def test_what_is_missing_is_named(tmp_path: Path, read: Callable[[Path], object], name: str, fault: str):
-    with pytest.raises(FileNotFoundError, match=fault):
-        read(tmp_path / name)
+    missing(fault, read, tmp_path / name)
 
 
-def test_scores_are_read_back_with_those_that_do_not_exist(tmp_path: Path):
+def test_pages_are_read_back_and_scores_with_those_that_do_not_exist(tmp_path: Path):
+    files.write_page(tmp_path, "1" * 12, "<p>Zoë</p>")
+    assert files.read_page(tmp_path, "1" * 12) == "<p>Zoë</p>"
     files.write_scores(tmp_path, {"h": {"a": 0.5, "b": math.nan}})
     assert json.loads((tmp_path / "scores.json").read_text()) == {"h": {"a": 0.5, "b": None}}
     assert files.read_scores(tmp_path / "scores.json")["h"] == pytest.approx({"a": 0.5, "b": math.nan}, nan_ok=True)
@@ -266,8 +261,7 @@ def test_file_cut_anywhere_loses_only_the_line_it_was_cut_in(tmp_path: Path):
 
 
 def test_answer_after_a_half_line_starts_a_line_of_its_own(tmp_path: Path):
-    path = tmp_path / "answers.jsonl"
-    log = AnswerLog(path)
+    log, path = AnswerLog(tmp_path / "answers.jsonl"), tmp_path / "answers.jsonl"
     log.append(ANSWER)
     path.write_bytes(path.read_bytes() + path.read_bytes()[:30])
     after = replace(ANSWER, trial="2" * 12)
@@ -286,10 +280,10 @@ def test_programs_that_write_at_once_do_not_mix_their_lines(tmp_path: Path):
 
 def two_logs(folder: Path, **second: str) -> list[Path]:
     """Two files of one answer each, the second with these fields of its own."""
-    logs = [AnswerLog(folder / "a.jsonl"), AnswerLog(folder / "b.jsonl")]
-    logs[0].append(ANSWER)
-    logs[1].append(replace(ANSWER, **second))
-    return [log.path for log in logs]
+    paths = [folder / "a.jsonl", folder / "b.jsonl"]
+    for path, answer in zip(paths, (ANSWER, replace(ANSWER, **second)), strict=True):
+        AnswerLog(path).append(answer)
+    return paths
 
 
 def test_files_of_two_raters_merge(tmp_path: Path):
@@ -377,25 +371,20 @@ def people(rows: list[str], key_seed: int = 0) -> Grid:
 @pytest.mark.slow  # 100 studies
 @pytest.mark.parametrize("skill", [0.5, 0.8])
 def test_interval_of_every_rater_and_of_all_covers_the_planted_skill_as_often_as_it_says(skill: float):
-    one, everyone = [], []
-    for seed in range(STUDIES):
-        rows = analysis.rater_rows(study([skill] * 6, seed=seed))
-        one += [row["low"] <= skill <= row["high"] for row in rows[:-1]]
-        everyone.append(rows[-1]["low"] <= skill <= rows[-1]["high"])
-    assert 0.90 <= np.mean(one) <= 0.99
-    assert 0.90 <= np.mean(everyone) <= 0.99
+    tables = [analysis.rater_rows(study([skill] * 6, seed=seed)) for seed in range(STUDIES)]
+    covered = np.array([[row["low"] <= skill <= row["high"] for row in rows] for rows in tables])
+    assert 0.90 <= covered[:, :-1].mean() <= 0.99
+    assert 0.90 <= covered[:, -1].mean() <= 0.99
 
 
 @pytest.mark.slow  # 100 studies
 def test_interval_of_all_holds_for_raters_of_unequal_skill_where_counting_answers_fails():
     rng = np.random.default_rng(1)
-    pooled, counted = [], []
-    for seed in range(STUDIES):
-        right = study(list(rng.uniform(0.5, 1.0, 8)), seed=seed).right()
-        pooled.append(analysis.pooled_rate(right))
-        counted.append(analysis.wilson_rate(right.ravel()))
-    assert 0.90 <= np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in pooled]) <= 0.99
-    assert np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in counted]) < 0.8
+    tables = [study(list(rng.uniform(0.5, 1.0, 8)), seed=seed).right() for seed in range(STUDIES)]
+    rates = [(analysis.pooled_rate(right), analysis.wilson_rate(right.ravel())) for right in tables]
+    pooled, counted = np.mean([[rate["low"] <= 0.75 <= rate["high"] for rate in pair] for pair in rates], axis=0)
+    assert 0.90 <= pooled <= 0.99
+    assert counted < 0.8
 
 
 def test_wilson_interval_is_that_of_the_textbook():
@@ -442,20 +431,16 @@ def test_right_answers_are_counted_against_the_key():
 
 
 def test_conditions_are_called_inharmonious_as_often_as_planted():
-    covered = []
-    for seed in range(FEW):
-        rows = {row["version"]: row for row in analysis.version_rows(study([0.9] * 6, seed=seed))}
-        assert set(rows) == {"true", "lagged"}
-        planted = (("lagged", 0.9), ("true", 0.1))
-        covered += [rows[name]["low"] <= share <= rows[name]["high"] for name, share in planted]
-    assert np.mean(covered) >= 0.85
+    planted = {"lagged": 0.9, "true": 0.1}
+    rows = [row for seed in range(FEW) for row in analysis.version_rows(study([0.9] * 6, seed=seed))]
+    assert Counter(row["version"] for row in rows) == {"true": FEW, "lagged": FEW}
+    assert np.mean([row["low"] <= planted[row["version"]] <= row["high"] for row in rows]) >= 0.85
 
 
 def test_preference_between_two_models_does_not_depend_on_the_side():
     (row,) = analysis.version_rows(study([1.0], kind="choice", prefers="A"))
     assert (row["version"], row["rate"], row["n"]) == ("A over B", 1.0, 40)
-    (row,) = analysis.version_rows(study([1.0], kind="choice", prefers="B"))
-    assert row["rate"] == 0.0
+    assert analysis.version_rows(study([1.0], kind="choice", prefers="B"))[0]["rate"] == 0.0
 
 
 def test_kappa_is_that_of_cohens_formula():
@@ -532,20 +517,17 @@ def test_answers_that_do_not_go_together_are_refused():
     key = make_key(CLIPS, kind="pick", n=40, seed=0)
     good = Answer(key.study, "Ada", next(iter(key.trials)), "harmonious")
     mixed = replace(good, rater="simulated-1", simulated=True)
-    for answers, message in [
-        ((), "no answers"),
-        ((good, mixed), "people and simulated raters"),
-        ((replace(good, study="x"),), "do not go with the key"),
-        ((replace(good, trial="x"),), "the key knows no answer"),
-        ((replace(good, choice="left"),), "the key knows no answer 'left'"),
-    ]:
-        refused(message, analysis.answer_grid, Answers(answers), key)
+    refused("no answers", analysis.answer_grid, Answers(()), key)
+    refused("people and simulated raters", analysis.answer_grid, Answers((good, mixed)), key)
+    refused("do not go with the key", analysis.answer_grid, Answers((replace(good, study="x"),)), key)
+    refused("the key knows no answer", analysis.answer_grid, Answers((replace(good, trial="x"),)), key)
+    refused("the key knows no answer 'left'", analysis.answer_grid, Answers((replace(good, choice="left"),)), key)
 
 
 def test_simulated_rater_is_called_so_in_everything_it_writes():
     key = make_key(CLIPS, kind="pick", n=40, seed=0)
     rater = SimulatedRater(0.7, 3)
-    trials = make_trials(CLIPS, kind="pick", n=40, seed=0, rater=rater.name)
+    trials = trials_of(rater.name, seed=0)
     answers = rater.answers(trials, key)
     assert answers == rater.answers(trials, key)
     assert {(answer.rater, answer.simulated) for answer in answers} == {("simulated-3", True)}
@@ -559,21 +541,14 @@ def test_impossible_rater_is_refused(skill: float, seed: int, name: str):
     refused(f"{name} must", SimulatedRater, skill, seed)
 
 
-def titles(figure: Figure) -> list[str]:
-    return [ax.get_title(loc="left") or ax.get_title() for ax in figure.axes]
-
-
-def watermarks(figure: Figure) -> list[str]:
-    return [text.get_text() for text in figure.axes[0].texts if text.get_gid() == "watermark"]
-
-
 def test_figures_of_simulated_raters_say_so_and_those_of_people_do_not():
-    figure = rates_figure(analysis.rater_rows(study([0.9, 0.6])), label="right answers", title="Who was right?")
-    assert titles(figure) == ["Who was right? (simulated raters, no people)"]
-    assert watermarks(figure) == ["simulated: no people"]
-    figure = rates_figure(analysis.rater_rows(people(["01" * 20])), label="right answers", title="Who was right?")
-    assert titles(figure) == ["Who was right?"]
-    assert watermarks(figure) == []
+    for grid, title, marks in (
+        (study([0.9, 0.6]), "Who was right? (simulated raters, no people)", ["simulated: no people"]),
+        (people(["01" * 20]), "Who was right?", []),
+    ):
+        (ax,) = rates_figure(analysis.rater_rows(grid), label="right answers", title="Who was right?").axes
+        assert (ax.get_title(loc="left") or ax.get_title()) == title
+        assert [text.get_text() for text in ax.texts if text.get_gid() == "watermark"] == marks
 
 
 def test_rows_that_do_not_say_who_answered_are_not_drawn():
@@ -596,25 +571,19 @@ def test_dot_is_filled_only_if_the_interval_leaves_out_guessing():
 SYSTEMS = ("WaveNet", "LSTM")
 ITEMS = [Item(f"song {i}", {name: f"{i} {name}" for name in SYSTEMS}) for i in range(20)]
 DESIGN = {"kind": "rate", "n": 40, "seed": 3, "truth": ""}
-
-
-def marks_study(rater: str = "Ada"):
-    return make_trials(ITEMS, **DESIGN, rater=rater), make_key(ITEMS, **DESIGN)
+MARKS = make_key(ITEMS, **DESIGN)
 
 
 def marked(*rows: tuple[str, int, str]) -> Answers:
     """Answers of raters to trials by number."""
-    trials, _ = marks_study()
-    ids = sorted(trial.id for trial in trials.trials)
-    return Answers(tuple(Answer(trials.study, rater, ids[number], text) for rater, number, text in rows))
+    return Answers(tuple(Answer(MARKS.study, rater, sorted(MARKS.trials)[n], text) for rater, n, text in rows))
 
 
 def test_every_system_is_marked_as_often_and_no_dance_twice():
-    _, key = marks_study()
-    versions = [entry.versions[0] for entry in key.trials.values()]
-    assert {name: versions.count(name) for name in SYSTEMS} == {"WaveNet": 20, "LSTM": 20}
-    assert len({entry.sources for entry in key.trials.values()}) == 40
-    assert all(entry.right is None for entry in key.trials.values())
+    entries = MARKS.trials.values()
+    assert Counter(entry.versions[0] for entry in entries) == {"WaveNet": 20, "LSTM": 20}
+    assert len({entry.sources for entry in entries}) == 40
+    assert {entry.right for entry in entries} == {None}
     refused("multiple of 2", make_key, ITEMS, **{**DESIGN, "n": 7})
     refused("only 40 dances", make_key, ITEMS, **{**DESIGN, "n": 42})
 
@@ -626,9 +595,8 @@ def test_what_is_no_four_marks_is_refused(text: str):
 
 
 def test_means_and_weights_by_hand():
-    _, key = marks_study()
-    version = key.trials[sorted(key.trials)[0]].versions[0]
-    rows = analysis.mark_rows(marked(("Ada", 0, "8 6 10 2"), ("Bob", 0, "6 6 4 4")), key)
+    version = MARKS.trials[min(MARKS.trials)].versions[0]
+    rows = analysis.mark_rows(marked(("Ada", 0, "8 6 10 2"), ("Bob", 0, "6 6 4 4")), MARKS)
     (own,) = [row for row in rows if row["version"] == version and row["side"] == analysis.MARK]
     assert own["n"] == 1 and own["raters"] == 2 and not own["simulated"]
     assert own["rate"] == pytest.approx(np.mean([0.25 * 8 + 0.25 * 6 + 0.4 * 10 + 0.1 * 2, 0.5 * 6 + 0.4 * 4 + 0.4]))
@@ -639,14 +607,14 @@ def test_means_and_weights_by_hand():
 def test_agreement_of_marks_is_krippendorffs_alpha():
     assert analysis.krippendorff_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
     assert abs(analysis.krippendorff_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
-    refused("two raters", analysis.agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), marks_study()[1])
+    refused("two raters", analysis.agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), MARKS)
 
 
 def test_simulated_raters_find_the_system_that_they_prefer():
-    _, key = marks_study()
     raters = [SimulatedRater(0.9, seed, prefers="WaveNet") for seed in range(1, 6)]
-    answers = Answers(sum((rater.answers(marks_study(rater.name)[0], key) for rater in raters), ()))
-    tables = analysis.study_tables(answers, key, {})
+    asked = [(rater, make_trials(ITEMS, **DESIGN, rater=rater.name)) for rater in raters]
+    answers = [answer for rater, trials in asked for answer in rater.answers(trials, MARKS)]
+    tables = analysis.study_tables(Answers(tuple(answers)), MARKS, {})
     assert set(tables) == {"marks", "agreement"} and all(row["simulated"] for row in tables["marks"])
     means = {row["version"]: row for row in tables["marks"] if row["side"] == analysis.MARK}
     assert means["WaveNet"]["low"] > means["LSTM"]["high"]
@@ -654,7 +622,7 @@ def test_simulated_raters_find_the_system_that_they_prefer():
 
 
 def test_the_page_asks_four_marks_and_saves_them(tmp_path):
-    trials, _ = marks_study()
+    trials = make_trials(ITEMS, **DESIGN, rater="Ada")
     server = StudyServer(trials, AnswerLog(tmp_path / "answers.jsonl"), lambda trial: "<p>dance</p>")
     with server.running():
         waiting, page = server.turn()
@@ -674,12 +642,9 @@ SECONDS = 5.0
 @pytest.fixture(scope="module")
 def clips() -> list[Clip]:
     """Four rumbas and four tangos of 9 s, each at a loudness of its own."""
-    made = []
-    for number in range(8):
-        clip = harmolab.synthetic_clip(("rumba", "tango")[number % 2], seconds=9.0, seed=number)
-        audio = Audio(clip.audio.samples * 0.1 * (number + 1), clip.audio.sample_rate)
-        made.append(replace(clip, name=f"clip {number}", audio=audio))
-    return made
+    plain = [harmolab.synthetic_clip(("rumba", "tango")[n % 2], seconds=9.0, seed=n) for n in range(8)]
+    sounds = [Audio(clip.audio.samples * 0.1 * (n + 1), clip.audio.sample_rate) for n, clip in enumerate(plain)]
+    return [replace(clip, name=f"clip {n}", audio=sounds[n]) for n, clip in enumerate(plain)]
 
 
 @pytest.fixture(scope="module")
@@ -734,8 +699,8 @@ def test_all_sounds_and_dances_are_equally_long_loud_faded_and_begin_with_sound(
 ):
     pieces = request.getfixturevalue(made).pieces
     samples = [piece.audio.samples for piece in pieces]
-    assert {motion.n_frames for piece in pieces for motion in piece.motions.values()} == {round(SECONDS * corpus.FPS)}
-    assert {motion.fps for piece in pieces for motion in piece.motions.values()} == {corpus.FPS}
+    motions = [motion for piece in pieces for motion in piece.motions.values()]
+    assert {(motion.n_frames, motion.fps) for motion in motions} == {(round(SECONDS * corpus.FPS), corpus.FPS)}
     assert np.ptp([sound.size for sound in samples]) <= 1
     assert {round(power(sound), 9) for sound in samples} == {round(power(samples[0]), 9)}
     assert 0.2 * corpus.LOUDNESS < power(samples[0]) <= corpus.LOUDNESS + 1e-9
@@ -796,8 +761,8 @@ def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rat
     start = start_of(clips[0], motions["ours"].positions)
     expected = slow.positions[start : start + round(SECONDS * corpus.FPS)]
     np.testing.assert_allclose(motions["theirs"].positions, expected, atol=0.02)
-    key = make_key([*made.items, replace(made.items[0], name="x", versions={"ours": "1", "theirs": "2"})],
-                   kind="choice", n=2, seed=0, truth="")  # fmt: skip
+    items = [*made.items, replace(made.items[0], name="x", versions={"ours": "1", "theirs": "2"})]
+    key = make_key(items, kind="choice", n=2, seed=0, truth="")
     assert {asked.right for asked in key.trials.values()} == {None}
 
 
@@ -808,8 +773,9 @@ def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rat
     ({"seed": -1}, "seed must not be negative"),
 )
 def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, float], message: str):
-    for make in (corpus.lagged_pieces, corpus.swapped_pieces):
-        refused(message, make, clips, **{"seconds": SECONDS, "seed": 1, **change})
+    settings = {"seconds": SECONDS, "seed": 1, **change}
+    refused(message, corpus.lagged_pieces, clips, **settings)
+    refused(message, corpus.swapped_pieces, clips, **settings)
     refused("two names", corpus.paired_pieces, [], ("a", "a"), seconds=SECONDS, seed=1)
 
 
