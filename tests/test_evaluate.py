@@ -4,7 +4,7 @@ import json
 import re
 import shutil
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,18 +19,24 @@ from scipy.ndimage import gaussian_filter1d
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app, evaluating
 from harmolab.data.synthetic import write_corpus
-from harmolab.lab.evaluate import engine, pairing
-from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate import page as evaluation_page
-from harmolab.lab.evaluate import published as protocols
-from harmolab.lab.evaluate import sets as collecting
 from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.findings import findings
 from harmolab.lab.evaluate.latex import table_tex
 from harmolab.lab.evaluate.measured import MEASURES, beat_numbers
 from harmolab.lab.evaluate.page import write_evaluation
-from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, Song, folder_pairs, song_of, songs_in
+from harmolab.lab.evaluate.pairing import (
+    FROZEN,
+    OTHER_SONG,
+    RECORDED,
+    Pair,
+    Song,
+    folder_pairs,
+    listed_pairs,
+    song_of,
+    songs_in,
+)
 from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, protocol_sets, set_numbers, written_parts
@@ -50,7 +56,7 @@ from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import score_clip
-from tests.builders import called, cases, refused
+from tests.builders import called, cases, done, refused
 
 run = partial(called, app)
 CLIPS, SECONDS = 7, 12.0
@@ -106,9 +112,9 @@ def table(planted: Path) -> Evaluation:
 
 @pytest.mark.slow
 def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r'need dask; install it by: pip install "dask\[distributed\]"'):
-        evaluate_dances(settings(planted), planted / "nothing", jobs=2)
+    monkeypatch.setattr("harmolab.lab.evaluate.engine.find_spec", lambda name: None)
+    message = r'need dask; install it by: pip install "dask\[distributed\]"'
+    refused(message, evaluate_dances, settings(planted), planted / "nothing", jobs=2)
     assert not (planted / "nothing").exists()
 
 
@@ -149,10 +155,8 @@ def test_controls_have_no_rank(table: Evaluation) -> None:
 
 
 def test_subfolders_are_seeds(table: Evaluation) -> None:
-    assert (table.counts["on the beat"], table.counts[WILD]) == (
-        (2 * CLIPS, CLIPS, 2, 2 * CLIPS),
-        (CLIPS, CLIPS, 1, CLIPS),
-    )
+    assert table.counts["on the beat"] == (2 * CLIPS, CLIPS, 2, 2 * CLIPS)
+    assert table.counts[WILD] == (CLIPS, CLIPS, 1, CLIPS)
     assert table.sets["on the beat", "multimodality_kinetic"].value > 0
     assert (WILD, "multimodality_kinetic") not in table.sets
 
@@ -188,8 +192,8 @@ def test_no_other_song_is_the_own_one() -> None:
 # Pairs
 
 
-def songs(*names: str) -> list[Song]:
-    return [Song(Path(name).stem, Path(name)) for name in names]
+def song_among(motion: str, music: tuple[str, ...]) -> Song | str:
+    return song_of(Path(motion), [Song(Path(name).stem, Path(name)) for name in music])
 
 
 @cases(
@@ -200,9 +204,15 @@ def songs(*names: str) -> list[Song]:
     ("my tune 2-a.bvh", ("tune 2.wav", "tune.wav"), "tune 2.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("gLO_sBM_cAll_d13_mBR0_ch02.wav", "x_mLO1_y.wav"), "gLO_sBM"),
+    # As published codes write them.
+    ("test_mBR0.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
+    ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
+    ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("gBR_sBM_cAll_d04_mBR0_ch01_slice7.wav", "mBR0.wav"), "gBR_sBM"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mJB4.wav"), "mJB4.wav"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01.json.npy", ("mBR0.wav", "mJB4.wav"), "mBR0.wav"),
 )
 def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: tuple[str, ...], match: str) -> None:
-    song = song_of(Path(motion), songs(*music))
+    song = song_among(motion, music)
     assert isinstance(song, Song) and song.path.name.startswith(match)
 
 
@@ -213,7 +223,7 @@ def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: t
     ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
 )
 def test_a_dance_without_a_song_has_the_reason(motion: str, music: tuple[str, ...], reason: str) -> None:
-    answer = song_of(Path(motion), songs(*music))
+    answer = song_among(motion, music)
     assert isinstance(answer, str) and reason in answer
 
 
@@ -231,14 +241,14 @@ def test_what_does_not_pair_is_listed(tmp_path: Path, planted: Path) -> None:
 
 def test_a_folder_in_which_nothing_pairs_is_an_error(tmp_path: Path, planted: Path) -> None:
     (tmp_path / "stranger.npz").touch()
-    with pytest.raises(ValueError, match=r"stranger\.npz: no song has its name.*--pairs"):
-        folder_pairs("x", tmp_path, songs_in(planted / "recorded"))
+    message = r"stranger\.npz: no song has its name.*--pairs"
+    refused(message, folder_pairs, "x", tmp_path, songs_in(planted / "recorded"))
 
 
 def listed(tmp_path: Path, planted: Path, *lines: str, header: str = "motion,music,system,seed") -> Any:
     table = tmp_path / "pairs.csv"
     table.write_text("\n".join([header, *lines]) + "\n")
-    return pairing.listed_pairs(table, planted / "recorded", {"x": planted / "off"})
+    return listed_pairs(table, planted / "recorded", {"x": planted / "off"})
 
 
 def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
@@ -274,13 +284,10 @@ def test_a_list_that_is_wrong_is_an_error(
 # Statistics
 
 
-def test_the_interval_of_two_songs_by_hand() -> None:
+def test_the_interval_of_two_and_of_ten_songs_by_hand() -> None:
     # Resamplings of 0 and 1 have the means 0, 1/2 and 1 in shares of 1/4, 1/2 and 1/4.
     assert song_interval(np.array([0.0, 1.0])) == (0.0, 1.0)
     assert np.isnan(song_interval(np.array([1.0]))).all()
-
-
-def test_the_interval_of_ten_songs_by_hand() -> None:
     # Five zeros and five ones: ten times the mean is binomial. Student's t of 9 degrees is 2.262, times the root of
     # 10/9 it is 2.384, beyond which the normal distribution has 0.0086 on either side. P(X <= 0) = 0.001 is less,
     # P(X <= 1) = 0.011 is more: the interval is 0.1 to 0.9, where the plain one of 0.025 is 0.2 to 0.8.
@@ -293,6 +300,11 @@ def rows_of(values: Mapping[tuple[str, str, str], float], measure: str = "harmon
     table = pd.DataFrame(rows, columns=["key", "system", "song", "seed", measure])
     about: dict[str, Any] = {"error": "", "kind": "generated", "skeleton": "s", "fps": 30.0, "joints": 1}
     return table.assign(**about, beats="tracked", dance="")
+
+
+def of_songs(**systems: Iterable[float]) -> dict[tuple[str, str, str], float]:
+    """(system, song, seed) -> value: of each system one dance to each song."""
+    return {(system, f"{song}", ""): value for system, values in systems.items() for song, value in enumerate(values)}
 
 
 def test_seeds_are_averaged_within_a_song() -> None:
@@ -313,11 +325,9 @@ def test_parts_of_any_size_give_the_same_sums(rng: np.random.Generator) -> None:
 
 def test_more_songs_than_are_kept_become_groups(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     songs = rng.normal(size=600)
-    values = {("x", f"{song}", ""): value for song, value in enumerate(songs)}
-    values |= {("y", f"{song}", ""): value + 1 for song, value in enumerate(songs)}
-    rows = rows_of(values)
+    rows = rows_of(of_songs(x=songs, y=songs + 1))
     single = system_means(collect([rows]).song_means)["x", "harmony"]
-    monkeypatch.setattr(collecting, "MOST_SONGS", 200)
+    monkeypatch.setattr("harmolab.lab.evaluate.sets.MOST_SONGS", 200)
     whole, parts = (collect(rows[place : place + size] for place in range(0, 1200, size)) for size in (1200, 100))
     pd.testing.assert_frame_equal(whole.song_means, parts.song_means)
     assert len(whole.song_means.loc["x"]) <= 200 and whole.is_grouped
@@ -329,49 +339,47 @@ def test_more_songs_than_are_kept_become_groups(monkeypatch: pytest.MonkeyPatch,
     assert (difference.low, difference.high) == pytest.approx((-1, -1))  # the groups are paired as the songs are
 
 
-def ranks_of(first: np.ndarray, second: np.ndarray, *, better: int = 1) -> dict[str, int]:
-    values = {("x", f"{song}", ""): value for song, value in enumerate(first)}
-    values |= {("y", f"{song}", ""): value for song, value in enumerate(second)}
-    interval = partial(song_interval, count=500)
-    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y"], interval=interval)
-    return ranks(differences, ["x", "y"], "harmony", better=better)
+def ranks_of(*, better: int = 1, **systems: Iterable[float]) -> dict[str, int]:
+    means, interval = collect([rows_of(of_songs(**systems))]).song_means, partial(song_interval, count=500)
+    return ranks(system_differences(means, [*systems], interval=interval), [*systems], "harmony", better=better)
 
 
 def test_a_clear_difference_is_a_rank(rng: np.random.Generator) -> None:
     songs = rng.normal(size=8)  # that songs differ is no matter: differences are paired
-    assert ranks_of(songs + 0.5, songs + rng.normal(0, 0.1, 8)) == {"x": 1, "y": 2}
-    assert ranks_of(songs + 0.5, songs + rng.normal(0, 0.1, 8), better=-1) == {"x": 2, "y": 1}
-    assert ranks_of(songs + 0.5, songs, better=0) == {}
+    assert ranks_of(x=songs + 0.5, y=songs + rng.normal(0, 0.1, 8)) == {"x": 1, "y": 2}
+    assert ranks_of(x=songs + 0.5, y=songs + rng.normal(0, 0.1, 8), better=-1) == {"x": 2, "y": 1}
+    assert ranks_of(x=songs + 0.5, y=songs, better=0) == {}
 
 
 @pytest.mark.slow
 def test_systems_of_one_distribution_get_no_rank_but_by_luck(rng: np.random.Generator) -> None:
-    trials = [bool(ranks_of(rng.normal(size=8), rng.normal(size=8))) for _ in range(200)]
+    trials = [bool(ranks_of(x=rng.normal(size=8), y=rng.normal(size=8))) for _ in range(200)]
     assert np.mean(trials) < 0.09  # 0.05 is expected; 200 trials have a standard error of 0.015
 
 
 def test_five_songs_give_no_rank() -> None:
-    assert ranks_of(np.ones(5), np.zeros(5)) == {}
-    assert ranks_of(np.ones(6), np.zeros(6)) == {"x": 1, "y": 2}
+    assert ranks_of(x=np.ones(5), y=np.zeros(5)) == {}
+    assert ranks_of(x=np.ones(6), y=np.zeros(6)) == {"x": 1, "y": 2}
 
 
 def test_a_third_system_that_is_like_both_has_no_rank() -> None:
-    values = {("x", f"{song}", ""): 1.0 + 0.01 * song for song in range(6)}
-    values |= {("y", f"{song}", ""): 0.01 * song for song in range(6)}
-    values |= {("z", f"{song}", ""): 0.5 + (-1) ** song for song in range(6)}
-    interval = partial(song_interval, count=500)
-    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y", "z"], interval=interval)
-    assert ranks(differences, ["x", "y", "z"], "harmony", better=1) == {"x": 1, "y": 2}
+    songs = np.arange(6)
+    assert ranks_of(x=1.0 + 0.01 * songs, y=0.01 * songs, z=0.5 + (-1.0) ** songs) == {"x": 1, "y": 2}
 
 
-def feature_rows(system: str, values: np.ndarray, songs: list[str], seeds: list[str]) -> pd.DataFrame:
-    columns = {f"f_kinetic_{place:03d}": column for place, column in enumerate(values.T)}
+def feature_rows(
+    system: str, values: np.ndarray, songs: list[str], seeds: Any = "", names: tuple[str, ...] = ("kinetic",)
+) -> pd.DataFrame:
+    columns = {f"f_{name}_{place:03d}": column for name in names for place, column in enumerate(values.T)}
     return pd.DataFrame({"key": system, "song": songs, "seed": seeds, "skeleton": "s", **columns})
+
+
+published_rows = partial(feature_rows, names=("aist++ kinetic", "aist++ geometric"))
 
 
 def test_distances_lose_the_bias_of_small_samples(rng: np.random.Generator) -> None:
     names = [f"{song}" for song in range(60)]
-    both = {name: feature_rows(name, rng.normal(size=(60, 8)), names, [""] * 60) for name in ("x", RECORDED)}
+    both = {name: feature_rows(name, rng.normal(size=(60, 8)), names) for name in ("x", RECORDED)}
     number = set_numbers(both)["x", "fid_kinetic"]
     assert (number.n, number.n_recorded) == (60, 60)
     assert abs(number.value) < number.raw / 2  # 0 is the truth
@@ -391,7 +399,7 @@ def test_what_is_left_of_the_bias_and_distances_below_0_are_remarked(
 
 
 def test_diversity_is_over_songs_and_multimodality_over_seeds() -> None:
-    recorded = feature_rows(RECORDED, np.array([[-1.0], [1.0]]), ["a", "b"], ["", ""])  # mean 0, spread 1
+    recorded = feature_rows(RECORDED, np.array([[-1.0], [1.0]]), ["a", "b"])  # mean 0, spread 1
     danced = feature_rows("x", np.array([[0.0], [4.0], [1.0], [2.0]]), ["a", "b", "a", "b"], ["1", "1", "2", "2"])
     numbers = set_numbers({RECORDED: recorded, "x": danced})
     assert numbers["x", "diversity_kinetic"].value == 2.5  # |0 - 4| and |1 - 2|
@@ -472,9 +480,8 @@ def test_a_finding_is_only_what_the_controls_and_the_number_of_songs_allow(
 def test_a_finding_says_of_how_many_songs_a_likeness_is(table: Evaluation) -> None:
     mean = table.means[WILD, "likeness"]._replace(mean=1.0, songs=3)
     (finding,) = findings(replace(table, systems=(WILD,), means={**table.means, (WILD, "likeness"): mean}))
-    assert finding.endswith(
-        "100% of its dances to the 3 of 7 songs where that can be judged move like recorded dancers."
-    )
+    end = "100% of its dances to the 3 of 7 songs where that can be judged move like recorded dancers."
+    assert finding.endswith(end)
 
 
 def flailing(motion: Motion, seed: int) -> Motion:
@@ -496,19 +503,16 @@ def test_the_first_sentence_of_the_page_is_true_of_dances_that_are_known(tmp_pat
             (tmp_path / name).mkdir(exist_ok=True)
             save_motion(tmp_path / name / f"{song.name}.npz", dance)
     systems = {name: tmp_path / name for name in dances}
-    evaluation = evaluate_dances(
-        EvaluationSettings(systems, tmp_path / "songs", tmp_path / "songs"), tmp_path / "table"
-    )
+    whole = EvaluationSettings(systems, tmp_path / "songs", tmp_path / "songs")
+    evaluation = evaluate_dances(whole, tmp_path / "table")
     first = {name: next(findings(replace(evaluation, systems=(name,)))) for name in systems}
     if count == 3:
-        assert {one.split(";")[0] for one in first.values()} == {
-            "3 songs are too few to say how the dances go with their music"
-        }
+        too_few = "3 songs are too few to say how the dances go with their music"
+        assert {one.split(";")[0] for one in first.values()} == {too_few}
         return
     assert first.pop("same").startswith("same cannot be told from the recorded dances by its harmony")
-    assert [one.split(" (")[0] for one in first.values()] == [
-        f"{name} goes with its music less than the recorded dances" for name in first
-    ]
+    less = "goes with its music less than the recorded dances"
+    assert [one.split(" (")[0] for one in first.values()] == [f"{name} {less}" for name in first]
 
 
 def test_a_page_says_no_verdict_on_the_best_of_many_that_luck_explains(table: Evaluation) -> None:
@@ -698,14 +702,8 @@ def test_a_protocol_means_over_dances_and_draws_songs_again() -> None:
     collected = collect([rows.assign(harmony=np.nan)])
     means = dance_means(collected.sums, collected.counts, ["aist++ BeatAlign"])
     assert means["x", "aist++ BeatAlign"][::3] == (2.0, 2)  # our own mean, of songs, is 2.5
-    same = collect([rows_of({("x", f"{song}", ""): float(song) for song in range(6)})])  # one dance to each song
+    same = collect([rows_of(of_songs(x=np.arange(6.0)))])
     assert dance_means(same.sums, same.counts, ["harmony"]) == system_means(same.song_means)
-
-
-def published_rows(system: str, values: np.ndarray, songs: list[str]) -> pd.DataFrame:
-    columns = {f"f_{name}_{place:03d}": column for name in ("aist++ kinetic", "aist++ geometric")
-               for place, column in enumerate(values.T)}  # fmt: skip
-    return pd.DataFrame({"key": system, "song": songs, "seed": "", "skeleton": "s", **columns})
 
 
 def test_the_ground_truth_of_a_protocol_is_a_line(rng: np.random.Generator) -> None:
@@ -729,12 +727,9 @@ def test_features_that_are_constant_in_the_reference_are_counted(rng: np.random.
     values, danced = rng.normal(size=(9, 3)), rng.normal(size=(9, 3))
     values[:, 1:] = 0.25
     danced[:, 1] = 0.25  # here the dances agree, too: nothing is divided by 1e-10
-    sets = protocol_sets(
-        {RECORDED: published_rows(RECORDED, values, songs), "x": published_rows("x", danced, songs)}, "aist++"
-    )
-    assert {name: one.constant for (row, name), one in sets.items() if row == "x"} == dict.fromkeys(
-        ("aist++ FID_k", "aist++ Div_k", "aist++ FID_g", "aist++ Div_g"), (2,)
-    )
+    both = {RECORDED: published_rows(RECORDED, values, songs), "x": published_rows("x", danced, songs)}
+    sets, names = protocol_sets(both, "aist++"), ("aist++ FID_k", "aist++ Div_k", "aist++ FID_g", "aist++ Div_g")
+    assert {name: one.constant for (row, name), one in sets.items() if row == "x"} == dict.fromkeys(names, (2,))
     assert sets["x", "aist++ FID_g"].value > 1e15
 
 
@@ -757,20 +752,14 @@ def test_the_caption_counts_the_songs_of_each_column(table: Evaluation) -> None:
 @pytest.mark.parametrize("name", [r"_ & % # ~ ^ \ { } $", "[ours]", "* | <", "two\nlines & 100%\\", "\\end{tabular}"])
 def test_latex_holds_names_with_any_mark(table: Evaluation, name: str) -> None:
     means = {(name, measure): value for (row, measure), value in table.means.items() if row == WILD}
-    renamed = replace(
-        table,
-        systems=(name,),
-        counts={**table.counts, name: table.counts[WILD]},
-        means={**table.means, **means},
-        sets={},
-    )
+    counts = table.counts | {name: table.counts[WILD]}
+    renamed = replace(table, systems=(name,), counts=counts, means=table.means | means, sets={})
     (columns, rows), _ = tabulars(table_tex(renamed))
     assert [width(row) for row in rows] == [len(columns)] * 5
     spelt = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\n": " "}
     spelt |= {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}", "[": "{[}", "*": "{*}"}
-    assert (
-        rows[1][0].strip() == "".join(spelt.get(one, f"\\{one}" if one in "_&%#{}$" else one) for one in name).strip()
-    )
+    spelt |= {one: f"\\{one}" for one in "_&%#{}$"}
+    assert rows[1][0].strip() == "".join(spelt.get(one, one) for one in name).strip()
 
 
 def test_the_page_needs_no_network_and_escapes_names(planted: Path, table: Evaluation) -> None:
@@ -856,10 +845,13 @@ def test_a_song_in_which_no_beat_is_heard_is_a_fault(planted: Path, tmp_path: Pa
     silent = tmp_path / "silent.wav"
     soundfile.write(silent, np.zeros(10 * 22050), 22050)
     dance = planted / "off" / "clip_0001_cha-cha.npz"
-    with pytest.raises(ValueError, match=r"silent\.wav: holds no beats; give them in a file SONG\.beats"):
-        clip_row(Pair("x", "", "silent", dance, silent), RowOptions())
+    pair, message = (
+        Pair("x", "", "silent", dance, silent),
+        r"silent\.wav: holds no beats; give them in a file SONG\.beats",
+    )
+    refused(message, clip_row, pair, RowOptions())
     silent.with_suffix(".beats").write_text("1\n2\n3\n")
-    assert clip_row(Pair("x", "", "silent", dance, silent), RowOptions())["music_beats"] == 3
+    assert clip_row(pair, RowOptions())["music_beats"] == 3
 
 
 def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Path) -> None:
@@ -896,7 +888,7 @@ def test_files_that_changed_are_measured_anew(few: Path, tmp_path: Path, monkeyp
         measured.append(f"{pair.system} {pair.song}")
         return clip_row(pair, options)
 
-    monkeypatch.setattr(evaluation_module, "clip_row", counted)
+    monkeypatch.setattr("harmolab.lab.evaluate.evaluation.clip_row", counted)
     some = settings(few, systems={"off": folder}, music=music)
 
     def resumed() -> list[str]:
@@ -924,8 +916,8 @@ def test_a_run_with_other_recorded_dances_is_not_resumed(few: Path, tmp_path: Pa
     changed = sorted(recorded.iterdir())[0] / "motion.npz"
     motion = load_motion(changed)
     save_motion(changed, replace(motion, positions=motion.positions * [1.0, 1.3, 1.0]))
-    with pytest.raises(ValueError, match=r"recorded: the recorded dances have changed since .*--force"):
-        evaluate_dances(some, tmp_path / "table", resume=True)
+    message = r"recorded: the recorded dances have changed since .*--force"
+    refused(message, evaluate_dances, some, tmp_path / "table", resume=True)
 
 
 def test_a_protocol_without_numbers_is_a_remark(few: Path, tmp_path: Path) -> None:
@@ -950,17 +942,11 @@ def test_a_system_must_not_be_called_like_a_control(planted: Path) -> None:
     refused("'recorded' is the name of a row", settings, planted, systems={"recorded": planted / "on"})
 
 
-def rateless(planted: Path, folder: Path) -> Path:
-    """A folder with one planted dance as an array without a frame rate, and without names of joints."""
-    folder.mkdir()
-    np.save(folder / "clip_0001_cha-cha.npy", load_motion(planted / "off" / "clip_0001_cha-cha.npz").positions)
-    return folder
-
-
 def test_a_missing_frame_rate_names_the_option(planted: Path, tmp_path: Path) -> None:
-    folder = rateless(planted, tmp_path / "x")
-    with pytest.raises(ValueError, match=r"clip_0001_cha-cha\.npy.*--fps"):
-        evaluate_dances(settings(planted, systems={"x": folder}), tmp_path / "table")
+    (folder := tmp_path / "x").mkdir()
+    np.save(folder / "clip_0001_cha-cha.npy", load_motion(planted / "off" / "clip_0001_cha-cha.npz").positions)
+    some = settings(planted, systems={"x": folder})
+    refused(r"clip_0001_cha-cha\.npy.*--fps", evaluate_dances, some, tmp_path / "table")
     assert not (tmp_path / "table").exists()
     (pair,) = folder_pairs("x", folder, songs_in(planted / "recorded")).pairs
     row = clip_row(pair, RowOptions(fps=30.0))
@@ -991,7 +977,7 @@ class Fake:
 @pytest.mark.slow
 def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused("no protocol is called 'fake'", settings, few, protocols=["fake"])
-    monkeypatch.setattr(protocols, "PROTOCOLS", {"fake": Fake()})
+    monkeypatch.setattr("harmolab.lab.evaluate.published.PROTOCOLS", {"fake": Fake()})
     some = settings(few, protocols=["fake"], systems={"off": few / "off"})
     evaluation = evaluate_dances(some, tmp_path / "table")
     beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")
@@ -1008,16 +994,14 @@ def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.slow
 def test_the_command_writes_the_table_and_says_where(few: Path, tmp_path: Path) -> None:
-    out = tmp_path / "table"
-    inputs = ("--music", few / "recorded", "--reference", few / "recorded")
-    result = run("evaluate", few / "off", *inputs, "--out", out, "--resamples", 100, "--jobs", 0)
-    assert result.exit_code == 0, result.output
+    out, inputs = tmp_path / "table", ("--music", few / "recorded", "--reference", few / "recorded")
+    command = ("evaluate", few / "off", *inputs, "--out", out, "--resamples", 100, "--jobs", 0)
+    result = done(app, *command)
     for name in ("index.html", "table.csv", "table.json", "table.tex", "clips.csv"):
         assert (out / name).is_file()
         assert f"wrote {out / name}" in result.output.replace("\n", "")
     assert "frozen pose" in result.output
-    again = run("evaluate", few / "off", *inputs, "--out", out, "--resamples", 100, "--jobs", 0)
-    assert again.exit_code == 0, "its own table may be written anew"
+    done(app, *command)  # its own table may be written anew
 
 
 @cases(
