@@ -5,6 +5,7 @@ import pickle
 import re
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,11 +18,14 @@ from harmolab.readers.bvh import load_bvh, save_bvh
 from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, keypoints_motion, load_keypoints
 from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.types import Motion
-from tests.builders import ARM, bone_lengths, cases, refused
+from tests.builders import ARM, bone_lengths, cases, missing, refused
 
 
 def walk(frames: int = 10, joints: int = 3, dimensions: int = 3) -> np.ndarray:
     return np.random.default_rng(4).normal(size=(frames, joints, dimensions))
+
+
+WALK = Motion(walk(), 25, ARM)
 
 
 def save(path: Path, array: np.ndarray) -> Path:
@@ -45,7 +49,7 @@ def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path, dimensions: int):
 
 @pytest.mark.parametrize("offset", [12.4, None, 0.0])
 def test_a_saved_motion_keeps_the_song_time_it_was_made_for(tmp_path: Path, offset: float | None):
-    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=offset)
+    save_motion(tmp_path / "arm.npz", WALK, offset=offset)
     assert load_offset(tmp_path / "arm.npz") == offset
     assert load_motion(tmp_path / "arm.npz").n_frames == 10
 
@@ -69,13 +73,9 @@ def test_failed_save_leaves_the_old_file_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, written_by: str
 ):
     path = tmp_path / name
-    save_motion(path, Motion(walk(), 25, ARM))
+    save_motion(path, WALK)
     before = path.read_bytes()
-
-    def fail(*_args: object, **_named: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr(np, written_by, fail)
+    monkeypatch.setattr(np, written_by, Mock(side_effect=OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         save_motion(path, Motion(walk() + 1, 25, ARM))
     assert path.read_bytes() == before
@@ -83,9 +83,8 @@ def test_failed_save_leaves_the_old_file_and_no_other(
 
 
 def test_motion_is_saved_under_known_names_and_at_times_that_are_some_only(tmp_path: Path):
-    motion = Motion(walk(), 25, ARM)
-    refused(r"arm\.fbx: motion is saved as \.npz or \.bvh", save_motion, tmp_path / "arm.fbx", motion)
-    refused("offset must be a number of seconds", save_motion, tmp_path / "arm.npz", motion, offset=np.nan)
+    refused(r"arm\.fbx: motion is saved as \.npz or \.bvh", save_motion, tmp_path / "arm.fbx", WALK)
+    refused("offset must be a number of seconds", save_motion, tmp_path / "arm.npz", WALK, offset=np.nan)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -262,9 +261,8 @@ def test_damaged_bvh_is_refused_with_its_fault(tmp_path: Path, text: str, fault:
 
 def test_aist_pickle_takes_the_optimised_points_in_metres_at_60_fps(tmp_path: Path):
     points = walk(6, 17)
-    path = tmp_path / "dance.pkl"
-    path.write_bytes(pickle.dumps({"keypoints3d": points * np.nan, "keypoints3d_optim": points}))
-    motion = load_motion(path)
+    (tmp_path / "dance.pkl").write_bytes(pickle.dumps({"keypoints3d": points * np.nan, "keypoints3d_optim": points}))
+    motion = load_motion(tmp_path / "dance.pkl")
     np.testing.assert_allclose(motion.positions, points / 100)
     assert (motion.fps, motion.skeleton) == (60, COCO_17)
 
@@ -281,11 +279,8 @@ def test_aist_pickle_with_gaps_names_frame_and_joint(tmp_path: Path):
 
 def confident(frames: int = 5, joints: int = 17) -> np.ndarray:
     """Points that move to the right by one a frame, joint j at height 10 j, all seen."""
-    points = np.zeros((frames, joints, 3))
-    points[..., 0] = np.arange(frames)[:, None]
-    points[..., 1] = 10.0 * np.arange(joints)
-    points[..., 2] = 0.9
-    return points
+    x, y = np.meshgrid(np.arange(frames), 10.0 * np.arange(joints), indexing="ij")
+    return np.stack([x, y, np.full(x.shape, 0.9)], axis=2)
 
 
 def test_unseen_joint_is_filled_by_a_straight_line_or_stays_and_its_frames_are_not_valid(tmp_path: Path):
@@ -384,8 +379,7 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
     (tmp_path / "empty.npz").touch()
     refused(r"dance\.xyz: is no motion file that is known \(\.xyz\)", load_motion, tmp_path / "dance.xyz")
     refused(r"empty\.npz: the file is empty", load_motion, tmp_path / "empty.npz")
-    with pytest.raises(FileNotFoundError, match=r"none\.bvh: no such file"):
-        load_motion(tmp_path / "none.bvh")
+    missing(r"none\.bvh: no such file", load_motion, tmp_path / "none.bvh")
     refused(r"holds no motion: neither motion\.npz nor skeletons\.json, nor", load_motion, tmp_path)
 
 
@@ -456,8 +450,7 @@ def test_frames_of_openpose_in_one_list_are_read_in_their_order(tmp_path: Path):
 
 
 def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
-    entries = results([0, 9, 2])
-    motion = load_motion(as_json(tmp_path / "dance.json", [entries[0], entries[2]]), fps=30)
+    motion = load_motion(as_json(tmp_path / "dance.json", results([0, 9, 2])[::2]), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
     assert motion.valid.tolist() == [True, False, True]
 
@@ -569,9 +562,13 @@ TREE = Skeleton(("hand L", "hip L", "torso", "hip R", "neck", "elbow L"), (5, 2,
 AT_REST = np.array([[0.6, 0.9, 0.1], [0.1, -0.1, 0.0], [0, 0, 0], [-0.1, -0.1, 0.0], [0.0, 0.5, 0.05], [0.3, 0.6, 0.0]])
 
 
-def in_order(motion: Motion, of: Skeleton) -> np.ndarray:
-    """Positions in the order of another skeleton's joints."""
-    return motion.positions[:, [motion.skeleton.joints.index(name) for name in of.joints]]
+def brought_back(path: Path, positions: np.ndarray, skeleton: Skeleton) -> Motion:
+    """A movement that was saved as this BVH file and comes back from it."""
+    save_bvh(path, Motion(positions, 15, skeleton))
+    back = load_bvh(path)
+    order = [back.skeleton.joints.index(name) for name in skeleton.joints]
+    np.testing.assert_allclose(back.positions[:, order], positions, atol=1e-6)
+    return back
 
 
 def turned(skeleton: Skeleton, rest: np.ndarray, frames: int, seed: int = 0) -> np.ndarray:
@@ -593,8 +590,8 @@ def turned(skeleton: Skeleton, rest: np.ndarray, frames: int, seed: int = 0) -> 
 
 def channels(path: Path) -> dict[str, int]:
     """Joint -> number of channels, as the file's text has it."""
-    found = re.findall(r"(?:ROOT|JOINT) (.*)\n.*\n.*\n\s*CHANNELS (\d)", path.read_text())
-    return {name: int(count) for name, count in found}
+    pattern = r"(?:ROOT|JOINT) (.*)\n.*\n.*\n\s*CHANNELS (\d)"
+    return {name: int(count) for name, count in re.findall(pattern, path.read_text())}
 
 
 def test_straight_arm_along_x_has_its_bones_as_offsets_in_centimetres(tmp_path: Path):
@@ -602,14 +599,8 @@ def test_straight_arm_along_x_has_its_bones_as_offsets_in_centimetres(tmp_path: 
     save_bvh(tmp_path / "arm.bvh", Motion(positions, 25, ARM))
     lines = [" ".join(line.split()) for line in (tmp_path / "arm.bvh").read_text().splitlines()]
     channels = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-    assert lines[:6] == [
-        "HIERARCHY",
-        "ROOT shoulder",
-        "{",
-        "OFFSET 0.000000 0.000000 0.000000",
-        channels,
-        "JOINT elbow",
-    ]
+    assert lines[:3] == ["HIERARCHY", "ROOT shoulder", "{"]
+    assert lines[3:6] == ["OFFSET 0.000000 0.000000 0.000000", channels, "JOINT elbow"]
     assert {f"OFFSET {length}.000000 0.000000 0.000000" for length in (30, 20)} <= set(lines)
     head = lines.index("MOTION")
     assert lines[head + 1 : head + 3] == ["Frames: 2", "Frame Time: 0.04"]
@@ -620,10 +611,7 @@ def test_straight_arm_along_x_has_its_bones_as_offsets_in_centimetres(tmp_path: 
 
 
 def test_rigid_body_comes_back_from_rotations_alone_parents_as_parents(tmp_path: Path):
-    positions = turned(TREE, AT_REST, 80)
-    save_bvh(tmp_path / "body.bvh", Motion(positions, 15, TREE))
-    back = load_bvh(tmp_path / "body.bvh")
-    np.testing.assert_allclose(in_order(back, TREE), positions, atol=1e-6)
+    back = brought_back(tmp_path / "body.bvh", turned(TREE, AT_REST, 80), TREE)
     counts = {"torso": 6, "hip L": 3, "hip R": 3, "neck": 3, "elbow L": 3, "hand L": 3}
     assert (back.fps, channels(tmp_path / "body.bvh")) == (15, counts)
     bones = [{(one.joints[p], one.joints[c]) for p, c in one.bones} for one in (back.skeleton, TREE)]
@@ -635,11 +623,9 @@ def test_rigid_body_comes_back_from_rotations_alone_parents_as_parents(tmp_path:
 
 def test_only_the_stretching_bone_gets_position_channels(tmp_path: Path):
     positions = turned(TREE, AT_REST, 60)
-    hand, elbow = 0, 5
-    stretch = 1 + 0.2 * np.sin(np.arange(60))[:, None]
-    positions[:, hand] = positions[:, elbow] + stretch * (positions[:, hand] - positions[:, elbow])
-    save_bvh(tmp_path / "body.bvh", Motion(positions, 15, TREE))
-    np.testing.assert_allclose(in_order(load_bvh(tmp_path / "body.bvh"), TREE), positions, atol=1e-6)
+    hand, elbow = positions[:, 0], positions[:, 5]
+    positions[:, 0] = elbow + (1 + 0.2 * np.sin(np.arange(60))[:, None]) * (hand - elbow)
+    brought_back(tmp_path / "body.bvh", positions, TREE)
     assert {name for name, count in channels(tmp_path / "body.bvh").items() if count == 6} == {"torso", "hand L"}
 
 
@@ -651,18 +637,13 @@ def test_any_movement_of_any_tree_comes_back(tmp_path_factory: pytest.TempPathFa
     inverse = np.argsort(shuffle)
     mixed = tuple(-1 if parents[joint] < 0 else int(inverse[parents[joint]]) for joint in shuffle)
     skeleton = Skeleton(tuple(f"j{i}" for i in range(9)), mixed)
-    positions = rng.normal(size=(frames, 9, 3))
-    path = tmp_path_factory.mktemp("tree") / "any.bvh"
-    save_bvh(path, Motion(positions, 30, skeleton))
-    np.testing.assert_allclose(in_order(load_bvh(path), skeleton), positions, atol=1e-6)
+    brought_back(tmp_path_factory.mktemp("tree") / "any.bvh", rng.normal(size=(frames, 9, 3)), skeleton)
 
 
 def test_quarter_turn_where_two_angles_become_one_comes_back(tmp_path: Path):
     # The bone stands along -z: a turn of exactly 90 degrees about x.
     bone = np.array([[0, 0.3, 0], [0, 0, 0.3], [0, 0.3, 0], [0.3, 0, 0], [0, -0.3, 0]], float)
-    positions = np.stack([np.zeros((5, 3)), bone, 2 * bone], axis=1)
-    save_bvh(tmp_path / "arm.bvh", Motion(positions, 15, ARM))
-    np.testing.assert_allclose(load_bvh(tmp_path / "arm.bvh").positions, positions, atol=1e-6)
+    brought_back(tmp_path / "arm.bvh", np.stack([np.zeros((5, 3)), bone, 2 * bone], axis=1), ARM)
 
 
 def test_angles_go_on_beyond_half_a_turn_without_a_jump(tmp_path: Path):
@@ -675,9 +656,7 @@ def test_angles_go_on_beyond_half_a_turn_without_a_jump(tmp_path: Path):
 
 
 def test_bone_of_no_length_and_a_dancer_of_a_centimetre_come_back(tmp_path: Path):
-    positions = turned(ARM, np.array([[0, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]), 20)
-    save_bvh(tmp_path / "arm.bvh", Motion(positions, 15, ARM))
-    np.testing.assert_allclose(load_bvh(tmp_path / "arm.bvh").positions, positions, atol=1e-6)
+    brought_back(tmp_path / "arm.bvh", turned(ARM, np.array([[0, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]), 20), ARM)
 
 
 def test_end_site_of_some_length_is_still_a_joint(tmp_path: Path):
