@@ -22,7 +22,9 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import foot_joints
 from harmolab.cli import app
 from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
+from harmolab.clips import tracked_sound
 from harmolab.data.recordings import TANG_23
+from harmolab.readers.audio import load_audio
 from harmolab.systems import AttributeClassifier, AttributeParams, load
 from harmolab.systems.music2dance import music_features
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check_same_channels
@@ -36,7 +38,7 @@ from harmolab.systems.training.feet import foot_contacts
 from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.systems.training.weights import save_weights
 from study.cells import notebook_cells
-from tests.builders import called, cases, planted_dance, refused, still, write_song
+from tests.builders import called, cases, done, planted_dance, refused, still, write_song
 from tests.tiny_music2dance import TINY as SMALL
 from tools.ship import ENDING_SECONDS
 from tools.ship import ship_music2dance as ship
@@ -219,13 +221,12 @@ def test_what_is_wrong_with_a_part_is_said_with_its_file(
     ("other names", r"takes another skeleton \(21 joints\)"),
 )
 def test_a_foot_model_of_another_code_is_refused(mine: str, fault: str, whole_run: Path, tmp_path: Path):
-    skeleton = coded("positions")[0].skeleton
+    own = coded("positions")[0].skeleton
+    other = Skeleton((*own.joints[:-1], f"{own.joints[-1]} of another"), own.parents)
     codes = {
         "rotations": coded("rotations")[0],
         "positions of 23": PositionCode(TANG_23, np.full(23, 0.2)),
-        "other names": PositionCode(
-            Skeleton((*skeleton.joints[:-1], f"{skeleton.joints[-1]} of another"), skeleton.parents), np.full(21, 0.2)
-        ),
+        "other names": PositionCode(other, np.full(21, 0.2)),
     }
     model = FootModel(FootParams(channels=4), codes[mine])
     refused(fault, system, feet=model)
@@ -311,11 +312,8 @@ def test_planted_feet_carry_the_dance_where_the_network_says_so():
     def soles_of(stands: np.ndarray, feet: Feet) -> np.ndarray:
         return dance_positions(dancer.generator, Danced(afloat, stands), feet)[:, soles]
 
-    free, planted, wrong = (
-        soles_of(contacts, "none"),
-        soles_of(contacts, "planted"),
-        soles_of(1.0 - contacts, "planted"),
-    )
+    free, planted = soles_of(contacts, "none"), soles_of(contacts, "planted")
+    wrong = soles_of(1.0 - contacts, "planted")
     assert free[..., 1].min(axis=1).max() > 0.15 and planted[..., 1].min(axis=1).max() < 0.02
     assert np.abs(wrong - planted).max() > 0.05
 
@@ -337,9 +335,8 @@ def test_options_out_of_range_are_refused(options: dict[str, Any], fault: str):
 def test_a_foot_model_whose_numbers_overflow_is_no_dance():
     model = foot_model("positions")
     with torch.no_grad():
-        model.layers[0].weight.fill_(3e38)
-        model.layers[1].weight.fill_(3e38)
-        model.layers[-1].weight.fill_(3e38)
+        for layer in (0, 1, -1):
+            model.layers[layer].weight.fill_(3e38)
     refused("the foot model gives no finite dance", system(feet=model).generate, sound(), feet="model")
 
 
@@ -486,11 +483,12 @@ def song(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def dance(song: Path, run: Path, out: Path, *options: object) -> Result:
     """The command, for two seconds of the song."""
-    return called(app, "dance", song, "--weights", run, "--seconds", 2, "--out", out, *options)
+    return done(app, "dance", song, "--weights", run, "--seconds", 2, "--out", out, *options)
 
 
-def one_line(result: Result, folder: Path) -> str:
-    """The only line of an error; nothing was written."""
+def one_line(folder: Path, *arguments: object) -> str:
+    """The only line of the error that this dance ends in; nothing was written into the folder."""
+    result = called(app, "dance", *arguments, "--out", folder / "dance.npz")
     assert result.exit_code == 2, result.output
     assert len(result.stderr.splitlines()) == 1 and result.stderr.startswith("harmolab: ")
     assert list(folder.iterdir()) == []
@@ -498,13 +496,11 @@ def one_line(result: Result, folder: Path) -> str:
 
 
 def test_an_empty_dance_asks_the_classifier_and_dances_what_it_says(song: Path, whole_run: Path, tmp_path: Path):
-    result = dance(song, whole_run, tmp_path / "asked.npz", "--dance", "")
-    assert result.exit_code == 0, result.output
-    assert WORDS in result.stdout
+    assert WORDS in dance(song, whole_run, tmp_path / "asked.npz", "--dance", "").stdout
     assert "sounds like" not in dance(song, whole_run, tmp_path / "told.npz", "--dance", "waltz").output
     asked, named = (load_motion(tmp_path / f"{name}.npz").positions for name in ("asked", "told"))
     np.testing.assert_array_equal(asked, named)
-    assert dance(song, whole_run, tmp_path / "other.npz", "--dance", "cha-cha").exit_code == 0
+    dance(song, whole_run, tmp_path / "other.npz", "--dance", "cha-cha")
     assert np.abs(load_motion(tmp_path / "other.npz").positions - asked).max() > 1e-6
 
 
@@ -519,35 +515,27 @@ def test_json_and_the_page_have_the_answer(song: Path, whole_run: Path, tmp_path
 def test_no_dance_at_all_is_drawn_by_the_seed_as_before(song: Path, whole_run: Path, tmp_path: Path):
     (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.npz", "--json", "--seed", 1).stdout)
     assert report["dance_probabilities"] is None and report["remarks"] == []
-    dancer = load(whole_run)
-    from harmolab.clips import tracked_sound
-    from harmolab.readers.audio import load_audio
-
-    expected = dancer.generate(tracked_sound(song, load_audio(song, sample_rate=None)), seconds=2.0, seed=1)
+    audio = tracked_sound(song, load_audio(song, sample_rate=None))
+    expected = load(whole_run).generate(audio, seconds=2.0, seed=1)
     np.testing.assert_allclose(load_motion(tmp_path / "dance.npz").positions, expected.positions, atol=1e-6)
 
 
 def test_a_dance_that_was_not_learnt_is_said_to_be_another(song: Path, tmp_path: Path):
     system(attributes=classifier({"rumba": 0.75, "waltz": 0.25})).save(tmp_path / "run")
     result = dance(song, tmp_path / "run", tmp_path / "dance.npz", "--dance", "")
-    assert result.exit_code == 0, result.output
     assert "The music sounds like a rumba (0.75; waltz 0.25)." in result.stdout
     assert f"{OTHER_DANCE[0].upper()}{OTHER_DANCE[1:]}." in result.stdout
-    assert dance(song, tmp_path / "run", tmp_path / "untold.npz").exit_code == 0
+    dance(song, tmp_path / "run", tmp_path / "untold.npz")
     one, other = (load_motion(tmp_path / name).positions for name in ("dance.npz", "untold.npz"))
     np.testing.assert_array_equal(one, other)
 
 
 def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp_path: Path):
-    dances = {
-        name: dance(song, whole_run, tmp_path / f"{name}.npz", *options)
-        for name, options in {
-            "usual": (), "planted": ("--feet", "planted"), "model": ("--feet", "model"), "none": ("--feet", "none"),
-            "free": ("--no-plant-feet",), "lively": ("--temperature", 2),
-        }.items()
-    }  # fmt: skip
-    assert [result.exit_code for result in dances.values()] == [0] * 6
-    motions = {name: load_motion(tmp_path / f"{name}.npz").positions for name in dances}
+    asked = {name: ("--feet", name) for name in ("planted", "model", "none")}
+    asked |= {"usual": (), "free": ("--no-plant-feet",), "lively": ("--temperature", 2)}
+    for name, options in asked.items():
+        dance(song, whole_run, tmp_path / f"{name}.npz", *options)
+    motions = {name: load_motion(tmp_path / f"{name}.npz").positions for name in asked}
     np.testing.assert_array_equal(motions["usual"], motions["planted"])
     np.testing.assert_array_equal(motions["none"], motions["free"])
     np.testing.assert_array_equal(motions["none"], motions["model"])  # its increments are 0
@@ -563,22 +551,21 @@ def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp
 def test_options_that_cannot_be_are_one_line(
     options: tuple[str, ...], fault: str, song: Path, whole_run: Path, tmp_path: Path
 ):
-    assert fault in one_line(dance(song, whole_run, tmp_path / "dance.npz", *options), tmp_path)
+    assert fault in one_line(tmp_path, song, "--weights", whole_run, "--seconds", 2, *options)
 
 
 @cases("dancer, option, value", ("harmogan", "--feet", "model"), ("choreographer", "--temperature", 0.5))
 def test_other_systems_refuse_both_options_in_one_sentence(
     dancer: str, option: str, value: object, song: Path, tmp_path: Path
 ):
-    result = called(app, "dance", song, "--system", dancer, "--out", tmp_path / "dance.npz", option, value)
-    assert one_line(result, tmp_path) == f"harmolab: {option} is no option of this system"
+    error = one_line(tmp_path, song, "--system", dancer, option, value)
+    assert error == f"harmolab: {option} is no option of this system"
 
 
 def test_an_empty_dance_is_nothing_new_for_other_systems(song: Path, tmp_path: Path):
     for name, options in {"empty": ("--dance", ""), "none": ()}.items():
         arguments = ("--system", "harmogan", "--seconds", 2, "--seed", 0, "--out", tmp_path / f"{name}.npz")
-        result = called(app, "dance", song, *arguments, *options)
-        assert result.exit_code == 0 and "sounds like" not in result.output
+        assert "sounds like" not in done(app, "dance", song, *arguments, *options).output
     one, other = (load_motion(tmp_path / f"{name}.npz").positions for name in ("empty", "none"))
     np.testing.assert_array_equal(one, other)
 
