@@ -18,9 +18,10 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
-from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, audio_beats, load_motion, synthetic_clip, write_corpus
+from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, audio_beats, load_motion, synthetic_clip, systems
 from harmolab.body.kinematics import resample_motion
 from harmolab.cli import app
+from harmolab.data.synthetic import write_corpus
 from harmolab.files import PathLike
 from harmolab.musician.cleaning import Reference
 from harmolab.musician.networks import SoundToPoints
@@ -28,22 +29,7 @@ from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.sequences import PointSpace
 from harmolab.musician.system import Audio2Body
 from harmolab.readers.player_points import PLAYER_50
-from harmolab.systems import (
-    Choreographer,
-    Generator,
-    HarmoGAN,
-    Lee2019,
-    LeeParams,
-    ModelParams,
-    Music2Dance,
-    Music2DanceParams,
-    Ren2020,
-    RenParams,
-    System,
-    find,
-    load,
-    names,
-)
+from harmolab.systems import System, find, load, names
 from harmolab.systems.contract import PLAYERS
 from harmolab.systems.lee2019.networks import DancingToMusic
 from harmolab.systems.music2dance.codes import PositionCode
@@ -63,6 +49,7 @@ from tests.builders import cases, refused
 
 TOY = f"{__name__}:Toy"
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
+CODED: dict[str, Any] = {"fps": 15.0, "features": FEATURES}
 
 
 # A toy system
@@ -136,12 +123,10 @@ class Toy:
             Phase(name, 3, rate, {"net": net}, [toy], lambda shard, last: net(shard.own.audio))
             for name, rate in rates.items()
         ]
-        with open_folder(Path(out), settings, split, resume=resume):
-            units = Tensors.of(split.train)
-            fit(
-                make_fabric(accelerator="cpu"), phases, units, Batching(8, seed=seed), Path(out),
-                settings=settings, resume=resume, report=report,
-            )  # fmt: skip
+        own: dict[str, Any] = {"settings": settings, "resume": resume}
+        with open_folder(Path(out), split=split, **own):
+            batching, units = Batching(8, seed=seed), Tensors.of(split.train)
+            fit(make_fabric(accelerator="cpu"), phases, units, batching, Path(out), report=report, **own)
             cls(net).save(out)
         return cls(net)
 
@@ -178,19 +163,19 @@ def tiny(system: Any, network: Callable[..., Any]) -> Any:
     return with_movements(system, made, code)
 
 
-def tiny_harmogan() -> HarmoGAN:
-    sizes = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
-    return tiny(HarmoGAN, lambda *body: Generator(sizes, FEATURES.n_audio, *body, fps=15.0, features=FEATURES))
+def tiny_harmogan() -> systems.HarmoGAN:
+    sizes = systems.ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
+    return tiny(systems.HarmoGAN, lambda *body: systems.Generator(sizes, FEATURES.n_audio, *body, **CODED))
 
 
-def tiny_ren2020() -> Ren2020:
-    sizes = RenParams(hidden=8, body=8, blocks=1, discriminator=4)
-    return tiny(Ren2020, lambda *body: RenGenerator(sizes, FEATURES.n_audio, *body, fps=15.0, features=FEATURES))
+def tiny_ren2020() -> systems.Ren2020:
+    sizes = systems.RenParams(hidden=8, body=8, blocks=1, discriminator=4)
+    return tiny(systems.Ren2020, lambda *body: RenGenerator(sizes, FEATURES.n_audio, *body, **CODED))
 
 
-def tiny_lee2019() -> Lee2019:
-    sizes = replace(LeeParams.small(), hidden=8, latent=4, critic_layers=(8,), regressor_layers=(8,))
-    return tiny(Lee2019, lambda *body: DancingToMusic(sizes, *body, features=FEATURES, dances=["waltz"]))
+def tiny_lee2019() -> systems.Lee2019:
+    sizes = replace(systems.LeeParams.small(), hidden=8, latent=4, critic_layers=(8,), regressor_layers=(8,))
+    return tiny(systems.Lee2019, lambda *body: DancingToMusic(sizes, *body, features=FEATURES, dances=["waltz"]))
 
 
 def tiny_toy() -> Toy:
@@ -198,19 +183,19 @@ def tiny_toy() -> Toy:
     return Toy(Swaying(dancer().skeleton).eval())
 
 
-def tiny_choreographer() -> Choreographer:
-    return Choreographer.of([synthetic_clip("waltz", seconds=15.0, fps=30.0, seed=seed) for seed in (1, 2)])
+def tiny_choreographer() -> systems.Choreographer:
+    return systems.Choreographer.of([synthetic_clip("waltz", seconds=15.0, fps=30.0, seed=seed) for seed in (1, 2)])
 
 
-def tiny_music2dance() -> Music2Dance:
+def tiny_music2dance() -> systems.Music2Dance:
     torch.manual_seed(0)
     motion = dancer()
     code = PositionCode.of([motion])
-    sizes = replace(Music2DanceParams.recommended(), fps=motion.fps, residual=8, skip=8, groups=1)
+    sizes = replace(systems.Music2DanceParams.recommended(), fps=motion.fps, residual=8, skip=8, groups=1)
     network = DanceNetwork(sizes, code, ["waltz"])
     values = code.encode(motion)
     network.motion_scale.set(*(torch.tensor(part).float() for part in (values.mean(axis=0), values.std(axis=0))))
-    return with_movements(Music2Dance, network, np.column_stack([values, np.ones((len(values), 2))]))
+    return with_movements(systems.Music2Dance, network, np.column_stack([values, np.ones((len(values), 2))]))
 
 
 def tiny_audio2body() -> Audio2Body:
@@ -295,9 +280,7 @@ def test_what_is_saved_dances_the_same_when_it_is_loaded(saved: Path, name: str,
     np.testing.assert_array_equal(motions[0].positions, motions[1].positions)
 
 
-@cases(
-    "start, asked, seconds", (0.0, 0.5, 0.5), (4.3, 6.0, 6.0), (21.0, 0.7, 0.7), (18.0, 60.0, 4.0), (18.0, None, 4.0)
-)
+@cases("start, asked, seconds", (0, 0.5, 0.5), (4.3, 6, 6), (21, 0.7, 0.7), (18, 60, 4), (18, None, 4))
 def test_a_dance_is_as_long_as_asked_for_or_the_music_is(
     start: float, asked: float, seconds: float, generate: Generate
 ):
@@ -407,7 +390,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     del about["system"]
     about["build"]["model"]["critic"] = about["build"]["model"].pop("discriminator")
     (tmp_path / "model.json").write_text(json.dumps(about))
-    assert isinstance(load(tmp_path), HarmoGAN)
+    assert isinstance(load(tmp_path), systems.HarmoGAN)
 
 
 @cases(
