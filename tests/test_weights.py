@@ -23,9 +23,8 @@ from harmolab.systems.training.pose_network import PoseNet, load_pose_net
 from harmolab.systems.training.runs import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import save_weights
-from tests.builders import cases, dance_unit, refused
+from tests.builders import ARM, cases, dance_unit, missing, refused
 
-ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 FEATURES = FeatureParams(n_mfcc=4, fps=10.0)
 MANY = {"joints": [str(joint) for joint in range(1001)], "parents": [-1] * 1001}
 C = 9  # channels of the codes in a bank
@@ -115,8 +114,7 @@ def test_other_modules_are_not_stored(tmp_path: Path):
 
 
 def test_missing_weights_are_named(tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match=r"nowhere\.safetensors: no such file"):
-        load_generator(tmp_path / "nowhere")
+    missing(r"nowhere\.safetensors: no such file", load_generator, tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".pth", ".pkl", ".safetensors"])
@@ -215,9 +213,8 @@ def test_a_damaged_file_is_refused_by_name(stored: Path, suffix: str, damage: Ca
 
 def unit(name: str, dance: str, beats_before: int, frames_before: int) -> DanceUnit:
     """A unit of 8 beats and 40 frames whose code holds the number in its name everywhere."""
-    beats = np.concatenate(
-        [np.linspace(0, frames_before, beats_before, endpoint=False), np.linspace(frames_before, 40, 8 - beats_before)]
-    ) / 15  # fmt: skip
+    before = np.linspace(0, frames_before, beats_before, endpoint=False)
+    beats = np.concatenate([before, np.linspace(frames_before, 40, 8 - beats_before)]) / 15
     motion = np.full((40, C), float(name.rpartition("-")[2]), np.float32)
     return dance_unit(name, motion, frames_before, dance=dance, beats=beats, strengths=np.ones(8))
 
@@ -226,8 +223,7 @@ def units(*given: DanceUnit) -> UnitSet:
     return UnitSet(given, Skeleton(("hip", "knee"), (-1, 0)), np.array([0.0, 0.4]), FeatureParams())
 
 
-def bank() -> PoseBank:
-    return PoseBank(np.arange(4.0 * 3 * C).reshape(4, 3, C) / 16, ("waltz", "rumba", "waltz", ""))
+BANK = PoseBank(np.arange(4.0 * 3 * C).reshape(4, 3, C) / 16, ("waltz", "rumba", "waltz", ""))
 
 
 def test_retimed_joints_keep_their_course_and_rates_grow_with_the_tempo():
@@ -263,10 +259,10 @@ def test_units_without_a_meter_of_four_make_no_bank():
 
 
 def test_bank_comes_back_in_sixteen_bits(tmp_path: Path):
-    save_poses(tmp_path / "model", bank())
+    save_poses(tmp_path / "model", BANK)
     back = load_poses(tmp_path / "model")
-    np.testing.assert_array_equal(back.poses, bank().poses.astype(np.float16))
-    assert back.dances == bank().dances
+    np.testing.assert_array_equal(back.poses, BANK.poses.astype(np.float16))
+    assert back.dances == BANK.dances
     assert [file.name for file in tmp_path.iterdir()] == ["model_poses.safetensors"]
 
 
@@ -276,26 +272,20 @@ def test_bank_lies_beside_the_weights_however_they_are_named(tmp_path: Path):
 
 
 def test_clips_of_a_dance_or_all_where_the_bank_has_none_of_it():
-    np.testing.assert_array_equal(bank().of("waltz"), bank().poses[[0, 2]])
-    assert len(bank().of("tango")) == 4
-    assert len(bank().of(None)) == 4
+    np.testing.assert_array_equal(BANK.of("waltz"), BANK.poses[[0, 2]])
+    assert len(BANK.of("tango")) == len(BANK.of(None)) == 4
 
 
-def test_poses_for_another_skeleton_are_refused_by_file(tmp_path: Path):
-    save_poses(tmp_path / "model", bank())
-    message = r"model_poses\.safetensors: .*\(4, 3, 9\); this generator needs 72 channels"
-    refused(message, load_poses, tmp_path / "model", n_channels=72)
-
-
-def test_missing_damaged_and_foreign_banks_are_refused_by_file(tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match=r"model_poses\.safetensors: no such file"):
-        load_poses(tmp_path / "model")
+def test_banks_missing_damaged_foreign_and_for_another_skeleton_are_refused_by_file(tmp_path: Path):
+    missing(r"model_poses\.safetensors: no such file", load_poses, tmp_path / "model")
     path = tmp_path / "model_poses.safetensors"
     path.write_bytes(b"\x80\x04\x95 this is a pickle, or anything")
     refused(r"model_poses\.safetensors: .*damaged", load_poses, tmp_path / "model")
     save_file({"poses": np.zeros((2, 3, C), np.float16)}, path)
     refused("is no bank of poses", load_poses, tmp_path / "model")
-    save_poses(tmp_path / "model", bank())
+    save_poses(tmp_path / "model", BANK)
+    message = r"model_poses\.safetensors: .*\(4, 3, 9\); this generator needs 72 channels"
+    refused(message, load_poses, tmp_path / "model", n_channels=72)
     path.write_bytes(path.read_bytes()[:-20])
     refused("damaged", load_poses, tmp_path / "model")
 
