@@ -48,9 +48,8 @@ def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
     rows = waltzes_and_tango(CONVOLUTION, "yynn")
     rows[0] |= {"windows": 12, "right windows": 9}
     (row,) = CELLS.accuracy_table(pd.DataFrame(rows)).to_dict("records")
-    assert row["windows"] == pytest.approx(100 * 13 / 24)
-    assert row["songs"] == pytest.approx(50.0)
-    assert row["balanced"] == pytest.approx((200 / 3 + 0) / 2)
+    shares = [row[name] for name in ("windows", "songs", "balanced")]
+    assert shares == pytest.approx([100 * 13 / 24, 50.0, (200 / 3 + 0) / 2])
     assert (row["n"], row["chance"], row["updates"], row["seeds"], row["training"]) == (4, 50.0, 30, 1, 100.0)
     assert row[PAPER] == 92.1
     assert 0 <= row["songs low"] < row["songs"] < row["songs high"] <= 100
@@ -73,8 +72,8 @@ def test_differences_are_taken_song_by_song_whatever_their_order():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")[::-1]
     rhythm = waltzes_and_tango(RHYTHM, "yyyn")[::-1]
     table = CELLS.difference_table(pd.DataFrame([*better, *worse, *rhythm])).set_index(["against", "measure"])
-    assert table.loc[(FRAMES, "songs"), "difference"] == pytest.approx(75.0)
-    assert table.loc[(FRAMES, "balanced"), "difference"] == pytest.approx(50.0)
+    differences = table.loc[[(FRAMES, "songs"), (FRAMES, "balanced")], "difference"]
+    assert differences.tolist() == pytest.approx([75.0, 50.0])
     # The same songs right and wrong: no draw of songs shows a difference. Unpaired, the interval would be wide.
     assert [*table.loc[(RHYTHM, "songs"), ["difference", "low", "high"]]] == [0.0, 0.0, 0.0]
     assert not table.loc[(RHYTHM, "songs"), "clear"]
@@ -86,8 +85,7 @@ def test_a_difference_is_clear_where_its_interval_leaves_out_zero():
     worse = [outcome(FRAMES, name, "waltz", "tango" if number % 2 else "waltz") for number, name in enumerate(names)]
     table = CELLS.difference_table(pd.DataFrame([*better, *worse]), others=[FRAMES]).set_index("measure")
     assert table.loc["songs", "difference"] == pytest.approx(50.0)
-    assert table.loc["songs", "low"] > 0
-    assert table["clear"].all()
+    assert table.loc["songs", "low"] > 0 and table["clear"].all()
 
 
 def test_seeds_ahead_are_counted_one_by_one_and_a_tie_is_not_ahead():
@@ -232,9 +230,8 @@ def test_table_has_a_row_of_panels_for_each_set_and_its_remark():
     rows, gaps = (pd.DataFrame([one, {**one, "set": "other"}]) for one in (ROW, GAP))
     figure = drawing.accuracy_figure(rows, gaps, remark="not trained")
     assert [ax.get_title("left") for ax in figure.axes[::2]] == ["planted: 4 songs", "other: 4 songs"]
-    assert figure.get_supxlabel() == "not trained"
     title = "The temporal convolution is the best model on 2 of 2 sets of songs (planted and other)"
-    assert figure.get_suptitle() == title
+    assert (figure.get_suptitle(), figure.get_supxlabel()) == (title, "not trained")
 
 
 def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has():
@@ -246,13 +243,10 @@ def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has():
 
 @cases("first, title, bold", (0.3, "2 of 3 windows taken for tango", "70"), (0.9, "3 of 3 windows taken", "90"))
 def test_title_of_a_model_counts_the_windows_of_its_class_which_are_bold(first: float, title: str, bold: str):
-    shares = [
-        (5.0 * window, label, p)
-        for window, share in enumerate((0.8, 0.6, first))
-        for label, p in (("waltz", 1 - share), ("tango", share))
-    ]
-    rows = pd.DataFrame(shares, columns=["start", "label", "probability"]).assign(song="Tune", model="m")
-    ax = CELLS.probabilities_figure(rows.assign(end=rows["start"] + 30.0)).axes[0]
+    starts = {"start": [0.0, 5.0, 10.0], "end": [30.0, 35.0, 40.0], "song": "Tune", "model": "m"}
+    shares = {"tango": np.array([0.8, 0.6, first]), "waltz": 1 - np.array([0.8, 0.6, first])}
+    rows = [pd.DataFrame(starts | {"label": label, "probability": share}) for label, share in shares.items()]
+    ax = CELLS.probabilities_figure(pd.concat(rows)).axes[0]
     assert ax.get_title("left").startswith(f"m: {title}")
     assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "60", bold}
     assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20", "25"]
@@ -262,8 +256,8 @@ def test_its_words_name_the_numbers_of_the_tables():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")
     others = waltzes_and_tango(RHYTHM, "yyyy") + waltzes_and_tango("majority", "yyyn")
     outcomes = pd.DataFrame([*better, *worse, *others])
-    tables = {"m2d_table01": CELLS.accuracy_table(outcomes)}
-    tables["m2d_table01b_differences"] = CELLS.difference_table(outcomes)
+    differences = CELLS.difference_table(outcomes)
+    tables = {"m2d_table01": CELLS.accuracy_table(outcomes), "m2d_table01b_differences": differences}
     assert "gives 50% of 4 songs (planted) their dance, its baseline 0%," in CELLS.finding(tables)
     words = CELLS.reading(tables)
     assert "the paper's network gives 75% their class, the baseline 0%, always the same class 75%." in words
