@@ -19,16 +19,7 @@ from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import time_test
 from harmolab.verdict.judge import judge
 from study.cells import notebook_cells
-from study.figures.results import (
-    SCORE_LABELS,
-    auc_figure,
-    disturbances_figure,
-    draw_auc,
-    levels_figure,
-    nulls_figure,
-    patterns_figure,
-    picks_figure,
-)
+from study.figures import results as pictures
 from study.profile import RunProfile
 from study.saving import smallest_text
 from tests.builders import cases, planted_dance
@@ -70,9 +61,8 @@ def test_recommended_tells_and_paper_does_not_on_planted_beats(results: dict[str
     assert table.loc["recommended", "tells"] == "yes"
     assert table.loc["paper", "AUC"] < 0.65
     assert CELLS.dance_table(results)["windows"].sum() == 14
-    assert set(CELLS.bar_courses(results["synthetic"].patterns)["dance"]) == {
-        "cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz",
-    }  # fmt: skip
+    dances = {"cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz"}
+    assert set(CELLS.bar_courses(results["synthetic"].patterns)["dance"]) == dances
 
 
 @pytest.mark.slow
@@ -84,7 +74,7 @@ def test_frame_rate_hardly_moves_the_recommended_score(profile: RunProfile) -> N
 
 def test_auc_picture_marks_what_lies_above_its_chance_band() -> None:
     rows = [auc_row("hit_rate", 0.3), auc_row("paper", 0.5), auc_row("recommended", 0.9)]
-    ax = draw_auc(Figure().subplots(), pd.DataFrame(rows).set_index("score"))
+    ax = pictures.draw_auc(Figure().subplots(), pd.DataFrame(rows).set_index("score"))
     marks = {line.get_xdata()[0]: (line.get_marker(), line.get_color()) for line in ax.lines[:3]}
     assert marks == {0.9: ("o", COLOURS["hit"]), 0.5: ("x", COLOURS["chance"]), 0.3: ("x", COLOURS["miss"])}
     assert [line.get_ydata()[0] for line in ax.lines[:3]] == [2, 1, 0]
@@ -100,19 +90,19 @@ def auc_row(score: str, auc: float, corpus: str = "beatlocked") -> dict[str, obj
 def test_auc_figure_sorts_scores_of_the_first_corpus_and_counts_the_corpora_in_which_each_tells() -> None:
     first = [auc_row("paper", 0.5), auc_row("recommended", 0.9), auc_row("valleys", 0.7)]
     second = [auc_row("paper", 0.9, "synthetic"), auc_row("recommended", 0.8, "synthetic")]
-    (ax,) = (figure := auc_figure(pd.DataFrame([*first, *second]))).axes
+    (ax,) = (figure := pictures.auc_figure(pd.DataFrame([*first, *second]))).axes
     labels = [text.get_text() for text in ax.get_yticklabels()]
-    assert labels == [SCORE_LABELS[name] for name in ("paper", "valleys", "recommended")]  # from below
+    assert labels == [pictures.SCORE_LABELS[name] for name in ("paper", "valleys", "recommended")]  # from below
     assert "2 of 3 scores tell, ours too (annotated beats)" in ax.get_title(loc="left")
     counts = {text.get_position()[1]: text.get_text() for text in ax.texts if " of " in text.get_text()}
     assert counts == {0: "1 of 2", 1: "1 of 1", 2: "2 of 2"}
     assert smallest_text(figure) >= 9
-    assert auc_figure(pd.DataFrame(second)).axes[0].get_title(loc="right").strip() == "synthetic data"
+    assert pictures.auc_figure(pd.DataFrame(second)).axes[0].get_title(loc="right").strip() == "synthetic data"
 
 
 def test_pattern_picture_has_a_panel_for_each_dance_beats_by_number_and_the_fastest_moment() -> None:
     patterns = {"waltz": [BarPattern(3, (1.0,), (0.0,))], "rumba": [BarPattern(2, (0.0,), (1.0,))]}
-    figure = patterns_figure(CELLS.bar_courses(patterns), corpus="beatlocked")
+    figure = pictures.patterns_figure(CELLS.bar_courses(patterns), corpus="beatlocked")
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["waltz: fastest on 1", "rumba: fastest between 1 and 2"]
     assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["1", "2", "3", "1"]
     (arrow,) = figure.axes[1].texts
@@ -121,11 +111,9 @@ def test_pattern_picture_has_a_panel_for_each_dance_beats_by_number_and_the_fast
 
 
 def test_picks_picture_draws_people_and_scores_apart() -> None:
-    table = pd.DataFrame(
-        {"judge": ["people", "score"], "paper": [0.78, np.nan], "harmolab": [np.nan, 0.6], "low": [np.nan, 0.4],
-         "high": [np.nan, 0.8]}
-    )  # fmt: skip
-    (ax,) = picks_figure(table, corpus="a").axes
+    ours = {"harmolab": [np.nan, 0.6], "low": [np.nan, 0.4], "high": [np.nan, 0.8]}
+    table = pd.DataFrame({"judge": ["people", "score"], "paper": [0.78, np.nan], **ours})
+    (ax,) = pictures.picks_figure(table, corpus="a").axes
     assert sorted(bar.get_width() for bar in ax.patches) == [0.6, 0.78]
     assert [(text.get_text(), text.xy[0]) for text in ax.texts[:2]] == [("78%", 0.02), ("60%", 0.02)]
     assert "score, not clearly better than guessing" in ax.get_title(loc="left")
@@ -134,7 +122,7 @@ def test_picks_picture_draws_people_and_scores_apart() -> None:
 
 def test_disturbance_picture_draws_each_score_over_the_levels() -> None:
     table = pd.DataFrame({"noise (cm)": [0.0, 1.0], "recommended": [1.0, 0.9], "paper": [0.5, 0.5]})
-    (ax,) = disturbances_figure(table, ["recommended", "paper"]).axes
+    (ax,) = pictures.disturbances_figure(table, ["recommended", "paper"]).axes
     assert ax.get_xlabel() == "noise (cm)"
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [1.0, 0.9])
     title = ax.get_title(loc="left")
@@ -182,7 +170,7 @@ def test_no_recordings_have_annotated_beats_without_a_folder(monkeypatch: pytest
 
 def test_picture_counts_the_levels_of_each_music():
     row = {"corpus": "beatlocked", "beats": "tracked", "told": False, "a": "1 0 0 0 2", "b": "0 1 0 0 0", "c": ""}
-    (ax,) = levels_figure(pd.DataFrame([row, row | {"told": True}])).axes
+    (ax,) = pictures.levels_figure(pd.DataFrame([row, row | {"told": True}])).axes
     title = "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
     assert ax.get_title("left") == title
     widths = {(round(bar.get_y() + 0.4), bar.get_x(), bar.get_width()) for bar in ax.patches if bar.get_width()}
@@ -313,7 +301,7 @@ def record(kind: str, **shares: float) -> dict[str, object]:
 def test_picture_marks_each_share_in_the_row_of_its_kind():
     rows = [record("a", seconds=6.0, **{"p .05": 0.9}), record("a")]  # the longest clips of a kind are drawn
     rows.append(record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0}))
-    (ax,) = nulls_figure(pd.DataFrame(rows)).axes
+    (ax,) = pictures.nulls_figure(pd.DataFrame(rows)).axes
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
     assert marks["old score, published"] == ([0.17, 0.17], [1, 0])
     assert marks["H: in time, and where"][0][0] == 0.02
@@ -322,7 +310,7 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
 
 def test_title_tells_the_worst_row_of_both_scores():
     rows = [record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2}), record("c", **{"p .05": np.nan})]
-    assert "up to 20% of clips, H in up to 6%" in nulls_figure(pd.DataFrame(rows)).get_suptitle()
+    assert "up to 20% of clips, H in up to 6%" in pictures.nulls_figure(pd.DataFrame(rows)).get_suptitle()
 
 
 # Readings of paper mode
