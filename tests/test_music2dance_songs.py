@@ -5,6 +5,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,7 @@ import torch
 from harmolab.data.synthetic import synthetic_clip, write_corpus
 from harmolab.readers.audio import load_audio
 from harmolab.systems.music2dance import attributes as att
-from harmolab.systems.music2dance import music_features as heard
-from harmolab.systems.music2dance import music_features as module
+from harmolab.systems.music2dance import music_features as hearing
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import parameter_count
@@ -86,13 +86,13 @@ def test_a_song_cut_and_encoded_anew_is_the_same_song(rate: int):
     clip = synthetic_clip("rumba", seconds=40.0, seed=3)
     samples = np.asarray(clip.audio.samples, float)[int(6.25 * clip.audio.sample_rate) :]
     other = type(clip.audio)(0.4 * soxr.resample(samples, clip.audio.sample_rate, rate), rate)
-    assert att.is_same_song(*(heard.music_features(audio, clip.beats) for audio in (clip.audio, other)))
+    assert att.is_same_song(*(hearing.music_features(audio, clip.beats) for audio in (clip.audio, other)))
 
 
 @pytest.mark.slow
 def test_songs_of_one_dance_are_other_songs():
     clips = [synthetic_clip("rumba", seconds=40.0, seed=seed) for seed in range(4)]
-    music = [heard.music_features(clip.audio, clip.beats) for clip in clips]
+    music = [hearing.music_features(clip.audio, clip.beats) for clip in clips]
     assert not any(att.is_same_song(one, other) for place, one in enumerate(music) for other in music[:place])
     assert not att.is_same_song(np.zeros_like(music[0]), music[0]) and not att.is_same_song(music[0][:5], music[1][:3])
 
@@ -135,16 +135,16 @@ def refusal(corpus: Path, out: Path) -> str:
 def test_songs_of_one_dance_are_too_few(small: Path, corpus: Path, tmp_path: Path):
     for folder in corpus.glob("clip_*_cha-cha"):
         shutil.copytree(folder, small / folder.name, dirs_exist_ok=True)
-    told = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 2, of cha-cha"
-    assert refusal(small, tmp_path / "run") == told
+    fault = f"harmolab: {small}: a classifier needs songs of two dances or more; songs here: 2, of cha-cha"
+    assert refusal(small, tmp_path / "run") == fault
 
 
 def test_a_song_without_a_dance_is_left_out_by_name(small: Path, tmp_path: Path):
     (folder,) = small.iterdir()
     (folder / "beats.json").unlink()
     folder = folder.rename(small / "nameless")
-    told = f"songs here: 0 (left out: {folder}: no dance is named in beats.json)"
-    assert told in refusal(small, tmp_path / "run")
+    fault = f"songs here: 0 (left out: {folder}: no dance is named in beats.json)"
+    assert fault in refusal(small, tmp_path / "run")
 
 
 def test_two_songs_of_two_dances_have_none_to_test(small: Path, corpus: Path, tmp_path: Path):
@@ -199,62 +199,62 @@ def silent() -> BeatTrack:
 
 def test_planted_beats_peak_in_their_moment_or_its_neighbour():
     times = np.arange(0.5, SECONDS - 0.5, 0.537)
-    features = heard.music_features(clicks(times), track(times, duration=SECONDS))
+    features = hearing.music_features(clicks(times), track(times, duration=SECONDS))
     cells = np.round(times * 10).astype(int)
     for channel in ("onset", "beat"):
-        curve = features[:, heard.CHANNELS.index(channel)]
+        curve = features[:, hearing.CHANNELS.index(channel)]
         peaks = [cell + np.argmax(curve[cell - 2 : cell + 3]) - 2 for cell in cells]
         assert np.mean(np.abs(peaks - cells) <= 1) >= 0.95, channel
 
 
 def test_a_beat_between_two_moments_is_shared_by_them():
-    np.testing.assert_allclose(heard.marked(np.array([0.1, 0.23]), 5, 10.0), [0, 1, 0.7, 0.3, 0], atol=1e-12)
-    np.testing.assert_allclose(heard.marked(np.array([-0.1, 0.4, 0.45]), 5, 10.0), [0, 0, 0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(hearing.marked(np.array([0.1, 0.23]), 5, 10.0), [0, 1, 0.7, 0.3, 0], atol=1e-12)
+    np.testing.assert_allclose(hearing.marked(np.array([-0.1, 0.4, 0.45]), 5, 10.0), [0, 0, 0, 0, 1], atol=1e-12)
 
 
 def test_known_bars_give_the_downbeats_and_else_the_strongest_place():
     beats = metronome(np.ones(16), first=0.5, duration=SECONDS, bar_places=[0, 1, 2, 3] * 4)
-    down = heard.music_features(clicks(beats.times), beats)[:, heard.CHANNELS.index("downbeat")]
+    down = hearing.music_features(clicks(beats.times), beats)[:, hearing.CHANNELS.index("downbeat")]
     np.testing.assert_array_equal(np.flatnonzero(down), [5, 25, 45, 65])
-    assert np.flatnonzero(heard.accented_place(metronome([1, 1, 3, 1] * 3))).tolist() == [2, 6, 10]
-    assert not heard.accented_place(silent()).any()
+    assert np.flatnonzero(hearing.accented_place(metronome([1, 1, 3, 1] * 3))).tolist() == [2, 6, 10]
+    assert not hearing.accented_place(silent()).any()
 
 
 def test_an_a_sounds_in_the_channel_of_a():
-    chroma = heard.music_features(tone(440.0), silent())[:, 3:]
-    assert (chroma.argmax(axis=1) == heard.CHANNELS.index("A") - 3).mean() >= 0.95
+    chroma = hearing.music_features(tone(440.0), silent())[:, 3:]
+    assert (chroma.argmax(axis=1) == hearing.CHANNELS.index("A") - 3).mean() >= 0.95
 
 
 def test_two_sample_rates_agree():
     clip = synthetic_clip("waltz", seconds=SECONDS, seed=2)
     samples = np.asarray(clip.audio.samples, float)
     twice = Audio(soxr.resample(samples, clip.audio.sample_rate, 2 * clip.audio.sample_rate, quality="VHQ"), 2 * RATE)
-    one, other = (heard.music_features(audio, clip.beats) for audio in (clip.audio, twice))
+    one, other = (hearing.music_features(audio, clip.beats) for audio in (clip.audio, twice))
     assert np.abs(one - other[: len(one)]).max() < 0.05
 
 
 def test_half_as_loud_is_the_same_music():
     clip = synthetic_clip("tango", seconds=SECONDS, seed=1)
     half = Audio(np.asarray(clip.audio.samples, float) / 2, clip.audio.sample_rate)
-    for hear in (lambda audio: heard.music_features(audio, clip.beats), heard.mel_features):
+    for hear in (lambda audio: hearing.music_features(audio, clip.beats), hearing.mel_features):
         np.testing.assert_allclose(hear(half), hear(clip.audio), atol=1e-3)
 
 
 def test_a_second_call_reads_what_the_first_kept(monkeypatch: pytest.MonkeyPatch):
     audio = tone(300.0)
-    first = heard.music_features(audio, silent())
-    monkeypatch.setattr(module, "_listen", lambda *_: pytest.fail("it was listened to again"))
-    np.testing.assert_array_equal(heard.music_features(audio, silent()), first)
+    first = hearing.music_features(audio, silent())
+    monkeypatch.setattr(hearing, "_listen", lambda *_: pytest.fail("it was listened to again"))
+    np.testing.assert_array_equal(hearing.music_features(audio, silent()), first)
 
 
 @pytest.mark.parametrize("seconds", [0.01, 0.3, 1.0])
 def test_short_and_silent_sounds_have_features_of_their_length(seconds: float):
     for samples in (np.zeros(int(seconds * RATE)), np.random.default_rng(1).normal(0, 0.1, int(seconds * RATE))):
         audio = Audio(samples, RATE)
-        features = heard.music_features(audio, track([], duration=seconds))
+        features = hearing.music_features(audio, track([], duration=seconds))
         assert features.shape == (np.ceil(seconds * 10), 15)
         assert np.isfinite(features).all() and features.min() >= 0 and features.max() <= 1
-        assert np.isfinite(heard.mel_features(audio)).all()
+        assert np.isfinite(hearing.mel_features(audio)).all()
 
 
 FOUR = ("cha-cha", "rumba", "tango", "waltz")
@@ -294,9 +294,8 @@ def test_every_song_is_tested_once_and_no_class_is_missing_on_a_side():
 def test_two_classes_are_the_smooth_and_the_fast_dances():
     songs = two_classes(rhythms())
     assert songs.classes == ("smooth", "fast")
-    assert {song.name.split()[0]: song.label for song in songs.songs} == {
-        "cha-cha": 1, "rumba": 0, "tango": 1, "waltz": 0,
-    }  # fmt: skip
+    labels = {song.name.split()[0]: song.label for song in songs.songs}
+    assert labels == {"cha-cha": 1, "rumba": 0, "tango": 1, "waltz": 0}
 
 
 @pytest.mark.parametrize("period", [4, 5, 7])
@@ -323,41 +322,46 @@ def test_published_sizes(front: str):
     assert parameter_count(classifier) == {"convolution": 62_316, "frames": 206_404}[front]
 
 
-@pytest.mark.slow
-def test_it_learns_saves_and_says_the_same_again(tmp_path: Path):
+def learnt(out: Path, **options: Any) -> att.AttributeClassifier:
+    """A classifier of the rhythms, trained into this folder."""
     songs = rhythms()
-    (split, *_) = folds(songs, 3, seed=1)
-    classifier = att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run"), TINY)
-    again = load_weights(tmp_path / "run", att.AttributeClassifier)
-    song = songs.songs[0]
-    np.testing.assert_array_equal(again.probabilities(song.music), classifier.probabilities(song.music))
-    assert again.probabilities(song.music).sum() == pytest.approx(1.0)
-    right = [int(again.probabilities(song.music).argmax()) == song.label for song in songs.songs]
+    return att.train_attributes(songs.songs, FOUR, folds(songs, 3, seed=1)[0], TrainOptions(out, **options), TINY)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[att.AttributeClassifier, Path]:
+    """A classifier and its folder."""
+    out = tmp_path_factory.mktemp("runs") / "whole"
+    return learnt(out), out
+
+
+@pytest.mark.slow
+def test_it_learns_saves_and_says_the_same_again(whole: tuple[att.AttributeClassifier, Path]):
+    classifier, out = whole
+    again, songs = load_weights(out, att.AttributeClassifier), rhythms().songs
+    np.testing.assert_array_equal(again.probabilities(songs[0].music), classifier.probabilities(songs[0].music))
+    assert again.probabilities(songs[0].music).sum() == pytest.approx(1.0)
+    right = [int(again.probabilities(song.music).argmax()) == song.label for song in songs]
     assert np.mean(right) > 0.6  # the most frequent class has 9 of 21
 
 
 @pytest.mark.slow
-def test_it_goes_on_where_it_was_stopped(tmp_path: Path):
-    songs = rhythms()
-    (split, *_) = folds(songs, 3, seed=1)
-    att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "whole"), TINY)
-
+def test_it_goes_on_where_it_was_stopped(whole: tuple[att.AttributeClassifier, Path], tmp_path: Path):
     def stop(row: dict, end: int) -> None:
         if row["epoch"] == 5:
             raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run", report=stop), TINY)
-    att.train_attributes(songs.songs, FOUR, split, TrainOptions(tmp_path / "run", resume=True), TINY)
+        learnt(tmp_path / "run", report=stop)
+    learnt(tmp_path / "run", resume=True)
     for name in ("history.csv", "model.safetensors"):
-        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "run" / name).read_bytes() == (whole[1] / name).read_bytes()
 
 
 def test_two_songs_of_one_name_are_refused(tmp_path: Path):
-    songs = rhythms()
-    name = songs.songs[0].name
-    options, twice = TrainOptions(tmp_path / "run"), [*songs.songs, songs.songs[0]]
-    refused("two songs have one name", att.train_attributes, twice, FOUR, att.SongSplit((name,), ()), options, TINY)
+    songs, options = rhythms().songs, TrainOptions(tmp_path / "run")
+    twice, split = [*songs, songs[0]], att.SongSplit((songs[0].name,), ())
+    refused("two songs have one name", att.train_attributes, twice, FOUR, split, options, TINY)
 
 
 @pytest.mark.parametrize("change", [{"hidden": 10**9}, {"hidden": -1}, {"channels": [2.5]}, {"channels": [1] * 99}])
