@@ -132,13 +132,11 @@ def test_infinity_is_no_number_of_seconds_either():
     (("play", "song.wav", "corpus", "--out"), "corpus/x.mp4"),
 )
 def test_what_is_read_is_not_written_over(words: tuple[str, ...], out: str, is_link: bool):
-    file = Path(out)
+    file = name = Path(out)
     file.parent.mkdir(exist_ok=True)
     file.write_text("precious")
-    name = file
     if is_link:
-        name = Path(f"link{file.suffix}")
-        name.symlink_to(file)
+        (name := Path(f"link{file.suffix}")).symlink_to(file)
     message = refusal(*words, name)
     assert message.startswith(f"{name}: is ") and message.endswith("choose another name for the output")
     assert file.read_text() == "precious"
@@ -151,6 +149,7 @@ def test_the_numbered_file_of_a_dance_is_not_the_song_and_retiming_from_python_s
     refused(r"take\.mp4: is an input here", retime_files, "song.wav", "take.mp4", "take.mp4")
 
 
+FOREIGN = "is there already, and not of harmolab; choose another name, or replace it with --force"
 WRITERS = (
     ("play", "--out", "x.html"),
     ("play", "--seconds", "1", "--height", "120", "--out", "x.webm"),
@@ -184,8 +183,7 @@ def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], w
     command, *options, out = writer
     words = (command, *pair, *options, out)
     Path(out).write_text("precious")
-    message = f"{out}: is there already, and not of harmolab; choose another name, or replace it with --force"
-    assert refusal(*words) == message
+    assert refusal(*words) == f"{out}: {FOREIGN}"
     assert Path(out).read_text() == "precious"
     for force in ("--force",), ():  # what harmolab wrote it may write over
         succeed(*words, *force)
@@ -196,7 +194,7 @@ def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], w
 def test_beats_and_clicks_of_others_are_written_over_by_force_only(pair: tuple[Any, ...]):
     words = ("beats", pair[0], *pair[2:], "--out", "x.beats", "--clicks", "x.wav")
     Path("x.beats").write_text("# tapped by hand\n1.0\n2.0\n")
-    assert refusal(*words).startswith("x.beats: is there already, and not of harmolab")
+    assert refusal(*words) == f"x.beats: {FOREIGN}"
     Path("x.wav").write_text("precious")
     succeed(*words, "--force")
     succeed(*words)
@@ -206,7 +204,7 @@ def test_beats_and_clicks_of_others_are_written_over_by_force_only(pair: tuple[A
 def test_files_named_after_the_song_are_not_written_over_either():
     soundfile.write("song.wav", np.zeros(22050), 22050)
     Path("song_dance.mp4").write_text("precious")
-    assert refusal("dance", "song.wav").startswith("song_dance.mp4: is there already, and not of harmolab")
+    assert refusal("dance", "song.wav") == f"song_dance.mp4: {FOREIGN}"
     Path("song_performance.html").write_text("precious")
     assert refusal("perform", "song.wav", "--instrument", "piano").startswith("song_performance.html: is there")
 
@@ -235,8 +233,7 @@ def test_a_study_is_made_in_an_empty_folder(corpus: Path):
 @pytest.mark.parametrize("content", ["{}", '{"beats_s": [1.0], "dance": "waltz"}', ""])
 def test_learning_takes_the_place_of_patterns_only(corpus: Path, content: str):
     Path("x.json").write_text(content)
-    message = "x.json: is there already, and not of harmolab; choose another name, or replace it with --force"
-    assert refusal("data", "learn", corpus, "--out", "x.json") == message
+    assert refusal("data", "learn", corpus, "--out", "x.json") == f"x.json: {FOREIGN}"
     assert Path("x.json").read_text() == content
     succeed("data", "learn", corpus, "--out", "x.json", "--force")
     learnt = Path("x.json").read_text()
