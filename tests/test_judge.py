@@ -125,8 +125,7 @@ def test_who_arrives_on_the_beat_is_in_time_and_neither_early_nor_late(tempo: fl
     assert judgement.level >= 3
     assert not judgement.harmony_above_chance < -0.2
     words = " ".join([judgement.verdict, *judgement.remarks, *judgement.details])
-    assert "late" not in words and "early" not in words
-    assert f"p = {judgement.p_time:.3f}" in words
+    assert "late" not in words and "early" not in words and f"p = {judgement.p_time:.3f}" in words
 
 
 def arriving(ends: np.ndarray, seconds: float) -> Motion:
@@ -166,17 +165,12 @@ def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float,
 
 def test_a_waltz_is_seen_by_its_threes_without_being_told() -> None:
     times = np.arange(round(SECONDS * 100)) / 100
-    speed = 1 + 0.5 * waltz_speed(times / PERIOD) + 0.1 * np.random.default_rng(0).normal(size=times.size)
+    course = bar_pattern.evaluate_pattern(DANCE_PATTERNS["waltz"], times / PERIOD)
+    speed = 1 + 0.5 * course + 0.1 * np.random.default_rng(0).normal(size=times.size)
     energy, size = np.square(speed)[:, None] * np.ones(5), np.ones(times.size)
     judgement = judge(ShapeSpeed(100.0, speed, energy, energy.mean(axis=1), size, size > 0, 3), BEATS)
     assert (judgement.level, judgement.reading) == (4, "waltz")
     assert judgement.verdict == "You are on the beat: you move in threes, as in a waltz."
-
-
-def waltz_speed(beats: np.ndarray) -> np.ndarray:
-    """The course of the waltz's pattern."""
-    waves, angle = DANCE_PATTERNS["waltz"], 2 * np.pi * beats[:, None] * np.arange(1, 4) / 3
-    return np.cos(angle) @ np.array(waves.cosines) + np.sin(angle) @ np.array(waves.sines)
 
 
 def test_what_would_show_more_is_said() -> None:
@@ -197,8 +191,7 @@ def scored(motion: Motion, **settings: object) -> HarmonyScore:
 
 def test_the_score_keeps_the_judgement_and_its_number() -> None:
     score = scored(dancer())
-    assert score.judgement is not None
-    assert score.harmony_above_chance == score.judgement.harmony_above_chance
+    assert score.judgement is not None and score.harmony_above_chance == score.judgement.harmony_above_chance
     assert score.p_value == score.judgement.p_value
     content = score.to_dict()
     assert {"level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share"} <= content.keys()
@@ -221,19 +214,14 @@ def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
 # Thresholds, a case on either side of each
 
 
-def hand_made(
-    *,
-    p: float = 0.02,
-    lag: float = 0.0,
-    wander: float = 0.1,
-    lowest: float = 0.1,
-    above: float = 0.5,
-    beside: int = 6,
-    power: float = 1.0,
-) -> Judgement:
+USUAL = {"p": 0.02, "lag": 0.0, "wander": 0.1, "lowest": 0.1, "above": 0.5, "beside": 6, "power": 1.0}
+
+
+def hand_made(**changes: float) -> Judgement:
     """A judgement on hand-made evidence: p in time, lag and its spread in beats, H and its lower end, lags as good."""
+    p, lag, wander, lowest, above, beside, power = (USUAL | changes).values()
     curve = np.full(48, 0.4)
-    curve[1 : 1 + beside] = curve[0] = 0.5 + above / 2
+    curve[: 1 + int(beside)] = 0.5 + above / 2
     time = TimeTest(np.zeros(241), np.zeros(241), p, {Fraction(1): power, Fraction(2): 1.0}, {1: 9.0, 2: 8.0})
     place = HandMade(HOW_PATTERNS["rest"], curve[None, None, :], 0, 0.5, lag)
     level = level_of(time, place, (lowest, 0.8), (lag - wander / 2, lag + wander / 2))
@@ -262,9 +250,7 @@ class HandMade(PlaceTest):
     ({"power": 0.0101}, {"power": 0.0099}, 3),
     ({"above": 0.01, "beside": 3}, {"above": 0.0, "beside": 3}, 3),  # harmony at chance is not on the beat
 )
-def test_each_threshold_parts_level_four_from_a_lower_one(
-    inside: dict[str, float], outside: dict[str, float], level: int
-) -> None:
+def test_each_threshold_ends_level_four(inside: dict[str, float], outside: dict[str, float], level: int) -> None:
     assert hand_made(**inside).level == 4
     assert hand_made(**outside).level == level
 
@@ -303,9 +289,10 @@ def test_sixteen_beats_are_judged_and_fewer_than_48_are_said_to_be_few() -> None
 
 def test_a_trembling_point_is_too_little_and_one_that_swings_is_not() -> None:
     swing = np.sin(2 * np.pi * np.arange(round(SECONDS * 60)) / 60 / PERIOD)[:, None, None]
-    for size, level in ((1e-9, 0), (1e-3, 0), (0.1, 3)):
-        motion = Motion(size * swing * np.ones((1, 1, 3)), 60.0, Skeleton.unnamed(1))
-        assert (judged(motion).level >= level) if level else judged(motion).level == 0
+    small, larger, large = (
+        judged(Motion(size * swing * np.ones((1, 1, 3)), 60.0, Skeleton.unnamed(1))).level for size in (1e-9, 1e-3, 0.1)
+    )
+    assert small == larger == 0 and large >= 3
     flat = judged(Motion(1e-9 * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1)))
     assert any("how large the movement is cannot be known" in text for text in (*flat.remarks, *flat.details))
 
@@ -468,9 +455,7 @@ def resting(lag: float = 0.0, every: float = 1.0) -> ShapeSignal:
 
 def waltz(lag: float = 0.0, first: int = 0) -> ShapeSignal:
     """The pattern of a waltz whose bars begin on beat `first`, a constant lag later."""
-    position = np.arange(2001) / 100.0 / PERIOD - lag - first
-    angle = 2 * np.pi * position[:, None] * np.arange(1, 4) / 3
-    return signal_of(np.cos(angle) @ np.array(WALTZ.cosines) + np.sin(angle) @ np.array(WALTZ.sines))
+    return signal_of(bar_pattern.evaluate_pattern(WALTZ, np.arange(2001) / 100.0 / PERIOD - lag - first))
 
 
 def placed(movement: ShapeSignal, pattern: BarPattern = REST, bars: int | None = None) -> PlaceTest:
@@ -499,16 +484,14 @@ def test_harmony_is_never_below_minus_one_with_several_readings() -> None:
 @pytest.mark.parametrize("first", [0, 1, 2])
 def test_a_waltz_lies_on_its_bar(first: int) -> None:
     known = placed(waltz(first=first), WALTZ, bars=first)
-    assert known.harmony_above_chance > 0.95
-    assert known.p_value == pytest.approx(1 / (3 * MOMENTS), abs=0.02)
+    assert known.harmony_above_chance > 0.95 and known.p_value == pytest.approx(1 / (3 * MOMENTS), abs=0.02)
     assert abs(placed(waltz(first=first), WALTZ, bars=first + 1).lag) == pytest.approx(1.0, abs=0.05)
 
 
 def test_without_the_bar_every_place_is_a_reading_and_chance_knows_it() -> None:
     unknown = placed(waltz(first=2), WALTZ)
     assert len(unknown.ranks) == 3
-    assert unknown.chance > 0.5
-    assert unknown.lag == pytest.approx(0.0, abs=0.05)
+    assert unknown.chance > 0.5 and unknown.lag == pytest.approx(0.0, abs=0.05)
     assert unknown.harmony_above_chance > 0.9
 
 
@@ -533,8 +516,7 @@ def test_the_spread_is_narrow_for_a_steady_dancer_and_wide_for_a_wandering_one()
     _, steady = placed(resting(0.1)).spread()
     position = np.arange(2001) / 100.0 / PERIOD
     _, wide = placed(signal_of(-np.cos(2 * np.pi * (position - 0.4 * np.round(position / 8 % 1))))).spread()
-    assert steady[1] - steady[0] < 0.05
-    assert steady[0] <= 0.13 and steady[1] >= 0.08
+    assert steady[1] - steady[0] < 0.05 and steady[0] <= 0.13 and steady[1] >= 0.08
     assert wide[1] - wide[0] > 0.3
 
 
@@ -603,8 +585,7 @@ def test_the_rate_is_the_number_of_movements_a_beat() -> None:
 def test_noise_has_p_values_as_small_as_chance_allows() -> None:
     rng = np.random.default_rng(7)
     p = [result(gaussian_filter1d(rng.normal(size=3200), 12)).p_value for _ in range(12)]
-    assert np.mean(np.array(p) <= 0.05) < 0.2
-    assert 0.3 < np.mean(p) < 0.7
+    assert np.mean(np.array(p) <= 0.05) < 0.2 and 0.3 < np.mean(p) < 0.7
 
 
 def test_agreement_counts_different_blocks_only() -> None:
@@ -707,8 +688,7 @@ def test_pan_roll_zoom_and_shear_of_a_camera_move_no_picture_of_a_still_body() -
     matrix = np.array([[1.0, 0.3], [-0.2, 1.1]]) * (1 + 0.2 * np.sin(time)) + np.array([[0, 1], [-1, 0]]) * 0.3 * time
     filmed = np.einsum("jd,tde->tje", flat, matrix) + 2 * time
     shape = shape_speed(moving(filmed))
-    assert shape.dimensions == 2
-    assert shape.speed.max() < 1e-2 * np.sqrt(shape.room.max())
+    assert shape.dimensions == 2 and shape.speed.max() < 1e-2 * np.sqrt(shape.room.max())
 
 
 def test_two_points_have_no_shape_and_keep_their_speed_in_the_room() -> None:
@@ -743,8 +723,7 @@ def test_frames_that_are_filler_count_for_nothing() -> None:
 
 def test_a_span_without_movement_is_all_zero() -> None:
     signal = shape_signal(shape_speed(DANCE), 90.0, 91.0)
-    assert (signal.values.size, signal.pulse) == (0, 0.0)
-    assert np.isnan(signal.share)
+    assert (signal.values.size, signal.pulse) == (0, 0.0) and np.isnan(signal.share)
 
 
 def rigid(turn: FloatArray, body: FloatArray) -> Motion:
