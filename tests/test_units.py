@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,8 +37,7 @@ def unit_set(*units: DanceUnit) -> UnitSet:
 
 def test_a_unit_knows_its_lengths_and_times():
     one = unit(n_frames=6, n_prior=2)
-    assert (one.n_frames, one.n_prior) == (6, 2)
-    assert (one.start, one.meter_start, one.end) == (3.0, 4.0, 6.0)
+    assert (one.n_frames, one.n_prior) == (6, 2) and (one.start, one.meter_start, one.end) == (3.0, 4.0, 6.0)
 
 
 @cases(
@@ -54,10 +54,7 @@ def test_a_unit_knows_its_lengths_and_times():
     (r"n_prior must lie between 0 and n_frames \(3\), got 4", lambda: temporal_index(3, 4)),
     (r"index is 0 everywhere.*Eq\. 23", lambda: initial_poses(np.zeros((3, 2)), np.zeros(3))),
     (r"one entry per frame \(3\), got shape \(2,\)", lambda: initial_poses(np.zeros((3, 2)), np.ones(2))),
-    (
-        "corpus/a: needs a motion in three dimensions",
-        lambda: motion_groups([Recording(Clip("a", SILENCE), None, Path("corpus/a"))]),
-    ),
+    ("corpus/a: needs a motion in three dimensions", lambda: motion_groups([recorded("a", None)])),
 )
 def test_what_is_no_unit_and_has_no_groups_is_refused(message: str, call: Callable[[], object]):
     refused(message, call)
@@ -117,7 +114,11 @@ def movement(kind: str, seconds: float = 2.0) -> np.ndarray:
     return np.concatenate([still, hand[:, None]], axis=1)
 
 
-def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0, **clip: object) -> Recording:
+def recorded(name: str, motion: Motion | None, *about: Any, **clip: Any) -> Recording:
+    return Recording(Clip(name, SILENCE, motion, *about, **clip), None, Path("corpus") / name)
+
+
+def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0) -> Recording:
     """Pieces joined by straight lines of six frames, which are not valid."""
     positions, valid = [pieces[0]], [np.ones(len(pieces[0]), bool)]
     for piece in pieces[1:]:
@@ -125,7 +126,7 @@ def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0, **clip: o
         positions += [positions[-1][-1] + share * (piece[0] - positions[-1][-1]), piece]
         valid += [np.zeros(SPLICE, bool), np.ones(len(piece), bool)]
     motion = Motion(np.concatenate(positions), GROUP_FPS, BODY, np.concatenate(valid))
-    return Recording(Clip(name, SILENCE, motion, offset, dance="waltz", **clip), None, Path("corpus") / name)
+    return recorded(name, motion, offset, dance="waltz")
 
 
 def named(sequence: Recording, *units: Unit) -> Recording:
@@ -139,14 +140,11 @@ def letters(groups: list[list[Segment]]) -> str:
     return " ".join("".join(known.setdefault(s.group, chr(97 + len(known))) for s in one) for one in groups)
 
 
-def test_annotated_figures_are_the_groups():
+def test_annotated_figures_are_the_groups_and_a_unit_without_one_goes_by_its_name():
     sequence = spliced(movement("once", 4.0))
     units = (Unit("W-1-1", 0.0, 1.5, 3, "W-1"), Unit("W-2-1", 1.5, 4.0, 3, "W-2"))
     assert motion_groups([named(sequence, *units)]) == [[Segment(0.0, 1.5, "W-1"), Segment(1.5, 4.0, "W-2")]]
-
-
-def test_a_unit_without_figure_goes_by_its_name():
-    assert motion_groups([named(spliced(movement("once", 4.0)), Unit("walk", 0.0, 4.0, 3))])[0][0].group == "walk"
+    assert motion_groups([named(sequence, Unit("walk", 0.0, 4.0, 3))])[0][0].group == "walk"
 
 
 def test_annotated_units_are_stretched_to_the_motion_and_each_to_the_next():
@@ -163,43 +161,34 @@ def test_without_figures_a_motion_is_cut_in_the_middle_of_its_splices():
     assert [segment.group for segment in segments] == ["waltz 1", "waltz 2"]
 
 
-def test_an_unspliced_motion_is_one_group():
-    assert letters(motion_groups([spliced(movement("once")), spliced(movement("back"), name="b")])) == "a b"
+ONCE, TWICE, BACK = (movement(kind) for kind in ("once", "twice", "back"))
+TURN = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
-def test_the_same_movement_is_one_group_within_and_across_sequences():
-    first = spliced(movement("once"), movement("twice"), movement("once"), movement("back"))
-    assert letters(motion_groups([first, spliced(movement("twice"), movement("back"), name="b")])) == "abac bc"
+@cases(
+    "expected, recordings",
+    ("a b", ([ONCE], [BACK])),  # unspliced motions
+    ("abac bc", ([ONCE, TWICE, ONCE, BACK], [TWICE, BACK])),
+    ("aba", ([ONCE, TWICE, movement("once", 1.6)],)),  # at another tempo
+    ("aba", ([ONCE, TWICE, movement("once", 3.0)],)),
+    ("a a", ([ONCE], [ONCE @ TURN.T + [4.0, 0.3, -2.0]])),  # elsewhere, and facing elsewhere
+)
+def test_the_same_movement_is_one_group_within_and_across_sequences(expected: str, recordings: tuple[Any, ...]):
+    sequences = [spliced(*pieces, name="ab"[number]) for number, pieces in enumerate(recordings)]
+    assert letters(motion_groups(sequences)) == expected
 
 
-@pytest.mark.parametrize("seconds", [1.6, 3.0])
-def test_a_movement_danced_at_another_tempo_stays_in_its_group(seconds: float):
-    pieces = [movement("once"), movement("twice"), movement("once", seconds)]
-    assert letters(motion_groups([spliced(*pieces)])) == "aba"
-
-
-def test_the_same_movement_elsewhere_and_facing_elsewhere_is_one_group():
-    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    moved = movement("once") @ turn.T + [4.0, 0.3, -2.0]
-    assert letters(motion_groups([spliced(movement("once")), spliced(moved, name="b")])) == "a a"
-
-
-@pytest.mark.parametrize(("share", "expected"), [(0.9, "a a"), (1.1, "a b")])
-def test_movements_are_the_same_up_to_the_distance_that_is_near(share: float, expected: str):
-    # One joint of four is moved, so the mean distance is a quarter.
+def near(name: str, share: float) -> Recording:
+    """The movement that goes round once, this share of the distance away that is still near."""
     other = movement("once")
-    other[:, 3, 0] += 4 * NEAR * share
-    assert letters(motion_groups([spliced(movement("once")), spliced(other, name="b")])) == expected
+    other[:, 3, 0] += 4 * NEAR * share  # one joint of four is moved, so the mean distance is a quarter
+    return spliced(other, name=name)
 
 
-def test_a_chain_of_near_movements_is_one_group():
-    def shifted(name: str, steps: int) -> Recording:
-        other = movement("once")
-        other[:, 3, 0] += 4 * NEAR * 0.9 * steps
-        return spliced(other, name=name)
-
-    assert letters(motion_groups([shifted("a", 0), shifted("b", 2), shifted("c", 1)])) == "a a a"
-    assert letters(motion_groups([shifted("a", 0), shifted("b", 2)])) == "a b"
+# The last is a chain.
+@cases("shares, expected", ((0, 0.9), "a a"), ((0, 1.1), "a b"), ((0, 1.8), "a b"), ((0, 1.8, 0.9), "a a a"))
+def test_movements_are_the_same_up_to_the_distance_that_is_near(shares: tuple[float, ...], expected: str):
+    assert letters(motion_groups([near("abc"[number], share) for number, share in enumerate(shares)])) == expected
 
 
 def test_a_stretch_under_half_a_second_is_joined_with_the_next():
@@ -209,15 +198,14 @@ def test_a_stretch_under_half_a_second_is_joined_with_the_next():
 
 def test_a_copy_of_an_annotated_figure_takes_its_group():
     units = (Unit("u", 0.0, 53 / 25, 4, "spot turn"), Unit("v", 53 / 25, 106 / 25, 4, "box"))
-    told = named(spliced(movement("once"), movement("twice")), *units)
-    groups = motion_groups([spliced(movement("back"), movement("twice"), name="b"), told])
-    assert [segment.group for segment in groups[0]] == ["waltz 1", "box"]
-    assert [segment.group for segment in groups[1]] == ["spot turn", "box"]
+    annotated = named(spliced(ONCE, TWICE), *units)
+    groups = motion_groups([spliced(BACK, TWICE, name="b"), annotated])
+    assert [[segment.group for segment in one] for one in groups] == [["waltz 1", "box"], ["spot turn", "box"]]
 
 
 def test_annotated_figures_are_never_merged():
-    told = [named(spliced(movement("once"), name=name), Unit("u", 0.0, 2.0, 4, name)) for name in "ab"]
-    assert [one[0].group for one in motion_groups([*told, spliced(movement("once"), name="c")])] == ["a", "b", "a"]
+    annotated = [named(spliced(ONCE, name=name), Unit("u", 0.0, 2.0, 4, name)) for name in "ab"]
+    assert [one[0].group for one in motion_groups([*annotated, spliced(ONCE, name="c")])] == ["a", "b", "a"]
 
 
 def test_a_dance_without_name_has_groups_all_the_same():
@@ -226,9 +214,8 @@ def test_a_dance_without_name_has_groups_all_the_same():
 
 
 def test_bodies_that_differ_cannot_be_compared(swinging_arm: Callable[..., Motion]):
-    arm = Recording(Clip("arm", SILENCE, swinging_arm(1.0, 25.0)), None, Path("corpus/arm"))
     message = "motions of 3 and 4 joints have no figures that could be compared"
-    refused(message, motion_groups, [arm, spliced(movement("once"))])
+    refused(message, motion_groups, [recorded("arm", swinging_arm(1.0, 25.0)), spliced(ONCE)])
 
 
 @pytest.mark.data
@@ -241,6 +228,5 @@ def test_a_unit_of_the_beat_locked_recordings_is_found_again_by_its_motion(data_
     known = {segment.group for segment in motion_groups([told])[0]}
     shared = [(one.group, figure) for one, figure in zip(found, blind.figures, strict=True) if figure in known]
     agreeing = sum(group == figure for group, figure in shared)
-    assert len(shared) >= 15
-    assert agreeing >= 0.8 * len(shared)
+    assert len(shared) >= 15 and agreeing >= 0.8 * len(shared)
     assert not any(group in known for group, figure in shared if group != figure)
