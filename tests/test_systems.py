@@ -281,9 +281,7 @@ def test_what_is_saved_dances_the_same_when_it_is_loaded(saved: Path, name: str,
 
 
 @cases("start, asked, seconds", (0, 0.5, 0.5), (4.3, 6, 6), (21, 0.7, 0.7), (18, 60, 4), (18, None, 4))
-def test_a_dance_is_as_long_as_asked_for_or_the_music_is(
-    start: float, asked: float, seconds: float, generate: Generate
-):
+def test_dance_is_as_long_as_asked_for_or_the_music_is(start: float, asked: float, seconds: float, generate: Generate):
     motion = generate(start=start, seconds=asked)
     assert motion.n_frames == pytest.approx(seconds * motion.fps, abs=1)
 
@@ -456,19 +454,21 @@ def test_the_toy_goes_on_where_it_was_stopped(run: Path, corpus: Path, tmp_path:
         assert (tmp_path / "run" / file).read_bytes() == (run / file).read_bytes()
 
 
+def dance_words(corpus: Path, run: Path, folder: Path) -> tuple[object, ...]:
+    return ("dance", next(corpus.glob("*/audio.wav")), "--weights", run, "--out", folder / "dance.npz")
+
+
 def test_an_option_that_a_system_does_not_have_is_refused(corpus: Path, run: Path, tmp_path: Path):
-    result = command("train", corpus, "--out", tmp_path / "run", "--system", TOY, "--preset", "paper", code=2)
-    assert result.stderr.strip() == "harmolab: --preset is no option of this system"
-    song = next(corpus.glob("*/audio.wav"))
-    dancing = ("dance", song, "--weights", run, "--system", TOY, "--out", tmp_path / "dance.npz")
-    result = command(*dancing, "--no-plant-feet", code=2)
-    assert result.stderr.strip() == "harmolab: --plant-feet is no option of this system"
+    training = ("train", corpus, "--out", tmp_path / "run", "--preset", "paper")
+    dancing = (*dance_words(corpus, run, tmp_path), "--no-plant-feet")
+    for words, option in ((training, "--preset"), (dancing, "--plant-feet")):
+        result = command(*words, "--system", TOY, code=2)
+        assert result.stderr.strip() == f"harmolab: {option} is no option of this system"
 
 
 def test_the_toys_run_is_danced_with_only_when_it_is_named(run: Path, corpus: Path, tmp_path: Path):
-    song = next(corpus.glob("*/audio.wav"))
-    refused = command("dance", song, "--weights", run, "--out", tmp_path / "dance.npz", code=2)
-    assert f"If you trust it, name it: --system {TOY}" in refused.stderr and not (tmp_path / "dance.npz").exists()
-    danced = ("dance", song, "--weights", run, "--system", TOY, "--out", tmp_path / "dance.npz")
-    assert "harmony above chance" in command(*danced, "--seconds", 3, "--verbose").output
+    dancing = dance_words(corpus, run, tmp_path)
+    fault = command(*dancing, code=2).stderr
+    assert f"If you trust it, name it: --system {TOY}" in fault and not (tmp_path / "dance.npz").exists()
+    assert "harmony above chance" in command(*dancing, "--system", TOY, "--seconds", 3, "--verbose").output
     assert load_motion(tmp_path / "dance.npz").duration == pytest.approx(3.0, abs=0.1)
