@@ -29,10 +29,8 @@ from study.experiments.generation import SYNTHETIC, sketched_split, training_spl
 from study.profile import RunProfile
 from tests.builders import bobbing, planted_dance, refused
 
-PROFILE = RunProfile(
-    "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16, songs=1,
-    draws=2,
-)  # fmt: skip
+SIZES = {"n_clips": 20, "n_sequences": None, "n_rotations": 1, "n_seeds": 1, "songs": 1, "draws": 2}
+PROFILE = RunProfile("tiny", **SIZES, epochs=(1, 1), pose_epochs=1, hidden=16)
 # Of the notebook, but for shorter dances and one that is timed.
 CELLS = notebook_cells("10_systems_compared", profile=PROFILE, TIMED=1, GUARD_SECONDS=10.0)
 CHEAP = tuple(name for name, row in ROWS.items() if row.kind in ("recorded", "pieces"))
@@ -125,16 +123,14 @@ def test_no_song_of_the_comparison_is_in_the_corpus_that_systems_are_trained_on(
 def test_files_of_the_ballroom_set_take_the_place_of_synthetic_songs_where_every_dance_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    for folder in contests.BALLROOM:
+    samples = planted_dance("rumba", seconds=18.0).audio.samples
+    for folder, sound in (dict.fromkeys(contests.BALLROOM, samples) | {"VienneseWaltz": np.zeros(100)}).items():
         (tmp_path / folder).mkdir()
-        soundfile.write(tmp_path / folder / "one.wav", planted_dance("rumba", seconds=18.0).audio.samples, 22050)
-    (tmp_path / "VienneseWaltz").mkdir()
-    soundfile.write(tmp_path / "VienneseWaltz" / "one.wav", np.zeros(100), 22050)
+        soundfile.write(tmp_path / folder / "one.wav", sound, 22050)
     assert set(contests.ballroom_files(tmp_path)) == set(DANCES)
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
     music, excerpts = contests.seven_dances(PROFILE)
-    assert music == "Ballroom songs"
-    assert [one.song for one in excerpts][:2] == ["ChaChaCha/one", "Jive/one"]
+    assert (music, [one.song for one in excerpts][:2]) == ("Ballroom songs", ["ChaChaCha/one", "Jive/one"])
     assert all(one.clip.motion is None for one in excerpts)
     (tmp_path / "Samba" / "one.wav").unlink()
     assert contests.seven_dances(PROFILE)[0] == "synthetic songs"
@@ -155,10 +151,9 @@ def test_windows_of_a_recording_follow_each_other_and_leave_filler_out(tmp_path:
 
 
 def test_a_longer_excerpt_reaches_back_where_the_song_ends():
-    song = excerpt("rumba", 1, start=12.0)
-    assert (song.longer(10.0).start, song.longer(10.0).seconds) == (8.0, 10.0)
-    assert (song.longer(40.0).start, song.longer(40.0).seconds) == (0.0, 18.0)
-    assert song.longer(10.0).dancer.duration == pytest.approx(10.0)
+    longer, longest = (excerpt("rumba", 1, start=12.0).longer(seconds) for seconds in (10.0, 40.0))
+    assert (longer.start, longer.seconds, longest.start, longest.seconds) == (8.0, 10.0, 0.0, 18.0)
+    assert longer.dancer.duration == pytest.approx(10.0)
 
 
 # Contests
@@ -190,9 +185,8 @@ def test_the_choreographer_dances_the_sketches_that_harmogan_corrects():
 def test_without_recordings_there_is_one_contest_and_its_dancers_are_those_planted_in_its_songs():
     (contest,) = contests.contests(PROFILE, 0)
     assert contest.about == {"music": "synthetic songs", "corpus": "synthetic"}
-    assert contest.has_own_dancers
+    assert contest.has_own_dancers and len(contest.guarded) == 7
     assert contest.patterns == {} and contests.recorded_songs(PROFILE) == []
-    assert len(contest.guarded) == 7
 
 
 # Measures
@@ -349,15 +343,13 @@ def test_a_system_of_another_body_has_no_distance(two_songs: None):
 def test_lee_without_warper_is_told_its_own_tempo():
     song = excerpt("rumba", 1)
     beats = contestants.own_tempo(song)
-    assert beats.tempo == pytest.approx(112.5)
-    assert (beats.times[0], beats.duration) == (0.0, song.clip.audio.duration)
+    assert (beats.tempo, beats.times[0], beats.duration) == (pytest.approx(112.5), 0.0, song.clip.audio.duration)
 
 
 @pytest.mark.slow
 def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame, pd.DataFrame]):
     ((song, motions),) = CELLS.side_by_side(entries(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
-    assert song == "cha-cha 1 (cha-cha)"
-    assert list(motions) == [RIGHT_SONG, CHOREOGRAPHER]
+    assert (song, *motions) == ("cha-cha 1 (cha-cha)", RIGHT_SONG, CHOREOGRAPHER)
     assert [motion.duration for motion, _ in motions.values()] == pytest.approx([10.0, 10.0])
 
 
@@ -372,8 +364,7 @@ def test_a_folder_never_seen_gives_tables_of_the_same_layout(
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
     names = ["recorded, another song", "random pieces, rests on beats"]
     dances, systems = compared(entries(PROFILE, names, trainings=0))
-    assert list(dances.columns) == list(tables[0].columns)
-    assert list(systems.columns) == list(tables[1].columns)
+    assert [list(table.columns) for table in (dances, systems)] == [list(table.columns) for table in tables]
     assert systems["music"].unique().tolist() == ["synthetic songs", "recorded songs"]
     assert set(systems["corpus"]) == {"synthetic"}
     own = dances[dances["music"] == "recorded songs"]
@@ -441,18 +432,15 @@ def test_another_song_is_of_the_same_dance_and_never_the_song_itself(rng: np.ran
     np.testing.assert_array_equal(motion.positions, songs[1].dancer.positions)
     away = contests.another_song(material(unit_of("rumba", 2), dancers=songs), songs[2], rng)
     assert any(np.array_equal(away.positions, song.dancer.positions) for song in songs[:2])
-    refused(
-        "there is no other song", contests.another_song, material(unit_of("rumba", 2), dancers=songs[:1]), songs[0], rng
-    )
+    alone = material(unit_of("rumba", 2), dancers=songs[:1])
+    refused("there is no other song", contests.another_song, alone, songs[0], rng)
 
 
 def test_retiming_brings_another_songs_dancer_to_the_beats(rng: np.random.Generator):
     song, other = excerpt("rumba", 1), excerpt("rumba", 2)
     stuff = material(unit_of("rumba", 2), dancers=(other,))
-    before, after = (
-        above_chance(dance(stuff, song, rng), song) for dance in (contests.another_song, contests.retimed_dance)
-    )
-    assert after > before + 0.3
+    before, after = (dance(stuff, song, rng) for dance in (contests.another_song, contests.retimed_dance))
+    assert above_chance(after, song) > above_chance(before, song) + 0.3
 
 
 def test_pieces_of_planted_dancers_are_in_time_whatever_their_own_tempo(rng: np.random.Generator):
@@ -490,13 +478,12 @@ def test_a_unit_that_hardly_rests_keeps_the_beats_of_its_music():
 def test_a_piece_at_its_own_tempo_is_itself_and_at_double_tempo_travels_as_far():
     unit = unit_of("waltz", 1)
     anchors = music_anchors(unit, material(unit).units)
-    frames = np.arange(unit.n_frames)
-    own = np.interp(frames / unit.fps, anchors.seconds, anchors.beats)
+    times = np.arange(unit.n_frames) / unit.fps
+    own = np.interp(times, anchors.seconds, anchors.beats)
     inside = (own > 0.2) & (own < 7.8)
-    same = contests.danced_at(unit, anchors, own[inside], frames[inside] / unit.fps)
+    same, fast = (contests.danced_at(unit, anchors, own[inside], times[inside] / tempo) for tempo in (1, 2))
     # The beats of a unit are not quite even, and the map between them is smooth.
     np.testing.assert_allclose(same[:, :-3], unit.motion[inside, :-3], atol=0.02)
-    fast = contests.danced_at(unit, anchors, own[inside], frames[inside] / unit.fps / 2)
     np.testing.assert_allclose(fast[:, -3:], 2 * same[:, -3:])
 
 
@@ -504,9 +491,8 @@ def test_the_same_draw_is_the_same_dance_and_another_is_not():
     song, stuff = excerpt("rumba", 3), material(*(unit_of("rumba", seed) for seed in (1, 2, 4, 5)))
     stuff = replace(stuff, dancers=[excerpt("rumba", seed) for seed in (1, 2, 4, 5)])
     for name in contests.DRAWN:
-        one, same, *others = (
-            contests.BASELINES[name](stuff, song, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4, 5)
-        )
+        dance = contests.BASELINES[name]
+        one, same, *others = (dance(stuff, song, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4, 5))
         np.testing.assert_array_equal(one.positions, same.positions)
         assert not all(np.array_equal(one.positions, other.positions) for other in others)
 
