@@ -17,17 +17,8 @@ from tensorboardX.proto.event_pb2 import Event
 
 from harmolab.systems import Generator, TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
-from harmolab.systems.training import loop
-from harmolab.systems.training.checkpoints import (
-    STATE,
-    EventLog,
-    TrainOptions,
-    check_folder,
-    history_text,
-    load_state,
-    restore,
-    save_state,
-)
+from harmolab.systems.training import checkpoints, loop
+from harmolab.systems.training.checkpoints import STATE, TrainOptions, load_state
 from harmolab.systems.training.splits import Split
 from tests import tiny_training as tiny
 from tests.builders import cases
@@ -36,6 +27,7 @@ from tests.tiny_training import Stopped
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 # Few and large batches: here it matters what is on disk, not what is learnt.
 PAPER: TrainParams = replace(tiny.PAPER, pretrain_epochs=2, adversarial_epochs=2, batch_size=13)
+LESS_HARMONY = replace(PAPER, harmony_weight=0.5)
 EPOCHS = PAPER.pretrain_epochs + PAPER.adversarial_epochs
 
 
@@ -69,9 +61,9 @@ def undisturbed(train: Train, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def stopped(train: Train, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "stopped"
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(Stopped):
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(loop, "SAVING_SHARE", float("inf"))
-        train(folder, stop_after=PAPER.pretrain_epochs)
+        stop(train, folder, PAPER.pretrain_epochs)
     return folder
 
 
@@ -91,9 +83,10 @@ def begun(undisturbed: Path, tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def save_every_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop, "SAVING_SHARE", float("inf"))
+def stop(train: Train, folder: Path, epoch: int, **more: Any) -> None:
+    """A training in the folder that stops after this epoch."""
+    with pytest.raises(Stopped):
+        train(folder, stop_after=epoch, **more)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -140,13 +133,13 @@ def step(layer: torch.nn.Module, optimiser: torch.optim.Optimizer) -> None:
 def test_a_restored_optimiser_takes_the_same_next_step(tmp_path: Path):
     layer, optimiser = learner()
     about = {"history": [{"phase": "pretrain", "mse": 0.1 + 0.2}]}
-    save_state(tmp_path, {"layer": layer}, {"adam": optimiser}, about)
+    checkpoints.save_state(tmp_path, {"layer": layer}, {"adam": optimiser}, about)
     other = torch.nn.Linear(3, 2)
     fresh = torch.optim.Adam(other.parameters(), lr=0.1)
     assert load_state(tmp_path / "nowhere") is None
     saved = load_state(tmp_path)
     assert saved is not None and saved[1] == about  # numbers to the last bit
-    restore(saved[0], {"layer": other}, {"adam": fresh})
+    checkpoints.restore(saved[0], {"layer": other}, {"adam": fresh})
     step(layer, optimiser)
     step(other, fresh)
     assert torch.equal(layer.weight, other.weight) and torch.equal(layer.bias, other.bias)
@@ -196,26 +189,18 @@ def test_a_damaged_state_is_told_in_one_line_and_kept(kind: str, half: Path, tra
 # Going on
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("stop", range(EPOCHS))
-@pytest.mark.usefixtures("save_every_epoch")
-def test_a_run_that_stops_after_any_epoch_ends_the_same(stop: int, undisturbed: Path, train: Train, begun: Path):
-    with pytest.raises(Stopped):
-        train(begun, stop_after=stop, resume=True)
-    saved = load_state(begun)
-    assert saved is not None and len(saved[1]["history"]) == stop + 1
-    train(begun, resume=True)
-    assert_same_run(begun, undisturbed)
-
-
-def test_a_run_whose_last_state_is_old_ends_the_same(
-    undisturbed: Path, train: Train, begun: Path, monkeypatch: pytest.MonkeyPatch
+@cases(
+    "last, share, kept",
+    *(pytest.param(epoch, float("inf"), epoch + 1, marks=pytest.mark.slow) for epoch in range(EPOCHS)),
+    (EPOCHS - 2, 1e-9, PAPER.pretrain_epochs),  # only the first epoch and the last of each phase are kept
+)
+def test_a_run_that_stops_after_any_epoch_ends_the_same(
+    last: int, share: float, kept: int, undisturbed: Path, train: Train, begun: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(loop, "SAVING_SHARE", 1e-9)  # only the first epoch and the last of each phase are kept
-    with pytest.raises(Stopped):
-        train(begun, stop_after=EPOCHS - 2, resume=True)
+    monkeypatch.setattr(loop, "SAVING_SHARE", share)
+    stop(train, begun, last, resume=True)
     saved = load_state(begun)
-    assert saved is not None and len(saved[1]["history"]) == PAPER.pretrain_epochs
+    assert saved is not None and len(saved[1]["history"]) == kept
     train(begun, resume=True)
     assert_same_run(begun, undisturbed)
 
@@ -249,10 +234,10 @@ def test_a_stop_at_any_moment_does_no_harm(
 
 
 def test_a_stop_between_the_pretrained_weights_and_the_state_does_no_harm(
-    undisturbed: Path, train: Train, begun: Path, save_every_epoch: None
+    undisturbed: Path, train: Train, begun: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    with pytest.raises(Stopped):
-        train(begun, stop_after=PAPER.pretrain_epochs - 2, resume=True)
+    monkeypatch.setattr(loop, "SAVING_SHARE", float("inf"))
+    stop(train, begun, PAPER.pretrain_epochs - 2, resume=True)
     for name in ("pretrained.json", "pretrained.safetensors"):
         shutil.copy(undisturbed / name, begun)
     train(begun, resume=True)
@@ -291,7 +276,7 @@ def test_tensorboard_groups_losses_scores_and_schedule(undisturbed: Path):
 def test_stale_events_are_replaced_and_nothing_else(tmp_path: Path):
     (tmp_path / "events.out.tfevents.1.old").write_bytes(b"stale")
     (tmp_path / "events.txt").write_text("mine")
-    log = EventLog(tmp_path, [{"phase": "pretrain", "epoch": 0, "mse": 2.0, "tau": ""}])
+    log = checkpoints.EventLog(tmp_path, [{"phase": "pretrain", "epoch": 0, "mse": 2.0, "tau": ""}])
     log.add({"phase": "pretrain", "epoch": 1, "mse": 1.0, "val_mse": 3.0, "tau": ""})
     log.close()
     assert events(tmp_path) == [(0, "loss/mse", 2.0), (1, "loss/mse", 1.0), (1, "validation/mse", 3.0)]
@@ -299,7 +284,7 @@ def test_stale_events_are_replaced_and_nothing_else(tmp_path: Path):
 
 
 def test_history_leaves_out_what_an_epoch_does_not_have():
-    text = history_text([{"epoch": 0, "mse": 0.5}, {"epoch": 1, "mse": 0.25, "gan": 1.0}])
+    text = checkpoints.history_text([{"epoch": 0, "mse": 0.5}, {"epoch": 1, "mse": 0.25, "gan": 1.0}])
     assert text == "epoch,mse,gan\n0,0.5,\n1,0.25,1.0\n"
 
 
@@ -311,8 +296,7 @@ def refused(folder: Path, call: Callable[[], Any]) -> str:
     before = contents(folder)
     with pytest.raises(ValueError) as caught:
         call()
-    assert contents(folder) == before
-    assert "\n" not in str(caught.value)
+    assert contents(folder) == before and "\n" not in str(caught.value)
     return str(caught.value)
 
 
@@ -325,41 +309,34 @@ def test_somebody_elses_folder_is_no_run_to_resume(train: Train, tmp_path: Path)
 def test_a_file_is_no_folder(tmp_path: Path):
     (tmp_path / "run").write_text("")
     with pytest.raises(ValueError, match="run: is a file; a run needs a folder of its own"):
-        check_folder(tmp_path / "run", resume=True)
+        checkpoints.check_folder(tmp_path / "run", resume=True)
 
 
 @cases(
-    "changes, told",
-    (
-        {"params": replace(PAPER, harmony_weight=0.5)},
-        "settings.json: train.harmony_weight is 1.0, but 0.5 is asked for",
-    ),
+    "changes, words",
+    ({"params": LESS_HARMONY}, "settings.json: train.harmony_weight is 1.0, but 0.5 is asked for"),
     ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
     ({"split": tiny.tiny_split(n_train=12, sketched=True)}, "split.json: units.test is "),
 )
-def test_a_run_with_other_settings_or_units_is_not_resumed(
-    changes: dict[str, Any], told: str, half: Path, train: Train
-):
-    assert refused(half, lambda: train(half, **changes, resume=True)).startswith(f"{half}/{told}")
+def test_run_with_other_settings_or_units_is_not_resumed(changes: dict[str, Any], words: str, half: Path, train: Train):
+    assert refused(half, lambda: train(half, **changes, resume=True)).startswith(f"{half}/{words}")
 
 
 @cases(
-    "name, text, told",
+    "name, text, words",
     ("settings.json", "", "settings.json"),
     ("settings.json", "[1]", "settings.json"),
     ("pose_net.safetensors", "nonsense", "pose_net"),
     ("pose_net.json", "nonsense", "pose_net"),
 )
-def test_a_damaged_file_of_a_run_is_named(name: str, text: str, told: str, half: Path, train: Train):
+def test_a_damaged_file_of_a_run_is_named(name: str, text: str, words: str, half: Path, train: Train):
     (half / name).write_text(text)
-    assert str(half / told) in refused(half, lambda: train(half, resume=True))
+    assert str(half / words) in refused(half, lambda: train(half, resume=True))
 
 
 def test_a_state_of_other_settings_is_not_resumed(half: Path, train: Train, tmp_path: Path):
-    other = tmp_path / "other"
-    with pytest.raises(Stopped):
-        train(other, stop_after=0, params=replace(PAPER, harmony_weight=0.5))
-    shutil.copy(other / STATE, half / STATE)
+    stop(train, tmp_path / "other", 0, params=LESS_HARMONY)
+    shutil.copy(tmp_path / "other" / STATE, half / STATE)
     assert refused(half, lambda: train(half, resume=True)).startswith(f"{half}: was trained with other settings")
 
 
@@ -373,15 +350,15 @@ def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
 
 
 @cases(
-    "changes, told",
+    "changes, words",
     ({"split": tiny.tiny_split(n_train=12, sketched=True)}, "split.json: "),  # its validation unit was trained on there
     ({"model": replace(tiny.MODEL, hidden=8)}, "settings.json: model.hidden is 16, but 8 is asked for"),
 )
 def test_pretraining_on_other_data_or_of_another_size_is_not_taken_over(
-    changes: dict[str, Any], told: str, undisturbed: Path, train: Train, tmp_path: Path
+    changes: dict[str, Any], words: str, undisturbed: Path, train: Train, tmp_path: Path
 ):
     message = refused(undisturbed, lambda: train(tmp_path / "new", **changes, pretrained=undisturbed))
-    assert message.startswith(f"{undisturbed}/{told}") and not (tmp_path / "new").exists()
+    assert message.startswith(f"{undisturbed}/{words}") and not (tmp_path / "new").exists()
 
 
 @pytest.fixture(scope="module")
@@ -391,10 +368,8 @@ def taken_over(undisturbed: Path, train: Train, tmp_path_factory: pytest.TempPat
     return folder
 
 
-def test_pretraining_of_an_earlier_version_is_taken_over(
-    undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path
-):
-    """It calls discriminators critics."""
+def test_older_pretraining_is_taken_over(undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path):
+    """An earlier version calls discriminators critics."""
     old = shutil.copytree(undisturbed, tmp_path / "old")
     for name in ("settings.json", "pretrained.json"):
         text = (old / name).read_text().replace('"discriminator', '"critic')
@@ -405,15 +380,11 @@ def test_pretraining_of_an_earlier_version_is_taken_over(
     assert (tmp_path / "run" / "history.csv").read_bytes() == (taken_over / "history.csv").read_bytes()
 
 
-def test_a_run_on_taken_over_pretraining_can_stop_too(
-    undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path
-):
-    stopped = tmp_path / "stopped"
-    with pytest.raises(Stopped):
-        train(stopped, pretrained=undisturbed, stop_after=1)
-    train(stopped, pretrained=undisturbed, resume=True)
+def test_run_on_taken_over_pretraining_can_stop_too(undisturbed: Path, taken_over: Path, train: Train, tmp_path: Path):
+    stop(train, tmp_path, 1, pretrained=undisturbed)
+    train(tmp_path, pretrained=undisturbed, resume=True)
     for name in ("model.safetensors", "history.csv"):
-        assert (stopped / name).read_bytes() == (taken_over / name).read_bytes()
+        assert (tmp_path / name).read_bytes() == (taken_over / name).read_bytes()
 
 
 # Nothing is unpickled
