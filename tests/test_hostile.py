@@ -48,17 +48,6 @@ def tries(count: int) -> int:
     return max(1, round(count * TIMES))
 
 
-def wave(channels: int = 1) -> np.ndarray:
-    time = np.arange(2205) / 11025
-    return np.stack([0.5 * np.sin(2 * np.pi * (220 + 110 * channel) * time) for channel in range(channels)], axis=1)
-
-
-def sound_bytes(format: str, subtype: str, channels: int = 1) -> bytes:
-    stream = io.BytesIO()
-    soundfile.write(stream, wave(channels), 11025, format=format, subtype=subtype)
-    return stream.getvalue()
-
-
 def poses(frames: int = 6, joints: int = 3, dimensions: int = 3) -> np.ndarray:
     return np.random.default_rng(3).normal(size=(frames, joints, dimensions)).cumsum(axis=0) * 0.1
 
@@ -67,6 +56,12 @@ def saved(save: Callable[..., None], *arrays: object, **named: object) -> bytes:
     stream = io.BytesIO()
     save(stream, *arrays, **named)
     return stream.getvalue()
+
+
+def sound_bytes(format: str, subtype: str, channels: int = 1) -> bytes:
+    tones = 2 * np.pi * (220 + 110 * np.arange(channels))
+    waves = 0.5 * np.sin(np.arange(2205)[:, None] / 11025 * tones)
+    return saved(soundfile.write, waves, 11025, format=format, subtype=subtype)
 
 
 def bvh_text() -> str:
@@ -136,13 +131,6 @@ def player_files() -> dict[str, bytes]:
     }
 
 
-def smpl_body(joints: np.ndarray) -> dict[str, np.ndarray]:
-    """The arrays of an SMPL file whose points are its joints (24, 3), with three numbers of shape."""
-    directions = np.random.default_rng(12).normal(size=(24, 3, 3)) * 0.01
-    tree = np.array([SMPL_24.parents, range(24)])
-    return {"J_regressor": np.eye(24), "v_template": joints, "shapedirs": directions, "kintree_table": tree}
-
-
 def model_files() -> dict[str, bytes]:
     """A small valid file of every format that models of dance write."""
     rng = np.random.default_rng(11)
@@ -151,6 +139,9 @@ def model_files() -> dict[str, bytes]:
     rows = np.zeros((6, 22, 6))
     rows[..., 0] = rows[..., 4] = 1.0
     vectors = np.zeros((6, 263))
+    # An SMPL file whose points are its joints, with three numbers of shape.
+    shapes = {"J_regressor": np.eye(24), "v_template": joints[0], "shapedirs": rng.normal(size=(24, 3, 3)) * 0.01}
+    shapes["kintree_table"] = np.array([SMPL_24.parents, range(24)])
     vectors[:, 4:67] = (joints[:, 1:22] - joints[:, :1] * [1, 0, 1]).reshape(6, 63)
     return {
         "amass.npz": saved(np.savez, poses=np.zeros((6, 156)), trans=way, betas=np.ones(16), mocap_framerate=120.0),
@@ -160,7 +151,7 @@ def model_files() -> dict[str, bytes]:
         "lodge.npy": saved(np.save, np.concatenate([np.ones((6, 4)), way, rows.reshape(6, 132)], axis=1)),
         "humanml.npy": saved(np.save, vectors),
         "fact.npy": saved(np.save, np.hstack([np.zeros((6, 6)), way, np.tile(np.eye(3).ravel(), (6, 24))])),
-        "smpl.npz": saved(np.savez, **smpl_body(joints[0])),
+        "smpl.npz": saved(np.savez, **shapes),
         "bailando/ep000010_frame000001_kps.json": json.dumps({"3d_pose": joints[0].round(3).tolist()}).encode(),
     }
 
@@ -363,9 +354,7 @@ def damaged_folders(parts: dict[str, bytes], folder: Path, rng: np.random.Genera
     ("own", {"audio.wav": "sound.wav", "motion.npz": "motion.npz", "beats.json": "beats.json"}),
     ("DANCE_W_1", {"audio.mp3": "sound.mp3", "skeletons.json": "skeletons.json", "config.json": "config.json"}),
 )
-def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_with_its_name(
-    tmp_path: Path, name: str, parts: dict[str, str]
-):
+def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_by_name(tmp_path: Path, name: str, parts: dict[str, str]):
     content = {part: valid_files()[kind] for part, kind in parts.items()}
     for folder in damaged_folders(content, tmp_path / name, np.random.default_rng([SEED, 99])):
         outcome(folder, lambda folder: [load_recording(folder).clip.motion.positions])
@@ -533,7 +522,5 @@ def test_any_array_makes_finite_motion_or_a_value_error(positions: np.ndarray, f
 
 @hostile
 @given(numbers, numbers, scalars, scalars)
-def test_any_array_makes_finite_beats_or_a_value_error(
-    times: np.ndarray, strengths: np.ndarray, fps: object, end: object
-):
+def test_arrays_make_finite_beats_or_a_value_error(times: np.ndarray, strengths: np.ndarray, fps: object, end: object):
     finite_or_value_error(lambda: BeatTrack(times, strengths, fps, end), "times", "strengths", "duration")
