@@ -154,6 +154,10 @@ def cut(folder: Path) -> None:
     file.write_bytes(file.read_bytes()[:-100])
 
 
+def replaced(file: Path, old: str, new: str) -> None:
+    file.write_text(file.read_text().replace(old, new))
+
+
 def exchanged(folder: Path) -> None:
     """The other part's files."""
     other = folder.with_name({"feet": "attributes", "attributes": "feet"}[folder.name])
@@ -164,9 +168,7 @@ ANY_PART: dict[str, Callable[[Path], object]] = {
     "cut": cut,
     "no description": lambda folder: (folder / "model.json").unlink(),
     "no numbers": lambda folder: (folder / "model.safetensors").unlink(),
-    "no meta": lambda folder: (folder / "model.json").write_text(
-        (folder / "model.json").read_text().replace('"meta": {}', '"meta": [1]')
-    ),
+    "no meta": lambda folder: replaced(folder / "model.json", '"meta": {}', '"meta": [1]'),
     "of the other part": exchanged,
     "a text as channels": edited(channels="many"),
 }
@@ -548,16 +550,12 @@ def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp
     (("--temperature=-1",), "temperature must be from 0 to 4, got -1"),
     (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
 )
-def test_options_that_cannot_be_are_one_line(
-    options: tuple[str, ...], fault: str, song: Path, whole_run: Path, tmp_path: Path
-):
+def test_faulty_options_are_one_line(options: tuple[str, ...], fault: str, song: Path, whole_run: Path, tmp_path: Path):
     assert fault in one_line(tmp_path, song, "--weights", whole_run, "--seconds", 2, *options)
 
 
 @cases("dancer, option, value", ("harmogan", "--feet", "model"), ("choreographer", "--temperature", 0.5))
-def test_other_systems_refuse_both_options_in_one_sentence(
-    dancer: str, option: str, value: object, song: Path, tmp_path: Path
-):
+def test_other_systems_refuse_both_in_one_sentence(dancer: str, option: str, value: object, song: Path, tmp_path: Path):
     error = one_line(tmp_path, song, "--system", dancer, option, value)
     assert error == f"harmolab: {option} is no option of this system"
 
