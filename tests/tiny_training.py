@@ -104,13 +104,15 @@ def stopping(last: int | None) -> Callable[[dict[str, Any], int], None]:
     return report
 
 
+def train(split: Split, folder: Path, params: TrainParams, *, resume: bool = False) -> None:
+    options = TrainOptions(folder, resume=resume, accelerator="cpu")
+    train_harmogan(split, options, model=MODEL, params=params, patterns=PATTERNS)
+
+
 def main(destination: Path, cases: list[str]) -> None:
     torch.set_num_threads(1)
     for case in cases:
-        options = TrainOptions(destination / case, accelerator="cpu")
-        params = CASES[case]
-        split = tiny_split(sketched=params.sketches > 0)
-        train_harmogan(split, options, model=MODEL, params=params, patterns=PATTERNS)
+        train(tiny_split(sketched=CASES[case].sketches > 0), destination / case, CASES[case])
 
 
 # Kill -9. Processes are forked, so that not every one of them has to import torch first.
@@ -122,9 +124,7 @@ def start(split: Split, folder: Path) -> int:
     """Number of a process that trains in `folder`, going on where an earlier one was killed."""
     if child := os.fork():
         return child
-    train_harmogan(
-        split, TrainOptions(folder, resume=True, accelerator="cpu"), model=MODEL, params=LONGER, patterns=PATTERNS
-    )
+    train(split, folder, LONGER, resume=True)
     os._exit(0)
 
 
