@@ -1,7 +1,7 @@
 """Folders of sequences, what `check` finds in files and corpora, and the way from files to clips."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,9 @@ def upright(frames: int = 50) -> np.ndarray:
     return np.stack([np.zeros((frames, 3)), head, hand], axis=1)
 
 
+MOTION = Motion(upright(), 25.0, ARM)
+
+
 def own(folder: Path, *, beats: dict | None = None, positions: np.ndarray | None = None, fps: float = 25.0) -> Path:
     """A sequence in our layout: 3 s of quiet noise, 2 s of motion."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,8 +69,7 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
     (tmp_path / "notes").mkdir()
     recordings = find_recordings(tmp_path)
     assert [folder.name for folder in recordings.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
-    assert recordings.problems == ()
-    assert find_recordings(tmp_path / "DANCE_W_2").folders == (tmp_path / "DANCE_W_2",)
+    assert recordings.problems == () and find_recordings(tmp_path / "DANCE_W_2").folders == (tmp_path / "DANCE_W_2",)
 
 
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
@@ -101,8 +103,7 @@ def test_tang_layout_takes_the_dance_from_its_name_and_beats_from_an_annotation(
     folder = tang(tmp_path / "corpus" / "DANCE_R_3")
     (folder / "beats.json").write_text(json.dumps({"beats_s": [0.5, 1.0]}))
     clip = load_recording(folder).clip
-    assert (clip.dance, clip.source, clip.offset) == ("rumba", "corpus", 0.2)
-    assert len(clip.beats) == 2
+    assert (clip.dance, clip.source, clip.offset) == ("rumba", "corpus", 0.2) and len(clip.beats) == 2
     (folder / "beats.json").unlink()
     bare = load_recording(folder, clock=1.01, points=21)
     assert (bare.annotation, bare.clip.beats) == (None, None)
@@ -123,8 +124,7 @@ def test_unreadable_sequence_is_reported_beside_the_readable_ones(tmp_path: Path
     rows = list(folders.iter_recordings(tmp_path))
     problems = {row.folder.name: row.message for row in rows if isinstance(row, folders.Problem)}
     assert [row.folder.name for row in rows if isinstance(row, folders.Recording)] == ["b"]
-    assert set(problems) == {"a", "c"}
-    assert "motion.npz: cannot be read as an .npz motion" in problems["a"]
+    assert set(problems) == {"a", "c"} and "motion.npz: cannot be read as an .npz motion" in problems["a"]
 
 
 def test_any_motion_is_read_from_folders_of_both_layouts_and_from_files(tmp_path: Path):
@@ -232,7 +232,7 @@ def test_check_notices_the_tango_that_is_too_fast_and_a_held_pose(data_root: Pat
 def test_start_is_what_the_folder_tells(tmp_path: Path):
     ours, theirs = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75}), tang(tmp_path / "theirs")
     bare = own(tmp_path / "bare")
-    save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM))
+    save_motion(ours / "another.npz", MOTION)
     starts = [recorded_offset(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
     assert starts == [0.75, 0.75, 0.2, 0.2]
     assert [recorded_offset(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
@@ -250,11 +250,11 @@ def test_joints_of_a_recording_can_be_chosen(tmp_path: Path):
 
 
 def test_start_is_what_a_motion_file_keeps(tmp_path: Path):
-    save_motion(tmp_path / "dance.npz", Motion(upright(), 25.0, ARM), offset=7.5)
+    save_motion(tmp_path / "dance.npz", MOTION, offset=7.5)
     assert recorded_offset(tmp_path / "dance.npz") == 7.5
     ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
-    save_motion(ours / "motion.npz", Motion(upright(), 25.0, ARM), offset=0.5)
-    save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM), offset=0.25)
+    save_motion(ours / "motion.npz", MOTION, offset=0.5)
+    save_motion(ours / "another.npz", MOTION, offset=0.25)
     assert [recorded_offset(ours / name) for name in ("", "motion.npz", "another.npz")] == [0.75, 0.75, 0.25]
     (ours / "beats.json").write_text(json.dumps(BEATS))
     assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
@@ -295,8 +295,7 @@ def song(request: pytest.FixtureRequest, clip: Clip, tmp_path_factory: pytest.Te
 def test_beats_are_the_same_whatever_the_rate_of_the_sound(song: Path, clip: Clip):
     assert clip.motion is not None and clip.audio.sample_rate == 22050
     usual, full = load_clip(song, clip.motion), load_clip(song, clip.motion, sample_rate=None)
-    assert (usual.audio.sample_rate, full.audio.sample_rate > 40000) == (22050, True)
-    assert len(usual.beats) > 8
+    assert (usual.audio.sample_rate, full.audio.sample_rate > 40000) == (22050, True) and len(usual.beats) > 8
     np.testing.assert_array_equal(full.beats.times, usual.beats.times)
     np.testing.assert_array_equal(full.beats.strengths, usual.beats.strengths)
     assert load_clip(song, clip.motion, track=False).beats is None
@@ -310,8 +309,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_folder_is_compared_like_its_recordings(corpus: Path):
     folder = compare(corpus, n_rotations=20, dances=("rumba", "waltz"))
     recordings = compare(corpus_recordings(corpus), n_rotations=20, dances=("rumba", "waltz"), corpus=str(corpus))
-    assert folder.summary == recordings.summary
-    assert sorted(folder.dances) == ["rumba", "waltz"]
+    assert folder.summary == recordings.summary and sorted(folder.dances) == ["rumba", "waltz"]
     assert folder.summary["beats"] == "annotated"
 
 
@@ -332,20 +330,19 @@ def test_bar_patterns_come_back_as_they_were(tmp_path: Path):
         "rumba": BarPattern(1, (-1.0,), (0.0,), "planted", "rumba"),
     }
     save_patterns(tmp_path / "patterns.json", patterns)
-    named = {dance: replace(pattern, dance=dance) for dance, pattern in patterns.items()}
-    assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == named
+    assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == patterns
     refused("holds no pattern for --dance ''; it has waltz, rumba", load_pattern, tmp_path / "patterns.json")
 
 
 def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip, tmp_path: Path):
     assert clip.beats is not None
-    told = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
-    nearest = np.abs(told.times - clip.beats.times[6]).argmin()
-    assert told.bar_places.tolist() == ((np.arange(len(told)) - nearest) % 4).tolist()
+    beats = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
+    nearest = np.abs(beats.times - clip.beats.times[6]).argmin()
+    assert beats.bar_places.tolist() == ((np.arange(len(beats)) - nearest) % 4).tolist()
     assert load_clip(song, clip.motion, dance="cha-cha").beats.bar_places is None
     (tmp_path / "song.beats").write_text("1.0\n1.7\n2.4\n3.1\n")
-    told = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
-    assert told.bar_places.tolist() == [2, 0, 1, 2]
+    beats = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
+    assert beats.bar_places.tolist() == [2, 0, 1, 2]
 
 
 def test_a_one_without_a_dance_or_a_beat_and_a_length_that_is_none_are_refused(song: Path, clip: Clip):
