@@ -20,7 +20,7 @@ from harmolab.lab.compare.rows import Processes, packed, unpacked
 from harmolab.lab.evaluate.engine import read_rows
 from harmolab.lab.evaluate.parts import part_path
 from harmolab.types import BeatTrack
-from tests.builders import called, refused, track
+from tests.builders import called, done, refused, track
 
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -62,8 +62,7 @@ def test_rows_on_disk_give_the_result_of_memory(options: dict[str, Any], corpus:
     memory, problems = compared(corpus_recordings(corpus), corpus=str(corpus), **options), []
     disk = compared(corpus, processes=Processes(out=tmp_path / "rows"), report=problems.append, **options)
     here = compared(corpus, report=problems.append, **options)
-    assert numbers(disk) == numbers(memory) == numbers(here)
-    assert problems[0] == problems[1]
+    assert numbers(disk) == numbers(memory) == numbers(here) and problems[0] == problems[1]
     assert "motion.npz: cannot be read" in problems[0].message
 
 
@@ -106,13 +105,11 @@ def test_a_comparison_that_was_cut_off_reads_what_is_missing_and_nothing_else(
     assert numbers(compared(corpus, processes=processes)) == numbers(expected)
     assert read == list(find_recordings(corpus).folders)
     refused(r"settings\.window was 4\.0 and is 6\.0", compared, corpus, processes=processes, window=6.0)
-    with pytest.raises(ValueError, match="holds a run; go on with it by --resume, or begin anew by --force"):
-        compared(corpus, processes=replace(processes, resume=False))
+    message = "holds a run; go on with it by --resume, or begin anew by --force"
+    refused(message, compared, corpus, processes=replace(processes, resume=False))
 
 
-def test_rows_of_something_else_are_an_error_that_names_the_file(
-    corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_foreign_rows_are_an_error_that_names_the_file(corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     processes = Processes(out=tmp_path / "rows", resume=True)
     with monkeypatch.context() as patch:
         patch.setattr(rows, "recording_row", lambda task, options: {"problem": "", **packed(track([1.0]))})
@@ -127,18 +124,16 @@ def test_a_recording_that_cannot_be_scored_is_reported_and_left_out(corpus: Path
     folder = find_recordings(root).folders[5]
     (folder / "beats.json").unlink()
     problems: list[Problem] = []
-    result = compared(root, beats="annotated", report=problems.append)
-    assert problems == [Problem(folder, f"{folder}: no beats.json; use tracked beats")]
-    assert result.summary["n_sequences"] == 12
-    again: list[Problem] = []
-    rows_result = compared(root, beats="annotated", report=again.append, processes=Processes(out=tmp_path / "rows"))
-    assert (again, numbers(rows_result)) == (problems, numbers(result))
+    annotated = partial(compared, root, beats="annotated", report=problems.append)
+    result, rows_result = annotated(), annotated(processes=Processes(out=tmp_path / "rows"))
+    assert problems == [Problem(folder, f"{folder}: no beats.json; use tracked beats")] * 2
+    assert result.summary["n_sequences"] == 12 and numbers(rows_result) == numbers(result)
 
 
 def test_recordings_in_memory_are_scored_where_they_are(corpus: Path, tmp_path: Path):
+    message = "jobs, scheduler and out are for a folder of recordings"
     for processes in (Processes(jobs=2), Processes(out=tmp_path / "rows"), Processes(scheduler="tcp://10.0.0.5:8786")):
-        with pytest.raises(ValueError, match="jobs, scheduler and out are for a folder of recordings"):
-            compared(corpus_recordings(corpus), processes=processes)
+        refused(message, compared, corpus_recordings(corpus), processes=processes)
 
 
 # The command
@@ -147,8 +142,7 @@ def test_recordings_in_memory_are_scored_where_they_are(corpus: Path, tmp_path: 
 @pytest.mark.slow
 def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
     words = ("evaluate", "compare", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--jobs", 0, "--json")
-    first = run(*words, "--out", tmp_path / "rows")
-    assert first.exit_code == 0, first.output
+    first = done(app, *words, "--out", tmp_path / "rows")
     assert "left out: " in first.stderr
     assert run(*words, "--out", tmp_path / "rows", "--resume").stdout == first.stdout == run(*words).stdout
     stopped = run(*words, "--out", tmp_path / "rows")
@@ -159,9 +153,8 @@ def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
 
 def test_compare_goes_on_with_named_rows_only(corpus: Path):
     stopped = run("evaluate", "compare", corpus, "--resume")
-    assert (stopped.exit_code, stopped.stderr) == (
-        2, "harmolab: --resume goes on with the rows in a folder; name it by --out\n"
-    )  # fmt: skip
+    message = "harmolab: --resume goes on with the rows in a folder; name it by --out\n"
+    assert (stopped.exit_code, stopped.stderr) == (2, message)
 
 
 # Records as cells
