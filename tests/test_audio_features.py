@@ -55,8 +55,8 @@ def test_music_at_another_rate_sounds_the_same():
         return Audio(0.3 * np.sin(2 * np.pi * 440 * time) * (1 + np.sin(2 * np.pi * 2 * time)), rate)
 
     moments = np.linspace(0.2, 1.8, 9)
-    here = audio_features(tone(RATE), NO_BEATS, moments, FeatureParams(n_mfcc=5))
-    there = audio_features(tone(44100.0), NO_BEATS, moments, FeatureParams(n_mfcc=5))
+    params = FeatureParams(n_mfcc=5)
+    here, there = (audio_features(tone(rate), NO_BEATS, moments, params) for rate in (RATE, 44100.0))
     assert np.abs(here - there).max() < 0.02 * np.abs(here).max()
 
 
@@ -68,15 +68,14 @@ def test_hardly_any_sound_has_finite_features(samples: np.ndarray):
 
 
 def test_beat_channels_are_onset_strength_and_beat_position(song: Audio):
-    params = FeatureParams(n_mfcc=4, beat_channels=True)
-    moments = np.arange(0, 3, TICK)
-    features = audio_features(song, track([0.5, 1.0, 1.5, 2.0]), moments, params)
+    params, moments, beats = FeatureParams(n_mfcc=4, beat_channels=True), np.arange(0, 3, TICK), track([0.5, 1, 1.5, 2])
+    features = audio_features(song, beats, moments, params)
     assert features.shape == (len(moments), params.n_audio)
     onsets = features[:, 4]
     assert (onsets.min(), onsets.max()) == (pytest.approx(0.0, abs=0.05), pytest.approx(1.0))
     # The strongest moment lies at a click.
     assert abs(moments[onsets.argmax()] * 2 - round(moments[onsets.argmax()] * 2)) < 4 * TICK
-    np.testing.assert_allclose(features[:, 5:], beat_phase(track([0.5, 1.0, 1.5, 2.0]), moments), atol=1e-6)
+    np.testing.assert_allclose(features[:, 5:], beat_phase(beats, moments), atol=1e-6)
 
 
 def test_beat_position_is_linear_between_beats_and_goes_on_by_the_median_interval():
@@ -115,8 +114,7 @@ def test_a_song_is_analysed_once(song: Audio, cache: Path, monkeypatch: pytest.M
 
 def test_other_music_or_another_number_of_coefficients_is_analysed_anew(song: Audio, cache: Path):
     louder = Audio(song.samples * 2, song.sample_rate)
-    assert mfcc(song, 20).shape[1] == 20
-    assert mfcc(song, 13).shape[1] == 13
+    assert [mfcc(song, count).shape[1] for count in (20, 13)] == [20, 13]
     assert (mfcc(louder, 20)[:, 0] > mfcc(song, 20)[:, 0]).any()
     assert len(list(cache.glob("*.npz"))) == 3
 
