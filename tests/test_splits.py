@@ -1,5 +1,6 @@
 """Splits by motion group: nothing is tested on movement that was trained on."""
 
+import itertools
 import json
 
 import numpy as np
@@ -104,20 +105,15 @@ def test_the_seed_decides(split: Split):
 
 def test_a_split_is_written_down_as_json(split: Split):
     content = json.loads(json.dumps(split.to_dict()))
-    assert content["seed"] == 0
-    assert (content["test_share"], content["validation_share"], content["source"]) == (0.15, 0.1, "made up")
-    assert content["groups"] == split.groups
+    about = {"seed": 0, "test_share": 0.15, "validation_share": 0.1, "source": "made up", "groups": split.groups}
+    assert {name: content[name] for name in about} == about
     assert set(content["units"]["test"]) == names(split.test)
     assert names(corpus().select(content["units"]["train"])) == names(split.train)
 
 
 def test_a_group_danced_in_two_dances_is_on_one_side():
-    units = [
-        unit(4 * place, letter, letter, dance=dance, sequence=f"{dance}{letter}")
-        for dance in ("rumba", "tango")
-        for letter in "abcdefgh"
-        for place in range(1, 4)
-    ]
+    places = itertools.product(("rumba", "tango"), "abcdefgh", range(1, 4))
+    units = [unit(4 * n, letter, letter, dance=dance, sequence=f"{dance}{letter}") for dance, letter, n in places]
     split = split_units(unit_set(units))
     for name in split.groups["test"]:
         assert not any(name in one.groups for one in split.train.units)
