@@ -24,9 +24,7 @@ PARAMS = replace(TrainParams.recommended(), sketches=2, shifted=0.5)
 
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("dances")
-    write_corpus(root, clips=14, seconds=14.0, seed=1)
-    return root
+    return write_corpus(tmp_path_factory.mktemp("dances"), clips=14, seconds=14.0, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +53,9 @@ def test_nobody_dances_to_a_song_with_its_own_recording(corpus: Path, split: Spl
         return respond(self, request)
 
     monkeypatch.setattr(Choreographer, "respond", noted)
-    sketched(split, find_recordings(corpus).folders, replace(PARAMS, sketches=1))
-    songs = {
-        load_recording(folder).clip.audio.samples.tobytes(): folder.name for folder in find_recordings(corpus).folders
-    }
+    folders = find_recordings(corpus).folders
+    sketched(split, folders, replace(PARAMS, sketches=1))
+    songs = {load_recording(folder).clip.audio.samples.tobytes(): folder.name for folder in folders}
     teachers = set(training_spans(split))
     assert len(asked) > len(teachers) > 2
     assert all(takes == teachers - {songs[song]} for song, takes in asked)
@@ -70,19 +67,16 @@ def test_sketches_beside_the_music_are_the_same_dance_up_to_half_a_beat_away(cor
     moved = []
     for first, second in zip(on.units, beside.units, strict=True):
         half = 0.5 * np.median(np.diff(first.beats)) * first.fps + 0.5
-        apart = [
-            shift for shift in range(-8, 9)
-            if np.array_equal(first.sketch[10:20], second.sketch[10 - shift : 20 - shift])
-        ]  # fmt: skip
-        assert apart and min(map(abs, apart)) <= half
+        same = [np.array_equal(first.sketch[10:20], second.sketch[10 - n : 20 - n]) for n in range(-8, 9)]
+        apart = np.flatnonzero(same) - 8
+        assert apart.size and np.abs(apart).min() <= half
         moved.append(apart[0])
     assert min(moved) < 0 < max(moved)
 
 
 def test_a_single_sketch_of_a_song_may_lie_beside_it_too(corpus: Path, split: Split):
-    folders = find_recordings(corpus).folders
-    one = replace(PARAMS, sketches=1)
-    on, beside = (sketched(split, folders, replace(one, shifted=share)).split for share in (0.0, 1.0))
+    folders, params = find_recordings(corpus).folders, [replace(PARAMS, sketches=1, shifted=share) for share in (0, 1)]
+    on, beside = (sketched(split, folders, each).split for each in params)
     assert len(on.train) == len(split.train)
     assert not all(np.array_equal(a.sketch, b.sketch) for a, b in zip(on.train.units, beside.train.units, strict=True))
     assert all(np.array_equal(a.sketch, b.sketch) for a, b in zip(on.test.units, beside.test.units, strict=True))
@@ -99,8 +93,7 @@ def test_the_truth_of_training_is_the_recording_with_feet_that_stand(corpus: Pat
 
 def test_bars_name_the_pattern_of_the_dance_and_the_place_of_the_first_beat(corpus: Path, of_songs: Sketched):
     for unit in of_songs.split.train.units[:6]:
-        annotation = load_recording(corpus / unit.sequence.rpartition("/")[2]).annotation
-        track = annotation.track()
+        track = load_recording(corpus / unit.sequence.rpartition("/")[2]).annotation.track()
         nearest = np.abs(track.times - unit.start - unit.beats[0]).argmin()
         assert unit.bar[1] == track.bar_places[nearest]
         assert of_songs.patterns[unit.bar[0]].dance == unit.dance
