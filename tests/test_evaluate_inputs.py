@@ -81,6 +81,12 @@ def settings(field: Path, *systems: str, **others: Any) -> EvaluationSettings:
     return EvaluationSettings(folders, field / "songs", field / "recorded", resamples=100, **others)
 
 
+def evaluation(root: Path, out: Path, *words: object) -> tuple[object, ...]:
+    """The command for dances to the songs of a folder."""
+    inputs = ("--music", root / "songs", "--reference", root / "recorded", "--out", out)
+    return ("evaluate", *words, *inputs, "--jobs", 0, "--resamples", 100)
+
+
 # Where a dance begins
 
 
@@ -90,8 +96,7 @@ def test_files_of_three_codes_evaluate_with_one_command_and_their_starts(field: 
     systems = [part for name in ("edge", "fact", "bailando") for part in ("--system", f"{name}={field / name}")]
     rates = [part for name in ("edge=30", "fact=60", "bailando=60") for part in ("--fps", name)]
     starts = ("--slice-stride", 0.5, "--seed-frames", "fact=120", "--protocol", "aist++")
-    inputs = ("--music", field / "songs", "--reference", field / "recorded", "--out", tmp_path / "table")
-    result = done(app, "evaluate", *systems, *rates, *starts, *inputs, "--jobs", 0, "--resamples", 100)
+    result = done(app, *evaluation(field, tmp_path / "table", *systems, *rates, *starts))
     clips = pd.read_csv(tmp_path / "table" / "clips.csv").set_index(["system", "song"])
     for song in SONGS:
         joints = load_motion(field / "recorded" / f"{RECORDED_NAME.format(song)}.pkl")
@@ -186,8 +191,7 @@ def test_rates_and_seeds_are_those_of_their_system(field: Path, tmp_path: Path) 
         ("--seed-frames", "-5", "must be a finite number, not negative"),
         ("--fps", "fact=inf", "--fps must be a finite number"),
     ):
-        inputs = ("--music", field / "songs", "--reference", field / "recorded", "--out", tmp_path / "x")
-        result = run("evaluate", field / "fact", *inputs, option, text)
+        result = run(*evaluation(field, tmp_path / "x", field / "fact", option, text))
         assert result.exit_code == 2 and fault in result.stderr
 
 
@@ -269,8 +273,8 @@ REASONS = {
 
 @pytest.mark.slow
 def test_eleven_faults_are_each_named_and_are_in_no_number(faults: Path, tmp_path: Path) -> None:
-    inputs = ("--music", faults / "songs", "--reference", faults / "recorded", "--out", tmp_path / "table", "--jobs", 0)
-    result = run("evaluate", faults / "ours", *inputs, "--resamples", 100)
+    command = evaluation(faults, tmp_path / "table", faults / "ours")
+    result = run(*command)
     assert result.exit_code == 1, result.output
     content = json.loads((tmp_path / "table" / "table.json").read_text("utf-8"))
     left_out = {Path(one["file"]).name: one["reason"] for one in content["errors"] + content["unpaired"]}
@@ -291,7 +295,7 @@ def test_eleven_faults_are_each_named_and_are_in_no_number(faults: Path, tmp_pat
     recorded = pd.read_csv(tmp_path / "table" / "table.csv").set_index("system").loc["recorded"]
     for measure in ("harmony", "pfc", "foot_skating", "jerk", "hands"):
         assert table[measure] == pytest.approx(recorded[measure])
-    done(app, "evaluate", faults / "ours", *inputs, "--resamples", 100, "--resume", "--allow-missing")
+    done(app, *command, "--resume", "--allow-missing")
 
 
 def test_data_check_finds_them_too_and_ends_with_1(faults: Path, tmp_path: Path) -> None:
@@ -355,8 +359,7 @@ def test_a_second_run_beside_one_that_is_alive_is_not_told_to_begin_anew(faults:
 def sound(faults: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a table of two dances, which are sound."""
     out = tmp_path_factory.mktemp("sound") / "table"
-    inputs = ("--music", faults / "songs", "--reference", faults / "recorded", "--out", out, "--jobs", 0)
-    done(app, "evaluate", "--system", f"ours={faults / 'recorded'}", *inputs, "--resamples", 100)
+    done(app, *evaluation(faults, out, "--system", f"ours={faults / 'recorded'}"))
     return out
 
 
@@ -369,9 +372,8 @@ def edited(path: Path, **changes: Any) -> None:
 @pytest.mark.slow
 def test_a_row_can_be_made_of_a_table_and_is_checked_from_its_own_files(sound: Path, tmp_path: Path) -> None:
     out = tmp_path / "row"
-    assert (
-        '"about" lacks title, by, data, licence, obtain' in done(app, "evaluate", "submit", sound, "--out", out).output
-    )
+    first = done(app, "evaluate", "submit", sound, "--out", out)
+    assert '"about" lacks title, by, data, licence, obtain' in first.output
     assert {path.name for path in out.iterdir()} == {"README.md", "evidence.csv", "files.csv", "row.json"}
     assert run("evaluate", "submit", out).exit_code == 1
     edited(out / "row.json", **dict.fromkeys(("title", "by", "data", "licence", "obtain"), "text"))
