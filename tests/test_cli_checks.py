@@ -183,8 +183,7 @@ def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], w
     command, *options, out = writer
     words = (command, *pair, *options, out)
     Path(out).write_text("precious")
-    assert refusal(*words) == f"{out}: {FOREIGN}"
-    assert Path(out).read_text() == "precious"
+    assert refusal(*words) == f"{out}: {FOREIGN}" and Path(out).read_text() == "precious"
     for force in ("--force",), ():  # what harmolab wrote it may write over
         succeed(*words, *force)
     assert is_own_file(out)
@@ -238,8 +237,7 @@ def test_learning_takes_the_place_of_patterns_only(corpus: Path, content: str):
     succeed("data", "learn", corpus, "--out", "x.json", "--force")
     learnt = Path("x.json").read_text()
     said = succeed("data", "learn", corpus, "--out", "x.json").stdout
-    assert "harmolab score SONG DANCE --pattern x.json --dance cha-cha" in said
-    assert Path("x.json").read_text() == learnt
+    assert "harmolab score SONG DANCE --pattern x.json --dance cha-cha" in said and Path("x.json").read_text() == learnt
 
 
 @contextmanager
@@ -264,8 +262,7 @@ def test_a_full_disk_is_a_line_that_names_the_sound_of_a_clip():
 def test_a_full_disk_is_a_line_that_names_the_output(pair: tuple[Any, ...], command: str, name: str):
     with small_files(50_000):
         fault = refusal(command, *pair, "--out", name)
-    assert fault == f"{name}: File too large"
-    assert list(Path().iterdir()) == []
+    assert fault == f"{name}: File too large" and list(Path().iterdir()) == []
 
 
 def test_files_that_killed_processes_left_in_the_cache_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
