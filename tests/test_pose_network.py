@@ -33,13 +33,12 @@ def wave(hertz: float, phase: float, frames: int = 40, fps: float = 15.0) -> NDA
 def waving(count: int, name: str) -> UnitSet:
     """Units of two motion groups in turn: slow and fast swinging, at random phases."""
     rng = np.random.default_rng(len(name))
-    units = tuple(
-        dance_unit(
-            f"{name}{i}", wave((0.7, 2.5)[i % 2], rng.uniform()), 10, groups=frozenset({("slow", "fast")[i % 2]})
-        )
-        for i in range(count)
-    )
-    return UnitSet(units, ARM, np.array([0.0, 0.3, 0.25]), FeatureParams(n_mfcc=1))
+    kinds = [(("slow", 0.7), ("fast", 2.5))[number % 2] for number in range(count)]
+    units = [
+        dance_unit(f"{name}{number}", wave(hertz, rng.uniform()), 10, groups=frozenset({kind}))
+        for number, (kind, hertz) in enumerate(kinds)
+    ]
+    return UnitSet(tuple(units), ARM, np.array([0.0, 0.3, 0.25]), FeatureParams(n_mfcc=1))
 
 
 Trained = tuple[PoseNet, list[dict[str, float]]]
@@ -127,8 +126,7 @@ def test_more_shaking_is_further_away(trained: Trained, rng: np.random.Generator
     shaking[..., 9:] = 0
     noisy = [embedded(trained[0], list(np.stack(codes) + size * shaking)) for size in (0.01, 0.05, 0.2)]
     distances = [float((each - intact).norm(dim=1).mean()) for each in noisy]
-    assert distances == sorted(distances)
-    assert distances[2] > 4 * distances[0]
+    assert distances == sorted(distances) and distances[2] > 4 * distances[0]
 
 
 def test_the_seed_decides_and_the_world_is_left_alone():
@@ -142,8 +140,7 @@ def test_the_seed_decides_and_the_world_is_left_alone():
 
 
 def test_a_trained_network_does_not_train_on(trained: Trained):
-    assert not trained[0].training
-    assert trained[0].motion_scale.mean[7] == pytest.approx(1.0)
+    assert not trained[0].training and trained[0].motion_scale.mean[7] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("sizes", "epochs"), [((0, 4), 1), ((4, 0), 1), ((4, 4), 0)])
