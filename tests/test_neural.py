@@ -45,8 +45,7 @@ def test_it_gets_a_file_that_is_there_and_its_downbeats_become_bars(given: list[
     track = neural_beats(AUDIO, file)
     assert given == [(str(file.resolve()), "cpu"), (np.dtype("float32"), (88200,), 22050)]
     np.testing.assert_allclose(track.times, np.arange(0.5, 4.0, 0.5))
-    assert track.bar_places.tolist() == [2, 0, 1, 2, 0, 1, 2]
-    assert track.quality is None
+    assert track.bar_places.tolist() == [2, 0, 1, 2, 0, 1, 2] and track.quality is None
 
 
 @pytest.mark.parametrize("name", [None, "final0", "https://example.org/final0.ckpt", "folder"])
@@ -61,8 +60,8 @@ def test_what_is_no_file_never_reaches_the_package_which_would_download_it(
 
 def test_a_damaged_checkpoint_is_named(given: list[object], tmp_path: Path):
     (tmp_path / "x.ckpt").write_bytes(b"damaged")
-    with pytest.raises(ValueError, match=r"x.ckpt: cannot be read as a checkpoint of beat_this \(Invalid magic"):
-        neural_beats(AUDIO, tmp_path / "x.ckpt")
+    message = r"x.ckpt: cannot be read as a checkpoint of beat_this \(Invalid magic"
+    refused(message, neural_beats, AUDIO, tmp_path / "x.ckpt")
 
 
 def test_without_the_package_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
