@@ -302,8 +302,7 @@ def test_two_classes_are_the_smooth_and_the_fast_dances():
 def test_rhythm_peaks_at_the_planted_period(period: int):
     onset_rhythm = notebook_cells("15_music_and_attributes").onset_rhythm
     curve = onset_rhythm(rhythm(period))
-    assert curve.shape == (39,)
-    assert int(curve[: 2 * period - 2].argmax()) + 1 == period
+    assert curve.shape == (39,) and int(curve[: 2 * period - 2].argmax()) + 1 == period
     assert np.isfinite(onset_rhythm(np.zeros((50, 15), np.float32))).all()
 
 
