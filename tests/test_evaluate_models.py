@@ -15,7 +15,7 @@ from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack
-from tests.builders import called, cases, planted_dance, write_song
+from tests.builders import called, cases, done, planted_dance, refused, write_song
 
 run = partial(called, app)
 SONGS = {"mBR0": "cha-cha", "mHO1": "rumba", "mWA5": "jive"}
@@ -59,12 +59,16 @@ def aist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+def pair_of(aist: Path) -> tuple[Path, Path]:
+    """A song and a recorded dance to it."""
+    return aist / "songs" / "mBR0.wav", aist / "motions" / "gBR_sBM_cAll_d04_mBR0_ch01.pkl"
+
+
 @pytest.mark.slow
 def test_a_folder_like_aist_evaluates_with_one_command(aist: Path, tmp_path: Path) -> None:
     out = tmp_path / "table"
     inputs = ("--music", aist / "songs", "--reference", aist / "motions")
-    result = run("evaluate", aist / "generated", *inputs, "--out", out, "--jobs", 0)
-    assert result.exit_code == 0, result.output
+    result = done(app, "evaluate", aist / "generated", *inputs, "--out", out, "--jobs", 0)
     clips = pd.read_csv(out / "clips.csv", keep_default_na=False)
     assert set(clips["error"]) == {""}
     by_song = clips.groupby(["system", "song"]).size().unstack()
@@ -83,8 +87,7 @@ def test_a_folder_like_aist_evaluates_with_one_command(aist: Path, tmp_path: Pat
 
 
 def test_rate_axis_and_body_of_the_options_are_for_files_that_leave_them_open(aist: Path, tmp_path: Path) -> None:
-    recorded = next((aist / "motions").glob("*_mBR0_ch01.pkl"))
-    song = aist / "songs" / "mBR0.wav"
+    song, recorded = pair_of(aist)
     joints = load_motion(recorded)
     z_up = np.stack([joints.positions[..., 0], -joints.positions[..., 2], joints.positions[..., 1]], axis=-1)
     np.save(tmp_path / "mBR0.npy", z_up[::2] * 100)
@@ -95,9 +98,8 @@ def test_rate_axis_and_body_of_the_options_are_for_files_that_leave_them_open(ai
     rows = {}
     for motion in (recorded, tmp_path / "mBR0.npy", tmp_path / "mBR0.npz"):
         rows[motion.suffix] = clip_row(Pair("x", "", "mBR0", motion, song), options)
-    assert {suffix: row["fps"] for suffix, row in rows.items()} == {".pkl": 60.0, ".npy": 30.0, ".npz": 60.0}
-    assert (rows[".pkl"]["assumptions"], rows[".npy"]["assumptions"]) == ("", "unit guessed: centimetres")
-    assert rows[".npz"]["assumptions"] == ""
+    readings = {suffix: (row["fps"], row["assumptions"]) for suffix, row in rows.items()}
+    assert readings == {".pkl": (60.0, ""), ".npy": (30.0, "unit guessed: centimetres"), ".npz": (60.0, "")}
     # Feet that skate tell that the body stands as it was recorded: its file is not turned.
     plain = clip_row(Pair("x", "", "mBR0", tmp_path / "mBR0.npz", song), RowOptions())
     assert rows[".npz"]["foot_skating"] == plain["foot_skating"]
@@ -122,13 +124,12 @@ def test_a_body_and_an_axis_that_cannot_be_end_the_command(
 
 
 def test_another_axis_than_y_and_z_is_refused_by_the_settings(aist: Path) -> None:
-    with pytest.raises(ValueError, match="up must be y or z"):
-        EvaluationSettings({"x": aist / "generated"}, aist / "songs", aist / "motions", up="x")
+    folders = ({"x": aist / "generated"}, aist / "songs", aist / "motions")
+    refused("up must be y or z", EvaluationSettings, *folders, up="x")
 
 
 def test_score_says_in_one_line_what_was_assumed(aist: Path, tmp_path: Path) -> None:
-    recorded = next((aist / "motions").glob("*_mBR0_ch01.pkl"))
-    song = aist / "songs" / "mBR0.wav"
+    song, recorded = pair_of(aist)
     np.save(tmp_path / "dance.npy", load_motion(recorded).positions)
     save_motion(tmp_path / "dance.npz", load_motion(recorded))
     (line,) = run("score", song, recorded, "--json").stderr.splitlines()
@@ -147,9 +148,6 @@ def test_score_says_in_one_line_what_was_assumed(aist: Path, tmp_path: Path) -> 
      ("play", ("--out", "{}/x.mp4", "--seconds", 1, "--height", 120, "--no-marks"))],
 )  # fmt: skip
 def test_other_commands_say_it_too(aist: Path, tmp_path: Path, command: str, more: tuple[object, ...]) -> None:
-    recorded = next((aist / "motions").glob("*_mBR0_ch01.pkl"))
-    options = [str(option).format(tmp_path) for option in more]
-    result = run(command, aist / "songs" / "mBR0.wav", recorded, *options)
-    assert result.exit_code == 0, result.output
+    result = done(app, command, *pair_of(aist), *(str(option).format(tmp_path) for option in more))
     said = [line for line in result.stderr.splitlines() if "read as joints of harmolab's neutral skeleton" in line]
     assert len(said) == 1
