@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import soundfile
 
 from harmolab.cli import app, dancing
 from harmolab.cli.dancers import Dancer
@@ -27,7 +26,7 @@ from study.experiments.contestants import RIGHT_SONG, Contestant, Entry
 from study.experiments.contests import Contest, Excerpt
 from study.experiments.unheard_songs import song_with_form, songs_with_form, unheard_song
 from study.profile import RunProfile
-from tests.builders import done, planted_dance
+from tests.builders import done, planted_dance, write_song
 
 CELLS = notebook_cells("10_systems_compared", profile=RunProfile.quick())
 SECONDS = 40.0
@@ -102,10 +101,9 @@ def test_table_has_recorded_dancers_with_their_own_songs_and_a_pose_beside_each_
     own = (Excerpt("own", clip, 0.0), Excerpt("own", clip, 6.0))
     contest = Contest(RunProfile.quick(), "synthetic", "songs", own, own)
     deaf = Contestant(lambda song, seed: dancer(), "deaf")
-    hears = Contestant(lambda song, seed: following(song), "hears")
-    failing = replace(deaf, entry={"test": (0.0, "1", False)})
-    right = Contestant(lambda song, seed: song.dancer, "right")
-    rows = {RIGHT_SONG: right, "deaf": deaf, "hears": hears, "failing": failing}
+    rows = {RIGHT_SONG: Contestant(lambda song, seed: song.dancer, "right"), "deaf": deaf}
+    rows |= {"hears": Contestant(lambda song, seed: following(song), "hears")}
+    rows |= {"failing": replace(deaf, entry={"test": (0.0, "1", False)})}
     entered = [Entry(contest, name, (one,)) for name, one in rows.items()]
     table = CELLS.form_table([*entered, entered[1]], [formed(), formed(1)]).set_index("system")
     assert list(table.index) == [RIGHT_SONG, "frozen pose", "deaf", "hears", "failing"]
@@ -137,17 +135,14 @@ def test_a_pose_that_is_held_in_silence_is_not_judged():
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     """A song with a stop, and a dancer who holds a pose there."""
     folder = tmp_path_factory.mktemp("stopped")
-    song, path = formed(), folder / "song.wav"
-    soundfile.write(path, song.clip.audio.samples, int(song.clip.audio.sample_rate))
-    ((stop, end),) = CELLS.silences(song)
+    ((stop, end),) = CELLS.silences(formed())
     save_motion(folder / "song.npz", held_in(dancer(), stop, end - stop))
-    return Pair("x", "", "song", folder / "song.npz", path)
+    return Pair("x", "", "song", folder / "song.npz", write_song(folder / "song.wav", formed().clip))
 
 
 @pytest.mark.slow
 def test_an_evaluation_leaves_silence_out_too(stopped: Pair):
-    row = clip_row(stopped, RowOptions(limits=LikenessLimits.of([dancer()])))
-    assert row["likeness"] == 1.0
+    assert clip_row(stopped, RowOptions(limits=LikenessLimits.of([dancer()])))["likeness"] == 1.0
 
 
 @pytest.mark.slow
