@@ -38,9 +38,8 @@ def silence(seconds: float) -> Audio:
     *((how, [1.0, 2.0], [], [False, False]) for how in ("many", "nearest", "max")),
 )
 def test_one_visual_beat_may_serve_one_music_beat_or_many_and_none_serve_nobody(matching, music, motion, expected):
-    found = scoring.hit_mask(
-        np.array(music), np.array(motion), delay=0.16 if len(music) == 3 else 0.1, matching=matching
-    )
+    delay = 0.16 if len(music) == 3 else 0.1
+    found = scoring.hit_mask(np.array(music), np.array(motion), delay=delay, matching=matching)
     assert found.sum() == sum(expected)  # of several best pairings any will do
     if matching != "max":
         np.testing.assert_array_equal(found, expected)
@@ -112,9 +111,8 @@ def test_a_score_by_hand():
 
 def test_the_hit_rate_counts_beats_that_are_not_salient_too():
     music = track([1.0, 3.0, 5.0, 7.0], [10.0, 0.1, 10.0, 0.1])
-    score = scoring.score_harmony(
-        music, track([3.0, 7.0]), params=replace(ALL_BEATS, audio_threshold=1.0), n_rotations=0
-    )
+    params = replace(ALL_BEATS, audio_threshold=1.0)
+    score = scoring.score_harmony(music, track([3.0, 7.0]), params=params, n_rotations=0)
     assert (score.n_audio, score.hitting_score, score.hit_rate) == (2, 0.0, 0.5)
 
 
@@ -138,11 +136,9 @@ def test_chance_of_movements_that_lag_is_counted_where_they_belong():
 
 def test_the_hit_rate_pairs_beats_as_it_is_told():
     music, between = track([1.0, 1.2]), track([1.1])
-    rates = [
-        scoring.score_harmony(music, between, params=replace(ALL_BEATS, matching=matching), n_rotations=0).hit_rate
-        for matching in ("many", "nearest", "max")
-    ]
-    assert rates == [1.0, 0.5, 0.5]
+    readings = (replace(ALL_BEATS, matching=matching) for matching in ("many", "nearest", "max"))
+    scores = [scoring.score_harmony(music, between, params=params, n_rotations=0) for params in readings]
+    assert [score.hit_rate for score in scores] == [1.0, 0.5, 0.5]
 
 
 def test_null_and_interval_are_shares_of_the_strengths():
@@ -283,8 +279,8 @@ def test_motion_that_goes_on_after_the_music_is_cut_to_it_by_any_clock(swinging_
 
 
 def test_a_clip_of_hardly_any_overlap_is_refused(swinging_arm: Swing):
-    with pytest.raises(ValueError, match="arm: motion and music meet in less than two frames"):
-        score_clip(clip(swinging_arm(1.0, 25.0), offset=5.99))
+    late = clip(swinging_arm(1.0, 25.0), offset=5.99)
+    refused("arm: motion and music meet in less than two frames", score_clip, late)
 
 
 # Mean 2, deviations -1, 1, -1, 1: population SD 1.
@@ -337,9 +333,8 @@ def test_strengths_are_normalised_as_asked(strengths, how, expected):
 
 def test_salient_music_beats_keep_time_bar_place_and_normalised_strength():
     params = replace(HarmonyParams.paper(), audio_threshold=1.0, normalisation="max")
-    kept = scoring.salient_audio(
-        metronome([1.0, 3.0, 1.0, 3.0], bar_places=[0, 1, 2, 3], period=1.0, duration=10.0), params
-    )
+    beats = metronome([1.0, 3.0, 1.0, 3.0], bar_places=[0, 1, 2, 3], period=1.0, duration=10.0)
+    kept = scoring.salient_audio(beats, params)
     np.testing.assert_array_equal(kept.times, [1.0, 3.0])
     np.testing.assert_array_equal(kept.strengths, [1.0, 1.0])
     np.testing.assert_array_equal(kept.bar_places, [1, 3])
@@ -376,9 +371,8 @@ def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):
         distance = np.abs(audio[:, None] - np.mod(visual + shift, 6.0))
         near = np.minimum(distance, 6.0 - distance).min(axis=1) <= 0.2
         expected.append(near @ weights)
-    np.testing.assert_allclose(
-        significance.rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50), expected
-    )
+    shares = significance.rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50)
+    np.testing.assert_allclose(shares, expected)
 
 
 @cases(
@@ -444,9 +438,8 @@ def test_auc_counts_pairs_and_ties_half(positives, negatives, expected):
 
 def test_mean_interval_is_students():
     # Mean 2, standard deviation 1, three values; the table's t for two degrees of freedom is 4.30265.
-    assert significance.mean_interval([1.0, 2.0, 3.0]) == pytest.approx(
-        (2.0, 2 - 4.30265 / 3**0.5, 2 + 4.30265 / 3**0.5), abs=1e-5
-    )
+    half = 4.30265 / 3**0.5
+    assert significance.mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2.0, 2 - half, 2 + half), abs=1e-5)
 
 
 @pytest.mark.parametrize(("values", "mean"), [([], np.nan), ([2.0], 2.0), ([1.0, np.inf], np.inf)])
@@ -464,8 +457,8 @@ def test_wilson_interval_is_scipys(hits: int, n: int):
 
 def test_wilson_interval_takes_students_quantile_where_the_variance_is_uncertain():
     # With z = 4.30265 (two degrees of freedom): centre 0.5, half width z / sqrt(4 n + 4 z**2) by hand.
-    low, high = significance.wilson_interval(5, 10, freedom=2)
-    assert (low, high) == pytest.approx((0.5 - 4.30265 / 114.0511**0.5, 0.5 + 4.30265 / 114.0511**0.5), abs=1e-5)
+    half = 4.30265 / 114.0511**0.5
+    assert significance.wilson_interval(5, 10, freedom=2) == pytest.approx((0.5 - half, 0.5 + half), abs=1e-5)
 
 
 def test_no_answers_have_no_wilson_interval():
@@ -475,13 +468,11 @@ def test_no_answers_have_no_wilson_interval():
 def test_bootstrap_of_a_statistic_is_that_of_the_mean_for_the_mean(rng: np.random.Generator):
     values = rng.normal(size=30)
     expected = significance.bootstrap_interval(values, seed=3)
-    assert significance.bootstrap_interval_of(lambda places: values[places].mean(axis=1), 30, seed=3) == pytest.approx(
-        expected, abs=1e-12
-    )
+    interval = significance.bootstrap_interval_of(lambda places: values[places].mean(axis=1), 30, seed=3)
+    assert interval == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(("value", "n"), [(1.0, 1), (np.nan, 9)])
 def test_bootstrap_of_what_is_rarely_defined_is_nan(value: float, n: int):
-    np.testing.assert_equal(
-        significance.bootstrap_interval_of(lambda places: np.full(len(places), value), n), (np.nan, np.nan)
-    )
+    interval = significance.bootstrap_interval_of(lambda places: np.full(len(places), value), n)
+    np.testing.assert_equal(interval, (np.nan, np.nan))
