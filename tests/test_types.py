@@ -95,12 +95,11 @@ def test_motion_span_takes_frames_and_their_validity():
 
 
 def test_arrays_of_a_record_are_read_only_copies():
-    given = np.zeros((4, 2, 3))
-    made = Motion(given, 15.0, PAIR)
-    given[0] = 1.0
-    assert not made.positions.any()
-    with pytest.raises(ValueError, match="read-only"):
-        made.positions[0] = 1.0
+    source = np.zeros((4, 2, 3))
+    copy = Motion(source, 15.0, PAIR)
+    source[0] = 1.0
+    assert not copy.positions.any()
+    refused("read-only", copy.positions.fill, 1.0)
 
 
 def test_records_are_frozen():
@@ -127,8 +126,7 @@ def test_a_span_may_begin_before_the_recording():
 
 def test_beats_keep_their_quality_when_selected_or_cut():
     steady = replace(track([1.0, 2.0, 3.0]), quality=0.9)
-    assert steady.select(np.array([True, False, True])).quality == 0.9
-    assert steady.span(1.5, 2.0).quality == 0.9
+    assert (steady.select(np.array([True, False, True])).quality, steady.span(1.5, 2.0).quality) == (0.9, 0.9)
 
 
 def test_tracked_beats_are_sure_from_three_quarters_of_the_music_on_and_stay_so_when_cut():
@@ -136,9 +134,8 @@ def test_tracked_beats_are_sure_from_three_quarters_of_the_music_on_and_stay_so_
     assert beats.is_sure  # annotated
     assert replace(beats, fit=0.75).is_sure
     unsure = replace(beats, fit=0.74)
-    assert not unsure.is_sure
-    assert not unsure.select(np.array([True, False, True])).is_sure
-    assert not unsure.span(1.5, 2.0).is_sure
+    parts = (unsure, unsure.select(np.array([True, False, True])), unsure.span(1.5, 2.0))
+    assert [part.is_sure for part in parts] == [False, False, False]
 
 
 def test_tempo_is_that_of_a_line_through_the_beats_over_a_gap():
@@ -153,10 +150,8 @@ def test_a_score_becomes_a_dictionary_that_json_takes():
     evidence = HarmonyParams.paper(), music, visual, np.array([0, -1]), np.array([1.0, 0.0]), 0.75
     score = HarmonyScore(*evidence, 0.5, 0.25, 1.0, 2.0, 0.75, 0.1, 0.2, np.array([0.1, np.inf]))
     plain = json.loads(json.dumps(score.to_dict(), allow_nan=False))
-    assert plain["hits"] == [True, False]
-    assert plain["intervals"] == [0.1, None]  # infinitely far: there is none
-    assert plain["p_value"] is None
-    assert plain["interval"] == [None, None]
+    assert (plain["hits"], plain["intervals"]) == ([True, False], [0.1, None])  # infinitely far: there is none
+    assert (plain["p_value"], plain["interval"]) == (None, [None, None])
     assert (plain["harmony"], plain["n_audio"], plain["n_visual"], plain["pairs"]) == (0.5, 2, 1, [0, -1])
     assert (plain["music_times"], plain["visual_times"]) == ([1.0, 2.0], [1.1])
 
@@ -255,12 +250,11 @@ def test_training_settings_are_those_of_section_5_2():
     assert (paper.pretrain_epochs, paper.adversarial_epochs, paper.batch_size) == (225, 45, 10)
     assert (paper.pretrain_rate, paper.pretrain_drops, paper.pretrain_drop_epochs) == (0.001, (0.5, 0.2, 0.2, 0.5), 50)
     # "divided by 2 and 5 alternatively every 5 epochs"
-    assert (paper.adversarial_rate, paper.adversarial_drops) == (0.0001, (1 / 2, 1 / 5))
-    assert paper.adversarial_drop_epochs == 5
-    assert paper.pretrain_kl_weight == 0.1
-    assert (paper.kl_weight, paper.harmony_weight) == (0.0001, 1)
+    adversarial = (paper.adversarial_rate, paper.adversarial_drops, paper.adversarial_drop_epochs)
+    assert adversarial == (0.0001, (1 / 2, 1 / 5), 5)
+    assert (paper.pretrain_kl_weight, paper.kl_weight) == (0.1, 0.0001)
+    assert (paper.harmony_weight, paper.cross_domain_weight) == (1, 1)
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
-    assert paper.cross_domain_weight == 1
     assert (paper.discriminator_decay, paper.generator_decay) == (0.001, 0.0001)
 
 
