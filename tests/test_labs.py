@@ -103,8 +103,7 @@ def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
 def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
     numbers = one_clip.scoring_numbers(stage, mode="recommended")
     assert numbers["sentence"].startswith("Cannot tell: ")
-    assert (numbers["level"], len(numbers["curve"])) == (0, 0)
-    assert np.isnan(numbers["above"])
+    np.testing.assert_equal((numbers["level"], len(numbers["curve"]), numbers["above"]), (0, 0, np.nan))
 
 
 def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_a_sentence(stage: Stage):
@@ -138,8 +137,7 @@ def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
     own = HarmonyParams.recommended()
     settings = {"detector": own.detector, "matching": own.matching, "beta": own.beta, "lag": 0.0}
     thresholds = {"lambda1": own.audio_threshold, "lambda2": 0.0, "delay": own.reaction_delay}
-    assert lab.values == {"mode": "recommended", **settings, **thresholds}
-    assert lab.params == own
+    assert (lab.values, lab.params) == ({"mode": "recommended", **settings, **thresholds}, own)
 
 
 def test_a_lab_can_start_elsewhere(planted_clip: Clip):
@@ -297,18 +295,19 @@ def test_line_of_the_detector_lab_follows_its_controls(planted_clip: Clip, value
 
 
 def test_alternating_strengths_are_grouped_by_two_and_two_and_every_second_beat_has_no_accent():
-    numbers = meter.meter_numbers(meter.Song({"of the clip": metronome(10, [1, 2] * 5)}))
+    song = meter.Song({"of the clip": metronome(10, [1, 2] * 5)})
+    numbers = meter.meter_numbers(song)
     # Beats 2-5 and 6-9 are strong, weak, strong, weak; the tenth ends the second unit: 4 of 5 seconds.
     assert [label for _, _, label in numbers["units"]] == ["4/4 (2+2)"] * 2
     assert numbers["sentence"] == "Now 5 of 10 beats are strong, and meter units cover 80 % of the time."
-    numbers = meter.meter_numbers(meter.Song({"of the clip": metronome(10, [1, 2] * 5)}), every=2.0, lambda1=0.0)
+    numbers = meter.meter_numbers(song, every=2.0, lambda1=0.0)
     assert (numbers["beats"], numbers["strong"], len(numbers["units"])) == (5, 0, 0)
 
 
 def test_units_start_later_when_the_first_beats_are_left_out():
     song = meter.Song({"of the clip": metronome(12, [1, 2] * 6)})
-    starts = [meter.meter_numbers(song, first=count)["units"][0][0] for count in (0.0, 2.0)]
-    assert starts[1] - starts[0] == pytest.approx(1.0)
+    early, late = (meter.meter_numbers(song, first=count)["units"][0][0] for count in (0.0, 2.0))
+    assert late - early == pytest.approx(1.0)
 
 
 def test_downbeats_are_counted_only_where_somebody_annotated_them(planted_clip: Clip):
@@ -410,13 +409,8 @@ def test_clip_that_cannot_be_played_says_why_under_the_picture(clips: list[Clip]
 
 def test_corpus_whose_parts_do_not_fit_is_refused():
     one = (metronome(12),)
-    refused(
-        "as many names, tracks and places as clips; got 1, 2 in the modes paper",
-        Corpus,
-        ("a", "b"),
-        one * 2,
-        {"paper": one},
-    )
+    fault = "as many names, tracks and places as clips; got 1, 2 in the modes paper"
+    refused(fault, Corpus, ("a", "b"), one * 2, {"paper": one})
     refused(r"at least one clip and one mode, .* in the modes none", Corpus, ("a",), one, {})
     for mode in ("literal", "recommended"):
         refused(f"no mode {mode} counts hits", Corpus, ("a",), one, {mode: one})
