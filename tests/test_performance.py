@@ -21,6 +21,7 @@ from harmolab.readers.motion import save_motion
 from harmolab.readers.video import write_video
 from harmolab.types import Audio, Clip, Motion
 from tests.builders import planted_dance, refused, write_song
+from tests.test_labs_browser import at_address, closed
 
 SECONDS, START = 20.0, 0.4
 RESTING = HarmonyParams.recommended(HOW_PATTERNS["rest"])
@@ -71,13 +72,13 @@ def page(late: OwnDance) -> str:
 
 
 @pytest.fixture(scope="module")
-def film_page(filmed: OwnDance) -> str:
-    return dance_page(filmed)
+def filmed(folder: Path) -> OwnDance:
+    return told_of(folder, "film.mp4")
 
 
 @pytest.fixture(scope="module")
-def filmed(folder: Path) -> OwnDance:
-    return told_of(folder, "film.mp4")
+def film_page(filmed: OwnDance) -> str:
+    return dance_page(filmed)
 
 
 def change_of(dance: OwnDance) -> float:
@@ -87,8 +88,7 @@ def change_of(dance: OwnDance) -> float:
 def test_known_offset_tells_what_was_planted(late: OwnDance):
     assert change_of(late) == pytest.approx(0.08, abs=0.015)
     assert [half.mean for half in late.words.halves] == pytest.approx([0.0, 0.08], abs=0.015)
-    assert re.match(r"You are on the beat: you rest on it \(\d\d ms late\)\.", late.verdict)
-    assert late.is_together
+    assert re.match(r"You are on the beat: you rest on it \(\d\d ms late\)\.", late.verdict) and late.is_together
 
 
 def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folder: Path, clip: Clip):
@@ -99,8 +99,7 @@ def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folde
     assert (told.placement.seconds - START + 0.04 + period / 2) % period == pytest.approx(period / 2, abs=0.02)
     assert told.verdict.startswith("You are in time with this song. Where in its beat you dance cannot be told")
     assert [finding.kind for finding in told.words.findings] == ["tempo", "rate", "change"]
-    assert change_of(told) == pytest.approx(0.08, abs=0.015)
-    assert "not which beat" in str(told.placement)
+    assert change_of(told) == pytest.approx(0.08, abs=0.015) and "not which beat" in str(told.placement)
     plain = told.to_dict()
     assert {plain[name] for name in ("harmony_above_chance", "p_place", "lag_s", "interval")} == {None}
     assert plain["p_time"] <= 0.05
@@ -110,9 +109,7 @@ def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folde
     ("shift", "words"),
     [(0.1, "ms late for a rest on the beat"), (-0.1, "ms early for a rest on the beat"), (0.0, "You are on the beat")],
 )
-def test_constant_shift_is_told_only_where_the_offset_is_known(
-    folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str
-):
+def test_a_shift_is_told_only_with_a_known_offset(folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str):
     save_motion(tmp_path / "shifted.npz", danced(clip, lambda beats: np.full(beats.shape, shift)))
     assert words in told_of(folder, tmp_path / "shifted.npz", offset=START).verdict
     unplaced = told_of(folder, tmp_path / "shifted.npz")
@@ -121,33 +118,29 @@ def test_constant_shift_is_told_only_where_the_offset_is_known(
 
 def test_a_motion_file_that_keeps_its_song_time_needs_no_offset(folder: Path, clip: Clip, tmp_path: Path):
     save_motion(tmp_path / "kept.npz", danced(clip, lambda beats: np.zeros(beats.shape)), offset=START)
-    told = told_of(folder, tmp_path / "kept.npz")
-    assert told.placement == Placement(START, "folder")
-    assert str(told.placement) == "Your dance begins at 0.40 s of the song, as its recording says."
-    assert told.verdict.startswith("You are on the beat")
+    kept = told_of(folder, tmp_path / "kept.npz")
+    assert kept.placement == Placement(START, "folder")
+    assert str(kept.placement) == "Your dance begins at 0.40 s of the song, as its recording says."
+    assert kept.verdict.startswith("You are on the beat")
 
 
 def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):
     times = np.sort(np.random.default_rng(3).uniform(0, SECONDS, len(clip.beats)))
     save_motion(tmp_path / "lost.npz", synthetic_motion(times, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1))
     told = told_of(folder, tmp_path / "lost.npz", offset=0.0)
-    assert not told.is_together
-    assert told.verdict.startswith("No sign that you follow this beat.")
+    assert not told.is_together and told.verdict.startswith("No sign that you follow this beat.")
 
 
 @pytest.mark.slow
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert (filmed.placement.source, filmed.placement.seconds) == ("sound", pytest.approx(START, abs=0.01))
-    first, second = (part.mean for part in filmed.words.halves)
-    assert first == pytest.approx(0.0, abs=0.03)
-    assert second == pytest.approx(0.08, abs=0.03)
+    assert [half.mean for half in filmed.words.halves] == pytest.approx([0.0, 0.08], abs=0.03)
 
 
 @pytest.mark.slow
 def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
     rows = own.film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats")
-    assert list(rows.index) == [own.BODY, own.FLOW]
-    assert rows.loc[own.BODY].tolist() == [own.ABSENT, "", ""]
+    assert list(rows.index) == [own.BODY, own.FLOW] and rows.loc[own.BODY].tolist() == [own.ABSENT, "", ""]
     assert rows.loc[own.FLOW, "verdict"] == told_of(folder, "film.mp4", params=None).verdict
     assert rows.loc[own.FLOW, "how sure"].startswith("How sure: ")
     unread = own.film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats", offset=900.0)
@@ -165,16 +158,15 @@ def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(fold
 
 @pytest.mark.slow
 def test_video_can_be_its_own_song(folder: Path):
-    told = own.explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
-    assert told.placement == Placement(0.0, "same")
-    first, second = (part.mean for part in told.words.halves)
+    own_song = own.explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
+    assert own_song.placement == Placement(0.0, "same")
+    first, second = (part.mean for part in own_song.words.halves)
     assert second - first == pytest.approx(0.08, abs=0.03)
 
 
 def test_dance_that_begins_before_the_song_is_heard_from_the_first_note(folder: Path, clip: Clip):
     told = told_of(folder, "dance.npz", offset=-3.0)
-    assert told.skipped == pytest.approx(3.0)
-    assert told.motion.duration == pytest.approx(SECONDS - START - 3.0, abs=0.02)
+    assert told.skipped == pytest.approx(3.0) and told.motion.duration == pytest.approx(SECONDS - START - 3.0, abs=0.02)
     np.testing.assert_allclose(told.audio.samples, load_sound(folder / "song.wav").samples[: told.audio.samples.size])
 
 
@@ -202,15 +194,13 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance, pag
     inside = html.unescape(re.search(r' srcdoc="([^"]*)"', page)[1])
     # The sound's stream has a random number, so two players differ there.
     assert inside[:1000] == dance_player(late).page[:1000]
-    assert "harmolabPlayer" in inside
-    assert "What may be wrong" in page
+    assert "harmolabPlayer" in inside and "What may be wrong" in page
     assert "0.40 s of the song, as you said" in text
 
 
 def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
     page = html.unescape(dance_page(told_of(folder, "dance.npz", offset=START, dance="cha-cha")))
-    assert "1 is the best moment, 0.5 the middle one" in page
-    assert "nearest moment of rest" not in page
+    assert "1 is the best moment, 0.5 the middle one" in page and "nearest moment of rest" not in page
     assert "nearest moment of rest" in html.unescape(dance_page(told_of(folder, "dance.npz", dance="cha-cha")))
 
 
@@ -260,15 +250,10 @@ def test_failed_page_leaves_the_old_one(late: OwnDance, tmp_path: Path, monkeypa
 @pytest.mark.parametrize("width", [1280, 390])
 def test_page_fits_the_screen_and_plays(late: OwnDance, chromium: Any, tmp_path: Path, width: int):
     save_page(tmp_path / "page.html", late)
-    page = chromium.new_page(viewport={"width": width, "height": 900})
-    faults: list[str] = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("request", lambda request: faults.append(request.url) if request.url.startswith("http") else None)
-    page.goto((tmp_path / "page.html").as_uri())
+    page = at_address(chromium, (tmp_path / "page.html").as_uri(), {"width": width, "height": 900})
     page.locator("iframe").scroll_into_view_if_needed()
     page.frame_locator("iframe").locator("#play").click()
     page.wait_for_function("document.querySelector('iframe').contentWindow.harmolabPlayer.time() > 0.3")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("figure img").first.evaluate("image => image.naturalWidth > 0")
-    assert faults == []
-    page.close()
+    closed(page)
