@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -25,8 +26,7 @@ from harmolab.lab.render.video import retime_files
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion import load_motion, load_offset, save_motion
-from harmolab.score import HarmonyScore
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import Motion
 from harmolab.verdict.judge import score_clip, score_motion
 from harmolab.verdict.sentences import UNPLACED
 from tests.builders import BODY, called, cases, planted_dance, waving, write_song
@@ -55,7 +55,6 @@ def dances(beats: np.ndarray) -> dict[str, tuple[Motion, float, tuple[str, ...]]
     phase = np.interp(TIMES, beats, np.arange(beats.size))
     late = synthetic_motion(beats + 0.08, seconds=SECONDS, fps=FPS, dance="cha-cha", seed=2)
     clip = planted_dance(seconds=SECONDS, fps=FPS, seed=2)
-    assert clip.motion is not None
     return {
         "dancer": (clip.motion, 0.0, ()),
         "dancer, dance told": (clip.motion, 0.0, ("--dance", "cha-cha")),
@@ -113,7 +112,6 @@ def assert_one(results: dict[str, dict[str, Any]]) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_path: Path) -> None:
     beats = planted_dance(seconds=SECONDS, fps=FPS, seed=2).beats
-    assert beats is not None
     motion, offset, options = dances(beats.times)[case]
     save_motion(tmp_path / "dance.npz", motion, offset=offset)
     results = numbers(song, tmp_path / "dance.npz", *options)
@@ -134,14 +132,11 @@ def test_no_command_judges_the_place_in_the_beat_where_nothing_says_when_the_dan
     assert placed["verdict"] != UNPLACED
 
 
-CHA_CHA = ("--dance", "cha-cha")
-
-
 @pytest.mark.slow
 @cases(
     "dancer, options",
     pytest.param((), (), id="salsa"),
-    pytest.param(("--style", "puppet"), CHA_CHA, id="puppet"),
+    pytest.param(("--style", "puppet"), ("--dance", "cha-cha"), id="puppet"),
     pytest.param(("--system", "harmogan"), (), id="network"),
 )
 def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
@@ -149,26 +144,18 @@ def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
 ) -> None:
     if "harmogan" in dancer:
         pytest.importorskip("torch")
-    scores = []
-    table_of = measured.dance_scores
-
-    def kept(motion: Motion, music: BeatTrack, score: HarmonyScore, **more: Any) -> dict[str, Any]:
-        scores.append(score)
-        return table_of(motion, music, score, **more)
-
-    monkeypatch.setattr(measured, "dance_scores", kept)
+    scored = Mock(wraps=measured.dance_scores)
+    monkeypatch.setattr(measured, "dance_scores", scored)
     out = tmp_path / "dance.npz"
     result = run("dance", song, "--start", 2.5, "--seconds", 26, "--out", out, *dancer, *options, "--verbose")
     assert result.exit_code == 0, result.output
     assert load_offset(out) == 2.5
     assert load_motion(out).duration == pytest.approx(26, abs=0.1)
     results = numbers(song, out, *options)
-    number, judgement = scores[0].above_chance, scores[0].judgement
-    results["dance"] = {
-        "harmony_above_chance": None if np.isnan(number) else number,
-        "level": judgement.level,
-        "verdict": judgement.verdict,
-    }
+    score = scored.call_args_list[0].args[2]
+    number = None if np.isnan(score.above_chance) else score.above_chance
+    words = {"level": score.judgement.level, "verdict": score.judgement.verdict}
+    results["dance"] = {"harmony_above_chance": number, **words}
     assert_one(results)
     assert ("Not meaningful" in result.output) != (results["dance"]["verdict"] in result.output)
 
@@ -199,9 +186,8 @@ def test_all_commands_print_one_h_for_a_recording_with_annotated_beats(tmp_path:
     write_corpus(tmp_path, clips=1, seconds=11.0, seed=3)
     (folder,) = find_recordings(tmp_path).folders
     harmonies = paper_harmonies(folder)
-    np.testing.assert_allclose(
-        [*harmonies.values()], harmonies["score FOLDER"], rtol=0, atol=1e-9, err_msg=str(harmonies)
-    )
+    values = [*harmonies.values()]
+    np.testing.assert_allclose(values, harmonies["score FOLDER"], rtol=0, atol=1e-9, err_msg=str(harmonies))
     track = load_annotation(folder / "beats.json").track(11.0)
     even = score_clip(replace(load_recording(folder).clip, beats=track), HarmonyParams.paper()).harmony
     assert abs(even - harmonies["score FOLDER"]) > 0.01  # beats of equal strength have another h
