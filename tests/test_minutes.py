@@ -31,8 +31,7 @@ PLANTED, FROZEN = "planted dancer", "frozen pose"
 
 def planted(excerpt: Excerpt, seed: int) -> Motion:
     """A synthetic dancer who knows the very beats of the song: it comes with the same settings."""
-    number = int(excerpt.song.rpartition(" ")[2])
-    place = list(DANCES).index(excerpt.clip.dance)
+    place, number = list(DANCES).index(excerpt.clip.dance), int(excerpt.song.rpartition(" ")[2])
     seed = unheard_songs.UNHEARD + 1000 * place + number
     return planted_clip(ClipSettings(excerpt.clip.dance, excerpt.seconds, seed=seed, fps=25.0)).clip.motion
 
@@ -46,9 +45,8 @@ def contestant(name: str, dance: Callable[[Excerpt, int], Motion], contest: Cont
     return Contestant(dance, f"{name} {training}")
 
 
-OWN = {
-    name: Row(partial(contestant, name, dance), "network", "") for name, dance in ((PLANTED, planted), (FROZEN, frozen))
-}
+DANCERS = {PLANTED: planted, FROZEN: frozen}
+OWN = {name: Row(partial(contestant, name, dance), "network", "") for name, dance in DANCERS.items()}
 CELLS = notebook_cells("16_music2dance", EVERY_ROW={**contestants.EVERY_ROW, **OWN})
 MARKS, STATUE = CELLS.MARKS, CELLS.STATUE
 MEASURES = ["slowest 10 s", "fastest 10 s", "pose variance", "still", "freezing"]
@@ -68,9 +66,8 @@ def cache_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 def contest() -> Contest:
     dancers = []
     for dance, seed in product(("cha-cha", "waltz"), (1, 2, 3, 4)):
-        clip = synthetic_clip(dance, seconds=24.0, fps=25.0, seed=seed)
-        own = replace(clip, name=f"{dance} recorded {seed}", source="", beats=audio_beats(clip.audio))
-        dancers.append(Excerpt(own.name, own, 0.0))
+        clip, name = synthetic_clip(dance, seconds=24.0, fps=25.0, seed=seed), f"{dance} recorded {seed}"
+        dancers.append(Excerpt(name, replace(clip, name=name, source="", beats=audio_beats(clip.audio)), 0.0))
     return Contest(PROFILE, "synthetic", "unheard", (), tuple(dancers), 2)
 
 
@@ -108,11 +105,10 @@ def test_what_was_measured_is_kept(contest: Contest, dances: pd.DataFrame):
 
 
 def test_likeness_has_a_row_for_all_dances_and_its_interval_over_trainings(dances: pd.DataFrame):
-    table = CELLS.likeness_table(dances).set_index(["system", "dance"])
-    assert table.loc[(FROZEN, "all"), "moves like people"] == 0.0
-    assert table.loc[(PLANTED, "all"), "interval over"] == "trainings"
-    assert table.loc[(RIGHT_SONG, "all"), "interval over"] == "dances"
-    assert table.loc[(PLANTED, "all"), "dances"] == 4
+    table = CELLS.likeness_table(dances).set_index(["dance", "system"]).loc["all"]
+    assert table.loc[FROZEN, "moves like people"] == 0.0
+    assert table.loc[[PLANTED, RIGHT_SONG], "interval over"].tolist() == ["trainings", "dances"]
+    assert table.loc[PLANTED, "dances"] == 4
 
 
 @pytest.fixture(scope="module")
@@ -195,8 +191,8 @@ def test_hands_effectors_and_losses_are_drawn_as_they_are():
     assert figure.axes[0].texts[0].get_text() == words
     assert figure.get_suptitle() == f"Hands in tango range over {spread:.0f} cm with one and {spread:.0f} cm with other"
     assert figure.axes[-1].get_xlabel() == "time (s); recordings on the beat"
-    panels = ["one, raw", "one, smoothed", "other, raw", "other, smoothed"]
-    assert [ax.get_title("left") for ax in figure.axes] == panels
+    panels = [ax.get_title("left") for ax in figure.axes]
+    assert panels == ["one, raw", "one, smoothed", "other, raw", "other, smoothed"]
     shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
     points = pd.DataFrame({"x": [0.0, 1.0], "y": [1.0, 2.0], "ablation": ["recorded", "a"]})
     assert "0.50" in CELLS.effectors_figure(points, shares).axes[0].get_title("left")
