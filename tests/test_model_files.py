@@ -25,7 +25,7 @@ from harmolab.lab.evaluate.pairing import Song, folder_pairs
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.motion import load_motion, read_motion
 from harmolab.readers.smpl import SMPL_22, SMPL_24, load_body, neutral_body
-from tests.builders import called, cases, complaint, done, refused
+from tests.builders import called, cases, complaint, done, missing, refused
 from tests.test_hostile import Malicious
 
 AIST = "gBR_sBM_cAll_d04_mBR0_ch02"
@@ -99,6 +99,12 @@ def saved(path: Path, values: object) -> Path:
     return path
 
 
+def asks_for_rate(path: Path, message: str = "holds no frame rate") -> None:
+    """Passes where a file without a rate is refused with these words."""
+    with pytest.raises(MissingFrameRate, match=message):
+        load_motion(path)
+
+
 # SMPL parameters
 
 
@@ -146,19 +152,17 @@ def test_aist_recordings_have_60_frames_a_second_and_are_scaled(tmp_path: Path):
     assert (motion.fps, kind) == (60, "AIST++ SMPL parameters")
     np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
     assert "60 frames a second (AIST++)" in notes
-    with pytest.raises(MissingFrameRate, match=r"other\.pkl: holds no frame rate; pass fps, such as --fps 25"):
-        load_motion(pickled(tmp_path / "other.pkl", **content))
-    generated = {name: content[name] for name in ("smpl_poses", "smpl_trans")}
-    with pytest.raises(MissingFrameRate):  # a generator's dance to the same song
-        load_motion(pickled(tmp_path / f"{AIST}.pkl", **generated))
+    other = pickled(tmp_path / "other.pkl", **content)
+    asks_for_rate(other, r"other\.pkl: holds no frame rate; pass fps, such as --fps 25")
+    del content["smpl_scaling"]  # a generator's dance to the same song
+    asks_for_rate(pickled(tmp_path / f"{AIST}.pkl", **content))
 
 
 def test_edge_joints_are_as_edge_placed_them_and_its_rate_is_asked_for(tmp_path: Path):
     poses, way, _ = z_up_parameters()
     joints = np.random.default_rng(2).normal(size=(12, 24, 3))
     path = pickled(tmp_path / "test_song.pkl", smpl_poses=poses, smpl_trans=way, full_pose=joints.astype(np.float32))
-    with pytest.raises(MissingFrameRate, match=r"--fps 25 \(EDGE's own settings make 30\)"):
-        load_motion(path)
+    asks_for_rate(path, r"--fps 25 \(EDGE's own settings make 30\)")
     motion, kind, notes = read_motion(path, fps=30)
     assert (motion.fps, kind) == (30, "EDGE's joints")
     np.testing.assert_allclose(to_z_up(motion.positions), joints, atol=1e-6)
@@ -202,8 +206,7 @@ def test_vectors_of_lodge_and_finedance_are_read(tmp_path: Path, width: int, con
     assert values.shape[1] == width
     motion = load_motion(saved(tmp_path / "dance.npy", values), fps=30)
     np.testing.assert_allclose(motion.positions[:, :22], expected[:, :22], atol=1e-9)
-    with pytest.raises(MissingFrameRate):
-        load_motion(tmp_path / "dance.npy")
+    asks_for_rate(tmp_path / "dance.npy")
 
 
 def fact_vectors(poses: np.ndarray, way: np.ndarray, fault: np.ndarray | float = 0.0) -> np.ndarray:
@@ -215,8 +218,7 @@ def fact_vectors(poses: np.ndarray, way: np.ndarray, fault: np.ndarray | float =
 def test_vectors_of_fact_are_read_and_its_seed_is_a_remark(tmp_path: Path):
     poses, way, expected = placed()
     path = saved(tmp_path / "mBR0.npy", fact_vectors(poses, way))
-    with pytest.raises(MissingFrameRate, match=r"mBR0\.npy: .*--fps 25 \(FACT's own settings make 60\)"):
-        load_motion(path)
+    asks_for_rate(path, r"mBR0\.npy: .*--fps 25 \(FACT's own settings make 60\)")
     motion, kind, notes = read_motion(path, fps=60)
     assert (kind, motion.fps, motion.skeleton) == ("SMPL vectors of FACT", 60, SMPL_24)
     np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
@@ -257,13 +259,13 @@ def tree_of(parents: list[int]) -> np.ndarray:
     return np.array([parents, range(len(parents))], np.int64).astype(np.uint32)
 
 
-@pytest.mark.parametrize("how", ["J", "J_regressor"])
-def test_a_body_of_ones_own_takes_the_place_of_the_neutral_one(tmp_path: Path, how: str):
+TEMPLATE = np.random.default_rng(3).normal(size=(60, 3))  # points of a body
+REGRESSOR = REST @ np.linalg.pinv(TEMPLATE)  # from which its joints follow
+
+
+@cases("arrays", {"J": REST}, {"J_regressor": REGRESSOR, "v_template": TEMPLATE}, ids=["J", "J_regressor"])
+def test_a_body_of_ones_own_takes_the_place_of_the_neutral_one(tmp_path: Path, arrays: dict[str, np.ndarray]):
     poses, way = dance()
-    arrays = {"J": REST}
-    if how == "J_regressor":
-        template = np.random.default_rng(3).normal(size=(60, 3))
-        arrays = {"J_regressor": REST @ np.linalg.pinv(template), "v_template": template}
     np.savez(tmp_path / "smpl.npz", kintree_table=tree_of(TREE), **arrays)
     path = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way, smpl_scaling=np.ones(1))
     motion, _, notes = read_motion(path, fps=60, smpl=tmp_path / "smpl.npz")
@@ -283,9 +285,7 @@ def test_edge_with_a_body_of_ones_own_is_posed_anew(tmp_path: Path):
 
 def shaped_body(path: Path, directions: np.ndarray) -> Path:
     """An SMPL file of 60 points from which the joints of `REST` follow, with directions (60, 3, S) of its shape."""
-    template = np.random.default_rng(3).normal(size=(60, 3))
-    regressor = REST @ np.linalg.pinv(template)
-    np.savez(path, J_regressor=regressor, v_template=template, shapedirs=directions, kintree_table=tree_of(TREE))
+    np.savez(path, J_regressor=REGRESSOR, v_template=TEMPLATE, shapedirs=directions, kintree_table=tree_of(TREE))
     return path
 
 
@@ -293,15 +293,12 @@ def test_betas_shape_the_joints_at_rest(tmp_path: Path):
     poses, way, _ = z_up_parameters()
     directions, betas = np.random.default_rng(4).normal(size=(60, 3, 2)) * 0.2, np.array([0.8, -1.1, 5.0])
     body = shaped_body(tmp_path / "smpl.npz", directions)
-    with np.load(body) as arrays:
-        regressor, template = arrays["J_regressor"], arrays["v_template"]
-    rest = regressor @ (template + 0.8 * directions[..., 0] - 1.1 * directions[..., 1])  # the first two betas
+    rest = REGRESSOR @ (TEMPLATE + 0.8 * directions[..., 0] - 1.1 * directions[..., 1])  # the first two betas
     assert np.abs(rest - REST).max() > 0.01
     np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=betas, gender="male", mocap_framerate=120.0)
     motion, _, notes = read_motion(tmp_path / "walk.npz", smpl=body)
-    places = to_z_up(motion.positions)
     expected = loop_joints(poses.reshape(-1, 24, 3), way + rest[0], rest - rest[[0, *TREE[1:]]])
-    np.testing.assert_allclose(places, expected, atol=1e-9)
+    np.testing.assert_allclose(to_z_up(motion.positions), expected, atol=1e-9)
     assert "joints of the body in smpl.npz shaped by 2 of 3 betas" in notes
     mean = pickled(tmp_path / "mean.pkl", smpl_poses=poses, smpl_trans=way, betas=np.zeros((1, 10)))
     assert "joints of the mean body in smpl.npz" in read_motion(mean, fps=30, smpl=body).notes
@@ -334,8 +331,7 @@ def test_betas_that_are_no_shape_are_refused_by_name(tmp_path: Path, betas: np.n
 
 def test_a_missing_body_is_named_and_one_that_was_replaced_is_read_anew(tmp_path: Path):
     np.savez(tmp_path / "w.npz", poses=np.zeros((3, 72)), trans=np.zeros((3, 3)), mocap_framerate=60.0)
-    with pytest.raises(FileNotFoundError, match=r"smpl\.npz: no such file"):
-        load_motion(tmp_path / "w.npz", smpl=tmp_path / "smpl.npz")
+    missing(r"smpl\.npz: no such file", load_motion, tmp_path / "w.npz", smpl=tmp_path / "smpl.npz")
     for factor, stamp in ((1.0, 1), (1.1, 2)):
         np.savez(tmp_path / "smpl.npz", J=REST * factor, kintree_table=tree_of(TREE))
         os.utime(tmp_path / "smpl.npz", (stamp, stamp))
@@ -401,8 +397,7 @@ def test_24_joints_are_read_from_arrays_json_and_pickles(tmp_path: Path, name: s
         np.save(path, contents[name])
     else:
         path.write_bytes(pickle.dumps(contents[name]) if path.suffix == ".pkl" else json.dumps(contents[name]).encode())
-    with pytest.raises(MissingFrameRate, match="--fps 25"):
-        load_motion(path)
+    asks_for_rate(path, "--fps 25")
     motion, kind, notes = read_motion(path, fps=60)
     assert (motion.skeleton, motion.fps, kind) == (SMPL_24, 60, "24 joints of SMPL")
     np.testing.assert_allclose(motion.positions, joints, atol=1e-12)
@@ -516,8 +511,7 @@ def bailando_frames(folder: Path, joints: np.ndarray, key: str = "3d_pose") -> P
 
 def test_frames_of_bailando_are_one_dance(tmp_path: Path):
     folder = bailando_frames(tmp_path / "jsons_original" / "ep000010" / f"{AIST}.json", moving_joints())
-    with pytest.raises(MissingFrameRate, match=rf"{AIST}\.json: .*--fps 25 \(Bailando's settings make 60\)"):
-        load_motion(folder)
+    asks_for_rate(folder, rf"{AIST}\.json: .*--fps 25 \(Bailando's settings make 60\)")
     motion, kind, notes = read_motion(folder, fps=60)
     assert (motion.skeleton, motion.fps, kind) == (SMPL_24, 60, "Bailando's frames, 24 joints of SMPL")
     np.testing.assert_allclose(motion.positions, moving_joints(), atol=1e-12)
@@ -567,8 +561,7 @@ def test_humanml_vectors_give_back_the_joints_they_were_made_of(tmp_path: Path):
     way[:, [0, 2]] -= way[0, [0, 2]]
     joints = loop_joints(poses, way, REST - REST[[0, *TREE[1:]]])[:, :22]
     path = saved(tmp_path / "012314.npy", humanml_vectors(joints, headings).astype(np.float32))
-    with pytest.raises(MissingFrameRate, match="--fps 20 for HumanML3D's own"):
-        load_motion(path)
+    asks_for_rate(path, "--fps 20 for HumanML3D's own")
     motion, kind, _ = read_motion(path, fps=20)
     assert (motion.skeleton, motion.fps, kind) == (SMPL_22, 20, "HumanML3D vectors")
     np.testing.assert_allclose(motion.positions, joints[:-1], atol=1e-5)
@@ -576,8 +569,8 @@ def test_humanml_vectors_give_back_the_joints_they_were_made_of(tmp_path: Path):
 
 def test_normalised_humanml_vectors_are_refused(tmp_path: Path):
     for values in (np.zeros((9, 263)), np.full((9, 263), 50.0) * np.arange(263)):
-        with pytest.raises(ValueError, match=r"v\.npy: .*multiply by Std\.npy and add Mean\.npy"):
-            load_motion(saved(tmp_path / "v.npy", values), fps=20)
+        path = saved(tmp_path / "v.npy", values)
+        refused(r"v\.npy: .*multiply by Std\.npy and add Mean\.npy", load_motion, path, fps=20)
 
 
 # c3d
