@@ -46,8 +46,7 @@ def planted_result(true: list[float], wrong: list[list[float]]) -> CorpusResult:
 
 def test_a_perfect_score_picks_every_inharmonious_clip(profile: RunProfile) -> None:
     table = CELLS.pick_table(planted_result([1.0] * 20, [[0.0] * 5] * 20), profile)
-    assert table["harmolab"].dropna().tolist() == [1.0, 1.0, 1.0]
-    assert table["paper"].dropna().tolist() == [0.78]
+    assert table["harmolab"].dropna().tolist() == [1.0, 1.0, 1.0] and table["paper"].dropna().tolist() == [0.78]
 
 
 def test_a_constant_score_picks_by_guessing(profile: RunProfile) -> None:
@@ -58,8 +57,7 @@ def test_a_constant_score_picks_by_guessing(profile: RunProfile) -> None:
 @pytest.mark.slow
 def test_recommended_tells_and_paper_does_not_on_planted_beats(results: dict[str, CorpusResult]) -> None:
     table = CELLS.auc_table(results).set_index("score")
-    assert table.loc["recommended", "tells"] == "yes"
-    assert table.loc["paper", "AUC"] < 0.65
+    assert table.loc["recommended", "tells"] == "yes" and table.loc["paper", "AUC"] < 0.65
     assert CELLS.dance_table(results)["windows"].sum() == 14
     dances = {"cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz"}
     assert set(CELLS.bar_courses(results["synthetic"].patterns)["dance"]) == dances
@@ -68,8 +66,7 @@ def test_recommended_tells_and_paper_does_not_on_planted_beats(results: dict[str
 @pytest.mark.slow
 def test_frame_rate_hardly_moves_the_recommended_score(profile: RunProfile) -> None:
     table = CELLS.disturbance_table(profile, "fps", [15.0, 60.0], "frame rate (fps)")
-    assert table["frame rate (fps)"].tolist() == [15.0, 60.0]
-    assert abs(table["mean recommended"].diff().iloc[1]) <= 0.03
+    assert table["frame rate (fps)"].tolist() == [15.0, 60.0] and abs(table["mean recommended"].diff().iloc[1]) <= 0.03
 
 
 def test_auc_picture_marks_what_lies_above_its_chance_band() -> None:
@@ -126,8 +123,7 @@ def test_disturbance_picture_draws_each_score_over_the_levels() -> None:
     assert ax.get_xlabel() == "noise (cm)"
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [1.0, 0.9])
     title = ax.get_title(loc="left")
-    assert "“recommended (shape speed)” stands the most" in title
-    assert "AUC 0.90, the others 0.50 to 0.50" in title
+    assert "“recommended (shape speed)” stands the most" in title and "AUC 0.90, the others 0.50 to 0.50" in title
 
 
 OWN, QUARTER, HALF, SAME, OTHER = CELLS.OWN, CELLS.QUARTER, CELLS.HALF, CELLS.SAME, CELLS.OTHER
@@ -141,8 +137,7 @@ def table() -> pd.DataFrame:
 
 def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataFrame):
     levels = table.groupby("music")["level"].apply(list)
-    assert set(levels[OWN]) == {4}
-    assert 4 not in levels[QUARTER] + levels[HALF]
+    assert set(levels[OWN]) == {4} and 4 not in levels[QUARTER] + levels[HALF]
     assert set(levels[OTHER]) == {1}
 
 
@@ -154,8 +149,7 @@ def test_four_settings_are_counted_by_level(table: pd.DataFrame):
 @pytest.mark.slow
 def test_settings_are_tracked_and_annotated_told_and_not_and_one_dance_alone_has_no_other_music():
     rows = CELLS.level_settings(CELLS.planted_recordings(seed=1, takes=2)[:2])
-    assert rows.groupby(["beats", "told"]).ngroups == 4
-    assert list(rows["music"].unique()) == [OWN, QUARTER, HALF, SAME]
+    assert rows.groupby(["beats", "told"]).ngroups == 4 and list(rows["music"].unique()) == [OWN, QUARTER, HALF, SAME]
 
 
 def test_reading_is_the_dance_that_was_learnt_on_other_recordings(table: pd.DataFrame):
@@ -218,8 +212,7 @@ def test_dancer_whose_tempo_is_far_off_is_never_near_and_one_drawn_apart_has_any
         np.log([own_ratio(*NULLS[f"dancer, tempo {kind}"][0](30.0, np.random.default_rng(seed))) for seed in range(4)])
         for kind in ("over 4 % off", "drawn apart")
     )
-    assert np.abs(far).min() > 0.95 * CELLS.FAR
-    assert min(far) < 0 < max(far)
+    assert np.abs(far).min() > 0.95 * CELLS.FAR and min(far) < 0 < max(far)
     assert np.log(0.55) < min(apart) < np.log(0.95) and np.log(1.05) < max(apart) < np.log(1.8)
 
 
@@ -255,8 +248,7 @@ def test_standing_still_after_the_last_beat_changes_nothing():
 
 def test_dancers_on_the_beat_are_always_in_time_and_short_windows_are_not_judged():
     table = CELLS.null_table({"on the beat": (on_the_beat, (5.0, 20.0))}, 3, 1).set_index("seconds")
-    assert table["cannot tell"].tolist() == [1.0, 0.0]
-    assert np.isnan(table.loc[5.0, "p .05"])
+    assert table["cannot tell"].tolist() == [1.0, 0.0] and np.isnan(table.loc[5.0, "p .05"])
     assert table.loc[20.0, ["p_time .05", "p .05", "p .01"]].tolist() == [1.0, 1.0, 0.0]
     assert table["n"].tolist() == [3, 3]
 
@@ -267,8 +259,7 @@ def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
     assert windows == [6.0, 15.0]
     motion, beats = moved(15.0, np.random.default_rng(1))
     assert motion.duration == pytest.approx(15.0)
-    assert beats.tempo == pytest.approx(clip.beats.tempo, rel=0.01)
-    assert beats.bar_places is None
+    assert beats.tempo == pytest.approx(clip.beats.tempo, rel=0.01) and beats.bar_places is None
     assert 60 <= grid(15.0, np.random.default_rng(1))[1].tempo <= 180
 
 
@@ -277,8 +268,7 @@ def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
 def test_p_value_is_small_no_more_often_than_it_may(kind: str):
     draw, _ = NULLS[kind]
     (row,) = CELLS.null_table({kind: (draw, (15.0,))}, 120, 1).to_dict("records")
-    assert row["p .05"] <= 0.06
-    assert row["p .01"] <= 0.02
+    assert row["p .05"] <= 0.06 and row["p .01"] <= 0.02
     if kind == "smooth noise":
         assert 0.02 <= row["p_time .05"] <= 0.08
 
@@ -286,8 +276,7 @@ def test_p_value_is_small_no_more_often_than_it_may(kind: str):
 def test_smooth_noise_has_no_beat(rng: np.random.Generator):
     beats = CELLS.steady_beats(0.5, 30.0, rng)
     judgement = judge(shape_speed(CELLS.smooth_noise(30.0, rng)), beats)
-    assert judgement.signal is not None
-    assert time_test(judgement.signal, beats.times).best < 8
+    assert judgement.signal is not None and time_test(judgement.signal, beats.times).best < 8
 
 
 # Pictures
@@ -303,8 +292,7 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
     rows.append(record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0}))
     (ax,) = pictures.nulls_figure(pd.DataFrame(rows)).axes
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
-    assert marks["old score, published"] == ([0.17, 0.17], [1, 0])
-    assert marks["H: in time, and where"][0][0] == 0.02
+    assert marks["old score, published"] == ([0.17, 0.17], [1, 0]) and marks["H: in time, and where"][0][0] == 0.02
     assert [text.get_text() for text in ax.texts] == ["too short: not judged"]
 
 
