@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -151,9 +151,8 @@ def test_the_middle_of_a_window_counts_most(monkeypatch: pytest.MonkeyPatch):
 
 def danced_to(net: DanceNetwork, music: np.ndarray, *, start: float = 0.0, before: int = 0) -> generate.Danced:
     """Two seconds of dance that go on from so many frames of nothing; no dice are thrown."""
-    return generate.danced(
-        net, music, start=start, frames=50, dance=0, seed=0, prior=np.zeros((before, net.n_motion)), progress=silent
-    )
+    prior = np.zeros((before, net.n_motion))
+    return generate.danced(net, music, start=start, frames=50, dance=0, seed=0, prior=prior, progress=silent)
 
 
 @pytest.mark.parametrize("before", [0, 25, 125])
@@ -205,8 +204,8 @@ def test_frames_that_were_not_recorded_do_not_count():
 
 def test_as_in_the_frame_before_is_counted_from_the_second_frame_on():
     contacts = torch.tensor([[[0.0, 1.0], [0.0, 1.0], [1.0, 1.0]]])
-    assert float(training.unchanged_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
-    assert float(training.majority_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
+    for share in (training.unchanged_contacts, training.majority_contacts):
+        assert float(share(contacts, torch.ones(1, 3))) == pytest.approx(0.75), share
 
 
 def test_a_foot_is_said_to_stand_from_a_probability_of_one_half_on():
@@ -234,9 +233,8 @@ def test_the_second_pass_learns_from_the_first_ones_prediction_without_a_way_bac
 def test_noise_is_drawn_once_for_input_and_target(noisy: bool):
     params = replace(TINY, noise=0.1, noisy_target=noisy)
     batch = windows(params)
-    output = training.predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
+    output, again = (training.predicted(network(params), Shard(batch, None, 1.0, 5), second=False) for _ in range(2))
     assert torch.equal(output.target, batch.motion) is not noisy
-    again = training.predicted(network(params), Shard(batch, None, 1.0, 5), second=False)
     assert torch.equal(output.target, again.target) and torch.equal(output.first.mean, again.first.mean)
 
 
@@ -289,9 +287,8 @@ def test_positions_come_back_with_their_bones(danced: Motion):
 @pytest.mark.parametrize("make", [PositionCode.of, RotationCode.of])
 def test_a_code_is_stored_and_built_again(danced: Motion, make: Callable):
     code = make([danced])
-    again = stored_code(code.to_dict())
     values = code.encode(danced)
-    np.testing.assert_array_equal(again.decode(values, 25.0), code.decode(values, 25.0))
+    np.testing.assert_array_equal(stored_code(code.to_dict()).decode(values, 25.0), code.decode(values, 25.0))
     refused(r"shape|known", stored_code, {**code.to_dict(), "offsets": [[1.0]], "lengths": [1.0]})
 
 
@@ -382,11 +379,15 @@ def runs(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[st
 
     def run(name: str) -> Path:
         if not (home / name).exists():
-            result = trained(corpus, "--out", home / name, *TRAININGS[name])
-            assert result.exit_code == 0, result.output
+            succeed(corpus, "--out", home / name, *TRAININGS[name])
         return home / name
 
     return run
+
+
+def succeed(*arguments: object) -> None:
+    result = trained(*arguments)
+    assert result.exit_code == 0, result.output
 
 
 def history(folder: Path) -> list[dict[str, str]]:
@@ -403,16 +404,13 @@ def test_a_killed_training_resumes_to_the_same_history(
 ):
     arguments = (corpus, "--out", tmp_path / "run", *TRAININGS[name])
     path = os.pathsep.join([str(SCRIPT.parents[1]), os.environ.get("PYTHONPATH", "")])
-    child = subprocess.run(
-        [sys.executable, str(SCRIPT), str(epoch), *map(str, arguments)], env={**os.environ, "PYTHONPATH": path},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = [sys.executable, str(SCRIPT), str(epoch), *map(str, arguments)]
+    child = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
     assert child.returncode == -signal.SIGKILL, child.stderr
     assert not (tmp_path / "run" / "model.json").exists()
     assert len(history(tmp_path / "run")) == epoch
     assert history(runs(name))[epoch]["phase"] == phase
-    result = trained(*arguments, "--resume")
-    assert result.exit_code == 0, result.output
+    succeed(*arguments, "--resume")
     for file in ("history.csv", "model.safetensors", "split.json", "settings.json"):
         assert (tmp_path / "run" / file).read_bytes() == (runs(name) / file).read_bytes(), file
 
@@ -429,8 +427,7 @@ def test_options_reach_the_run(runs: Callable[[str], Path]):
 @pytest.mark.slow
 def test_either_representation_trains_and_dances(corpus: Path, runs: Callable[[str], Path], tmp_path: Path):
     options = ("--representation", "rotations", "--phase1", 1, "--phase2", 0)
-    result = trained(corpus, "--out", tmp_path / "run", "--system", "music2dance", *options)
-    assert result.exit_code == 0, result.output
+    succeed(corpus, "--out", tmp_path / "run", "--system", "music2dance", *options)
     assert read_about(tmp_path / "run")["build"]["code"]["kind"] == "rotations"
     audio = load_recording(next(corpus.glob("clip_*"))).clip.audio
     for run in (tmp_path / "run", runs("music2dance")):
@@ -486,14 +483,14 @@ def faulty(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     return {"short": short, **{path.name: path for path in home.iterdir()}}
 
 
+SHORT = r"harmolab: short: windows are 8 s long, .* last \d\.\d s in a row .* longest of 14 recordings lasts 7\.0 s"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("system", ["music2dance", "feet"])
 @cases(
     "fault, told",
-    (
-        "short",
-        r"harmolab: short: windows are 8 s long, .* last \d\.\d s in a row .* longest of 14 recordings lasts 7\.0 s",
-    ),
+    ("short", SHORT),
     ("two_bodies", r"clip_0004_\S+: has another skeleton \(21 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
     ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
 )
@@ -583,33 +580,25 @@ def test_the_split_is_that_of_harmogan_s_units(split: Split, corpus: Path):
 
 @pytest.mark.parametrize("system", ["music2dance", "feet"])
 def test_each_recording_is_read_once(system: str, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    folders = []
-
-    def read(folder: Path) -> Any:
-        folders.append(folder)
-        return load_recording(folder)
-
+    read = Mock(wraps=load_recording)
     monkeypatch.setattr(units, "load_recording", read)
     epochs = ("--epochs", 0) if system == "feet" else ("--phase1", 0, "--phase2", 0)
-    assert trained(corpus, "--out", tmp_path / "run", "--system", system, *epochs).exit_code == 0
-    assert len(folders) == len({*folders}) == 14
+    succeed(corpus, "--out", tmp_path / "run", "--system", system, *epochs)
+    assert read.call_count == len({call.args for call in read.call_args_list}) == 14
 
 
 # A likelihood that can be compared
 
 
-def quick(split: Split, sequences: SequenceSet, folder: Path, **changes: Any) -> Path:
+def quick(split: Split, sequences: SequenceSet, folder: Path) -> Path:
     """The folder of a training of five epochs."""
-    params = replace(sequences.params, **changes)
-    options = TrainOptions(folder, resume=True, accelerator="cpu")
-    training.train_music2dance(split, replace(sequences, params=params), options)
+    training.train_music2dance(split, sequences, TrainOptions(folder, resume=True, accelerator="cpu"))
     return folder
 
 
 def test_the_fixed_windows_are_the_same_with_and_without_clusters(split: Split, sequences: SequenceSet):
-    with_clusters, without_any = (
-        seq.training_windows(split, replace(sequences, params=replace(TINY, clusters=count))) for count in (3, 0)
-    )
+    params = [replace(TINY, clusters=count) for count in (3, 0)]
+    with_clusters, without_any = (seq.training_windows(split, replace(sequences, params=one)) for one in params)
     assert with_clusters.weights.std() > 0 == without_any.weights.std()
     rows = [training.even_rows(each) for each in (with_clusters, without_any)]
     for one, other in zip(with_clusters.batch(rows[0]), without_any.batch(rows[1]), strict=True):
