@@ -23,10 +23,9 @@ from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.training import loop
 
 SONG = SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0)
-TINY = replace(
-    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, lstm=8, clusters=3, first_epochs=3,
-    second_epochs=2, batch_size=4, start_seconds=1.0, song=SONG,
-)  # fmt: skip
+SIZES = {"window": 2.0, "residual": 8, "skip": 8, "groups": 1, "lstm": 8, "clusters": 3, "song": SONG}
+EPOCHS = {"first_epochs": 3, "second_epochs": 2, "batch_size": 4, "start_seconds": 1.0}
+TINY = replace(Music2DanceParams.recommended(), **SIZES, **EPOCHS)
 TINY_ATTRIBUTES = AttributeParams(channels=(2, 3), hidden=4, window=4.0, hop=2.0, epochs=3, batch_size=3)
 
 
