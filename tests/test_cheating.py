@@ -10,7 +10,7 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import DANCER
 from harmolab.shape_speed import shape_speed
 from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.units import DanceUnit, UnitSet
+from harmolab.systems.training.units import UnitSet
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import judge
 from study.cells import notebook_cells
@@ -18,7 +18,7 @@ from study.experiments import judging
 from study.experiments.judging import LATE, TRUE, half_a_beat_late, trick_means
 from study.experiments.locked import evidence, locked_table, metronome, statue_on_turntable
 from study.profile import RunProfile
-from tests.builders import bobbing, cases, planted_dance, refused, still, track
+from tests.builders import bobbing, cases, dance_unit, planted_dance, refused, still, track
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 TWO = Skeleton(("hip", "knee"), (-1, 0))
@@ -37,8 +37,7 @@ TRICKS = {*BASES, *BASES.values()}
 @pytest.fixture
 def walk() -> Motion:
     """Two joints that move by a metre a second to the side, ten frames a second."""
-    side = np.arange(20) / 10
-    positions = np.stack([np.stack([side, np.full(20, height), np.zeros(20)], axis=1) for height in (1.0, 0.5)], axis=1)
+    positions = np.arange(20)[:, None, None] * [0.1, 0.0, 0.0] + [[0.0, 1.0, 0.0], [0.0, 0.5, 0.0]]
     return Motion(positions, 10.0, TWO)
 
 
@@ -88,8 +87,7 @@ def test_single_beat_has_no_half():
 @pytest.fixture
 def tricks(swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
     """Tricks on one clip: an arm that rests on every beat."""
-    beats = BeatTrack(0.25 + 0.5 * np.arange(12), np.ones(12), 100.0, 6.0)
-    clip = ("arm", swinging_arm(1.0, 60.0), beats)
+    clip = ("arm", swinging_arm(1.0, 60.0), track(0.25 + 0.5 * np.arange(12), duration=6.0))
     material = {"generator_corpora": lambda profile: ("one", "two"), "studied_clips": lambda *_: [clip]}
     return notebook_cells("12_cheating_the_score", **AXES, **material).cheating(PROFILE)
 
@@ -102,8 +100,7 @@ def test_table_has_every_trick_with_both_musics_for_each_corpus(tricks: pd.DataF
 def test_dancer_on_the_beat_loses_everything_when_the_music_is_late(tricks: pd.DataFrame):
     danced = tricks[(tricks["trick"] == "as danced") & (tricks["corpus"] == "one")].set_index("music")
     assert danced.loc[TRUE, "above_chance"] == pytest.approx(1.0)
-    assert danced.loc[LATE, "hit_rate"] == 0.0
-    assert danced.loc[LATE, "above_chance"] < -0.3
+    assert danced.loc[LATE, "hit_rate"] == 0.0 and danced.loc[LATE, "above_chance"] < -0.3
 
 
 def test_what_does_not_depend_on_the_music_is_the_same_with_both(tricks: pd.DataFrame):
@@ -138,11 +135,9 @@ def test_gain_of_a_trick_is_over_the_motion_it_was_put_on_with_the_true_music():
 
 
 def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordings(monkeypatch: pytest.MonkeyPatch):
-    beats = BeatTrack([0.1, 0.2], [1.0, 1.0], 100.0, 1.0)
-    clips = {
-        "dances": Clip("b", Audio(np.zeros(10), 10.0), Motion(np.zeros((2, 2, 3)), 10.0, TWO), beats=beats),
-        "still": Clip("a", Audio(np.zeros(10), 10.0), beats=beats),
-    }
+    beats, sound = track([0.1, 0.2], duration=1.0), Audio(np.zeros(10), 10.0)
+    dancing = Clip("b", sound, Motion(np.zeros((2, 2, 3)), 10.0, TWO), beats=beats)
+    clips = {"dances": dancing, "still": Clip("a", sound, beats=beats)}
     monkeypatch.setattr(judging, "excerpt", lambda sequence, seconds: clips[sequence])
     monkeypatch.setattr(judging, "synthetic_corpus", lambda profile: "folder")
     monkeypatch.setattr(judging, "readable_recordings", lambda folder: iter(["still", "dances"]))
@@ -153,19 +148,15 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
 
 
 def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):
-    beats, index = 0.25 + 0.5 * np.arange(8), np.repeat([1.0, 0.0], 30).astype(np.float32)
-    unit = DanceUnit(
-        "one", "s", "waltz", frozenset("a"), frozenset("a"), 0.0, np.zeros((60, 1), np.float32),
-        np.zeros((60, 6), np.float32), index, beats, np.ones(8), 15.0,
-    )  # fmt: skip
+    beats = 0.25 + 0.5 * np.arange(8)
+    unit = dance_unit("one", np.zeros((60, 6), np.float32), 30, beats=beats, strengths=np.ones(8))
     units = UnitSet((unit,), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams())
     dances = {"recorded": [bobbing(0.25)], "recommended": [bobbing(0.25)], "paper": [bobbing(0.5)]}
     monkeypatch.setattr(judging, "generator_corpora", lambda profile: ("made up",))
     monkeypatch.setattr(judging, "danced_units", lambda profile, corpus: (units, dances))
     rates = judging.generators_half_a_beat_late(PROFILE).set_index(["trick", "music"])["hit_rate"]
-    assert (rates["recommended", TRUE], rates["recommended", LATE]) == (1.0, 0.0)
-    assert (rates["paper", TRUE], rates["paper", LATE]) == (0.0, 1.0)
-    assert (rates["recorded", TRUE], rates["recorded", LATE]) == (1.0, 0.0)
+    for name, shares in {"recommended": (1.0, 0.0), "paper": (0.0, 1.0), "recorded": (1.0, 0.0)}.items():
+        assert (rates[name, TRUE], rates[name, LATE]) == shares, name
 
 
 # Bodies on a metronome
@@ -224,15 +215,13 @@ def test_noise_that_passes_the_floor_has_no_tempo(table: pd.DataFrame):
     *[("arrives in .1 s, then stands", 450), ("arrives in .25 s, then stands", 375)],
 )
 def test_dancer_elsewhere_in_the_beat_is_in_time_and_gets_no_number(table: pd.DataFrame, name: str, fastest: float):
-    assert table.loc[name, "level"] == 3
-    assert np.isnan(table.loc[name, "H"])
+    assert table.loc[name, "level"] == 3 and np.isnan(table.loc[name, "H"])
     assert float(table.loc[name, "revealed by"].split()[1].rstrip(",")) == pytest.approx(fastest, abs=25)
 
 
 def test_four_steps_in_three_beats_are_in_time_and_not_on_the_beat(table: pd.DataFrame):
     runner = table.loc["runner, 4 steps in 3 beats"]
-    assert runner["level"] < 4
-    assert runner["rate"] == pytest.approx(4 / 3)
+    assert runner["level"] < 4 and runner["rate"] == pytest.approx(4 / 3)
 
 
 def test_lag_rate_and_tempo_are_measured(table: pd.DataFrame):
@@ -245,13 +234,13 @@ def test_lag_rate_and_tempo_are_measured(table: pd.DataFrame):
 
 def test_hand_that_drums_shows_how_few_joints_move(table: pd.DataFrame):
     hand = table.loc["one hand, 10 cm"]
-    assert hand["joints"] == pytest.approx(1 / 21, abs=0.02)
-    assert "joints 0.05" in hand["revealed by"]
+    assert hand["joints"] == pytest.approx(1 / 21, abs=0.02) and "joints 0.05" in hand["revealed by"]
 
 
 def test_evidence_names_the_number_below_its_floor():
-    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), BEATS)) == "pulse 0.000: next to nothing"
-    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), track([1.0]))) == "1 beats"
+    speed = shape_speed(still(960, fps=30.0, joints=5))
+    assert evidence(judge(speed, BEATS)) == "pulse 0.000: next to nothing"
+    assert evidence(judge(speed, track([1.0]))) == "1 beats"
 
 
 def test_statue_of_a_dancer_turns_and_keeps_its_shape():
