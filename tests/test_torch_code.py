@@ -100,6 +100,4 @@ def test_a_bone_of_no_length_has_a_finite_gradient():
     local = torch.zeros(1, 1, 2, 3, requires_grad=True)
     fixed = fix_bones(local, (-1, 0), torch.tensor([0.0, 1.0]))
     fixed.sum().backward()
-    assert fixed.isfinite().all()
-    assert local.grad is not None
-    assert local.grad.isfinite().all()
+    assert fixed.isfinite().all() and local.grad.isfinite().all()
