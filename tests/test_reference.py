@@ -38,27 +38,21 @@ pytestmark = pytest.mark.skipif(not CASES, reason=f"no reference file at {FILE};
 VARIANTS = [(case, name) for case in CASES for name in case["variants"]]
 
 
-def params_of(given: dict[str, Any]) -> HarmonyParams:
+NAMES = {
+    "lam1": "audio_threshold", "lam2": "visual_threshold", "beta": "beta", "reading": "saliency",
+    "first": "first_beat", "match": "matching", "norm": "normalisation",
+}  # fmt: skip
+
+
+def params_of(settings: dict[str, Any]) -> HarmonyParams:
     """The fixture's names for the settings in ours."""
-    return HarmonyParams(
-        audio_threshold=given["lam1"],
-        visual_threshold=given["lam2"],
-        reaction_delay=given["t_delay"] / FPS,
-        beta=given["beta"],
-        saliency=given["reading"],
-        visual_saliency={"R": "difference", "s": "strength"}[given["visual_quantity"]],
-        first_beat=given["first"],
-        matching=given["match"],
-        normalisation=given["norm"],
-    )
-
-
-def audio_track(case: dict[str, Any]) -> BeatTrack:
-    return BeatTrack(np.array(case["p_a"]) / FPS, np.array(case["s_a"]), FPS, len(case["J_v"]) / FPS)
+    quantity = {"R": "difference", "s": "strength"}[settings["visual_quantity"]]
+    same = {ours: settings[theirs] for theirs, ours in NAMES.items()}
+    return HarmonyParams(**same, visual_saliency=quantity, reaction_delay=settings["t_delay"] / FPS)
 
 
 def check_score(case: dict[str, Any], expected: dict[str, Any], params: HarmonyParams, visual: BeatTrack) -> None:
-    audio = audio_track(case)
+    audio = BeatTrack(np.array(case["p_a"]) / FPS, np.array(case["s_a"]), FPS, len(case["J_v"]) / FPS)
     score = score_harmony(audio, visual, params=params, n_rotations=0)
     numbers = {
         "h_s": score.hitting_score, "h": score.harmony, "h_a": score.audio_harmony, "h_v": score.visual_harmony,
@@ -71,7 +65,10 @@ def check_score(case: dict[str, Any], expected: dict[str, Any], params: HarmonyP
     np.testing.assert_array_equal(score.hits, np.array(expected["hp"], dtype=bool)[: score.n_audio])
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+EVERY_CASE = pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+
+
+@EVERY_CASE
 def test_turning_points_and_their_strengths_agree(case: dict[str, Any]) -> None:
     speed = np.array(case["J_v"])
     turns = turning_points(speed)
@@ -81,13 +78,12 @@ def test_turning_points_and_their_strengths_agree(case: dict[str, Any]) -> None:
     np.testing.assert_array_equal(turning_points(speed, plateau="middle"), case["p_v_plateau_mid"])
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+@EVERY_CASE
 def test_motion_beats_and_their_alignment_agree(case: dict[str, Any]) -> None:
     params = kinematic_params()
     track = curve_beats(smooth(np.array(case["J_v"]), params.smoothing, FPS), FPS, params)
     np.testing.assert_allclose(track.times * FPS, case["kinematic_beats"], **close)
-    value = beat_align(track.times, np.array(case["p_a"]) / FPS)
-    np.testing.assert_allclose(value, case["bas_kinematic"], **close)
+    np.testing.assert_allclose(beat_align(track.times, np.array(case["p_a"]) / FPS), case["bas_kinematic"], **close)
 
 
 def label(value: str | dict[str, Any]) -> str:
@@ -113,7 +109,7 @@ def test_every_number_of_every_variant_agrees(case: dict[str, Any], name: str) -
     check_score(case, expected, params, visual)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+@EVERY_CASE
 def test_the_valley_score_agrees(case: dict[str, Any]) -> None:
     expected = case["proposed"]
     given = expected["params"]
