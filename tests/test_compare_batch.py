@@ -19,14 +19,13 @@ from harmolab.types import BeatTrack, Clip, Motion
 from harmolab.verdict.bar_pattern import beat_positions, evaluate_pattern, fit_pattern, pattern_sums
 from harmolab.verdict.evidence import place_test
 from harmolab.verdict.judge import score_motion
-from tests.builders import metronome, refused
+from tests.builders import cases, metronome, refused
 
+MOVED = {"lag": 0.03, "reaction_delay": 0.1, "visual_threshold": 0.5, "audio_threshold": 1.0, "beta": 0.7}
 SETTINGS = {
     "paper": HarmonyParams.paper(),
     "valleys": HarmonyParams.valleys(),
-    "sliders moved": replace(
-        HarmonyParams.paper(), lag=0.03, reaction_delay=0.1, visual_threshold=0.5, audio_threshold=1.0, beta=0.7
-    ),
+    "sliders moved": replace(HarmonyParams.paper(), **MOVED),
 }
 
 
@@ -50,7 +49,7 @@ def test_batch_agrees_with_single_clips_even_without_beats(rng: np.random.Genera
 def test_beats_of_one_clip_never_hit_those_of_the_next() -> None:
     music = BeatTrack([5.99], [1.0], 15.0, 6.0)
     early = BeatTrack([0.0], [1.0], 15.0, 6.0)
-    scores = rescore(BeatBatch.of([(music, early), (music, early)]), HarmonyParams.valleys())
+    scores = rescore(BeatBatch.of([(music, early)] * 2), HarmonyParams.valleys())
     np.testing.assert_array_equal(scores.hitting_score, [0.0, 0.0])
 
 
@@ -85,12 +84,11 @@ def placed(clip: Clip, seed: int) -> tuple[BeatTrack, Motion]:
 def dances() -> list[tuple[BeatTrack, Motion]]:
     """Dances of several tempi and frame rates; the last is danced half a beat late, so that it hits the beats."""
     kinds = ["cha-cha", "jive", "waltz", "rumba"]
-    clips = [
-        synthetic_clip(kind, seconds=18.0, fps=25.0 + seed, jitter=0.05, seed=seed) for seed, kind in enumerate(kinds)
-    ]
+    seeds = range(len(kinds))
+    clips = [synthetic_clip(kinds[seed], seconds=18.0, fps=25.0 + seed, jitter=0.05, seed=seed) for seed in seeds]
     track, motion = placed(clips[0], 0)
     late = track.times + 30 / track.tempo
-    return [*map(placed, clips, range(4)), (replace(track, times=late, duration=late[-1] + 1), motion)]
+    return [*map(placed, clips, seeds), (replace(track, times=late, duration=late[-1] + 1), motion)]
 
 
 @pytest.mark.parametrize("name", PATTERNS)
@@ -139,9 +137,8 @@ def test_short_clips_are_ranked_and_those_that_cannot_be_have_nothing_above_chan
     music, motion = placed(synthetic_clip("cha-cha", seconds=4.0, fps=30.0, seed=1), 0)
     still = Motion(np.zeros((120, 3, 3)), 30.0, Skeleton.unnamed(3))
     few = [BeatTrack(times, np.ones(len(times)), 43.0, 4.0) for times in ([], [2.0], [1.0, 1.5])]
-    scores = rescore_places(
-        PlaceBatch.of([(music, motion), (music, still), *((one, motion) for one in few)], params), params
-    )
+    batch = PlaceBatch.of([(music, motion), (music, still), *((one, motion) for one in few)], params)
+    scores = rescore_places(batch, params)
     assert len(music) < 16
     assert scores.harmony_above_chance[0] > 0.3
     np.testing.assert_array_equal(scores.harmony_above_chance[1:], [0.0, 0.0, 0.0, 0.0])
@@ -176,9 +173,9 @@ def test_curve_begins_where_a_cycle_does_and_holds_whole_cycles():
     np.testing.assert_allclose(curve, np.tile(np.cos(2 * np.pi * np.arange(3 * MOMENTS) / (3 * MOMENTS)), 5), atol=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("beats", "speed", "cycle"),
-    [(1, np.ones(600), 2), (12, np.zeros(600), 2), (12, np.ones(600), 13)],
+@cases(
+    "beats, speed, cycle",
+    *((1, np.ones(600), 2), (12, np.zeros(600), 2), (12, np.ones(600), 13)),
     ids=["one beat", "no movement", "no whole cycle"],
 )
 def test_clip_without_cycles_has_no_curve_and_no_harmony(beats: int, speed: np.ndarray, cycle: int):
