@@ -11,15 +11,14 @@ import soundfile
 from harmolab.body.skeletons import Skeleton
 from harmolab.data import recordings
 from harmolab.data.recordings import PAPER_21, TANG_23, load_recording, load_skeletons, splice_steps
-from tests.builders import cases, refused
+from tests.builders import cases, missing, refused
 
 FRAMES = 60
 
 
-def swaying(frames: int = FRAMES) -> np.ndarray:
+def swaying() -> np.ndarray:
     """(T, 23, 3) centimetres: every joint on its own circle, never straight, lowest point 3 cm over y = 0."""
-    time = np.arange(frames)[:, None]
-    joint = np.arange(23)[None, :]
+    time, joint = np.arange(FRAMES)[:, None], np.arange(23)[None, :]
     angle = 0.2 * time + joint
     return np.stack([10 * np.cos(angle), 8 + 5 * joint + 5 * np.sin(angle), 10 * np.sin(2 * angle)], axis=2)
 
@@ -57,8 +56,7 @@ def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: 
     centre = np.tile([100.0, 90.0, 50.0], (FRAMES, 1))
     folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
     motion = load_skeletons(folder / "skeletons.json", ground=False)
-    expected = (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01]
-    np.testing.assert_allclose(motion.positions, expected)
+    np.testing.assert_allclose(motion.positions, (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01])
     assert (motion.fps, motion.skeleton) == (25, TANG_23)
 
 
@@ -127,10 +125,8 @@ def test_splice_is_found_between_its_two_real_frames_also_where_they_are_rounded
 def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
     raw = spliced(20, 26, rise=30.0) / 100
     grounded = recordings.on_the_floor(raw, [20], [26])
-    lowest = grounded[:, :, 1].min(axis=1)
-    assert np.median(lowest[:21]) == pytest.approx(0)
-    assert np.median(lowest[26:]) == pytest.approx(0)
     for own in (slice(21), slice(26, None)):
+        assert np.median(grounded[own, :, 1].min(axis=1)) == pytest.approx(0)
         np.testing.assert_allclose(np.diff(grounded[own], axis=0), np.diff(raw[own], axis=0), atol=1e-12)
 
 
@@ -148,8 +144,7 @@ def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate
 @pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])
 def test_missing_part_is_named(folder: Path, part: str):
     (folder / part).unlink()
-    with pytest.raises(FileNotFoundError, match=part):
-        load_recording(folder)
+    missing(part, load_recording, folder)
 
 
 @cases(
