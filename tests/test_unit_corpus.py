@@ -87,13 +87,11 @@ def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., R
     units = recording_units(danced(), PARAMS)
     # 25 beats fall into the motion (2.0 to 14.0 s): six meters of four, the first of which has nothing before it.
     assert [unit.name.rpartition(":")[2] for unit in units] == ["0+4+4", "4+4+4", "8+4+4", "12+4+4", "16+4+4"]
-    assert [unit.start for unit in units] == [2.0, 4.0, 6.0, 8.0, 10.0]
-    assert [unit.end for unit in units] == [6.0, 8.0, 10.0, 12.0, 14.0]
+    assert [(unit.start, unit.end) for unit in units] == [(2, 6), (4, 8), (6, 10), (8, 12), (10, 14)]
     assert {(unit.n_frames, unit.n_prior) for unit in units} == {(40, 20)}
     np.testing.assert_allclose([unit.beats for unit in units], np.tile(np.arange(8) * 0.5, (5, 1)))
-    assert {(unit.dance, unit.sequence, unit.fps, unit.extra) for unit in units} == {
-        ("cha-cha", "corpus/arm", 10.0, False)
-    }
+    about = {(unit.dance, unit.sequence, unit.fps, unit.extra) for unit in units}
+    assert about == {("cha-cha", "corpus/arm", 10.0, False)}
 
 
 def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable[..., Recording]):
@@ -132,10 +130,8 @@ def test_units_lie_within_motion_and_music(danced: Callable[..., Recording], off
     meters = [unit for unit in units if not unit.extra]
     assert [one.meter_start for one in meters[1:]] == pytest.approx([one.end for one in meters[:-1]])
     for unit in units:
-        assert unit.start >= offset - 1e-9
-        assert unit.end <= offset + sequence.clip.motion.duration + 1e-9
-        assert unit.beats.min() >= 0
-        assert unit.beats.max() < unit.n_frames / unit.fps
+        assert offset - 1e-9 <= unit.start < unit.end <= offset + sequence.clip.motion.duration + 1e-9
+        assert 0 <= unit.beats.min() <= unit.beats.max() < unit.n_frames / unit.fps
         assert (np.diff(unit.index) <= 0).all()
 
 
@@ -194,9 +190,8 @@ def synthetic(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_synthetic_corpus_is_a_set_of_units_that_can_be_split(synthetic: Path):
     units = load_units(synthetic, FeatureParams(), step=2)
-    assert len({unit.sequence for unit in units.units}) == 14
-    assert len({unit.dance for unit in units.units}) == 7
-    assert (units.source, units.notes) == ("synthetic", ())
+    counts = (len({unit.sequence for unit in units.units}), len({unit.dance for unit in units.units}))
+    assert (*counts, units.source, units.notes) == (14, 7, "synthetic", ())
     assert all(unit.groups and unit.meter_groups <= unit.groups for unit in units.units)
     waltzes = [unit.groups for unit in units.units if unit.dance == "waltz"]
     assert {group.partition(" ")[0] for groups in waltzes for group in groups} == {"waltz"}
@@ -219,9 +214,8 @@ def test_progress_sees_every_sequence(synthetic: Path):
     seen = []
     clips = sorted(synthetic.glob("clip_*"))[:2]
     load_units(clips, PARAMS, progress=lambda items, label: seen.append((label, [*items])) or seen[0][1])
-    assert [(label, [item.name for item in items]) for label, items in seen] == [
-        ("reading sequences", ["clip_0001_cha-cha", "clip_0002_jive"])
-    ]
+    ((label, items),) = seen
+    assert (label, [item.name for item in items]) == ("reading sequences", ["clip_0001_cha-cha", "clip_0002_jive"])
 
 
 def copied(synthetic: Path, folder: Path) -> Path:
@@ -235,9 +229,9 @@ def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path,
     (copied(synthetic, tmp_path / "mute") / "audio.wav").unlink()
     units = load_units(tmp_path, PARAMS)
     assert {unit.sequence for unit in units.units} == {f"{tmp_path.name}/good"}
-    assert len(units.notes) == 2
-    assert f"{tmp_path / 'mute'}: has no audio" in units.notes[0]
-    assert str(tmp_path / "bad" / "motion.npz") in units.notes[1]
+    mute, bad = units.notes
+    assert f"{tmp_path / 'mute'}: has no audio" in mute
+    assert str(tmp_path / "bad" / "motion.npz") in bad
 
 
 def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path: Path):
