@@ -33,19 +33,16 @@ def test_the_gpu_profile_trains_what_the_papers_did_for_as_long():
 def test_a_profile_can_cut_the_epochs_and_keep_the_size():
     short = replace(GPU, epochs=(2, 2))
     assert generation.model_params(short) == ModelParams.paper()
-    assert (rivals.lee_params(short, 1).hidden, rivals.lee_params(short, 1).unit_epochs) == (
-        LeeParams.paper().hidden,
-        2,
-    )
+    lee = rivals.lee_params(short, 1)
+    assert (lee.hidden, lee.unit_epochs) == (LeeParams.paper().hidden, 2)
     assert profiled(short, ablated("mel", 1.0)).residual == ablated("mel").residual
 
 
 def test_every_training_is_there_by_seed():
     names = [name for name, _ in full_size.trainings(GPU, "recordings")]
     assert len(names) == len(set(names)) == 3 * (2 + 2 + len(ABLATIONS))
-    assert {"HarmoGAN, paper, without, seed 3", "Lee et al. 2019, seed 2", "Music2Dance, no mapping, seed 1"} <= {
-        *names
-    }
+    some = {"HarmoGAN, paper, without, seed 3", "Lee et al. 2019, seed 2", "Music2Dance, no mapping, seed 1"}
+    assert some <= {*names}
 
 
 def test_minutes_are_the_epochs_of_a_phase_times_its_last_one(tmp_path: Path):
