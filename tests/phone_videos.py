@@ -117,9 +117,8 @@ def phone_frames(motion: Motion, phone: Phone) -> Iterator[Frame]:
             frame[is_person] = np.roll(picture, shift, axis=1)[is_person]
         matrix = cv2.getRotationMatrix2D((width / 2, 0.1 * height), turn, 1.0 if phone.has_feet else 1.35)
         matrix[:, 2] += right, down
-        seen = cv2.warpAffine(
-            cv2.GaussianBlur(frame, (3, 3), 0.7), matrix, (width, height), borderMode=cv2.BORDER_REFLECT
-        )
+        blurred = cv2.GaussianBlur(frame, (3, 3), 0.7)
+        seen = cv2.warpAffine(blurred, matrix, (width, height), borderMode=cv2.BORDER_REFLECT)
         down, right = rng.integers(0, 64, 2)
         seen += grains[rng.integers(4), down : down + height, right : right + width]
         yield np.clip(seen, 0, 255).astype(np.uint8)
