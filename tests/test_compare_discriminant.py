@@ -159,8 +159,7 @@ def test_nobody_to_learn_from_leaves_bodies_that_stop_on_the_beat(noise: FitBatc
 def test_bounce_that_is_the_only_sign_is_found_by_the_discriminant_alone():
     summary = compared(corpus([0.0] * 8)).summary
     ours, second = (summary["scores"][name] for name in ("recommended", "discriminant"))
-    assert second["auc"] > 0.95
-    assert second["auc"] > second["chance_band"][1]
+    assert second["auc"] > max(0.95, second["chance_band"][1])
     assert ours["chance_band"][0] <= ours["auc"] <= ours["chance_band"][1]
     beside = summary["discriminant"]
     assert beside["auc_difference"] == pytest.approx(second["auc"] - ours["auc"])
@@ -298,8 +297,7 @@ def test_recorded_movement_in_time_is_told_from_lagged_music(
     data_root: Path, corpus: str, window: float | None, least: float
 ):
     row = recorded(data_root / corpus, window)["scores"]["recommended"]
-    assert row["auc"] >= least
-    assert row["auc"] > row["chance_band"][1]
+    assert row["auc"] >= least and row["auc"] > row["chance_band"][1]
 
 
 @pytest.mark.data
@@ -307,7 +305,6 @@ def test_recorded_movement_in_time_is_told_from_lagged_music(
 def test_discriminant_tells_more_of_recorded_dance_and_finds_fewer_lags(data_root: Path):
     summary = recorded(data_root / "beatlocked", 6.0)
     row, beside = summary["scores"]["discriminant"], summary["discriminant"]
-    assert row["auc"] >= 0.85
-    assert row["auc"] > row["chance_band"][1]
+    assert row["auc"] >= 0.85 and row["auc"] > row["chance_band"][1]
     assert beside["interval"][0] > 0
     assert beside["lags_found"]["recommended"] > beside["lags_found"]["discriminant"]
