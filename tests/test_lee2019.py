@@ -157,9 +157,8 @@ def test_a_rest_within_a_quarter_of_a_period_is_the_beat_else_the_music_is():
 
 def test_kinematic_beats_of_a_piece_are_its_rests():
     beats, resting = 0.5 * np.arange(8.0), bobbing(0.07, fps=60.0, seconds=4.5)
-    kinematic, music = (
-        lee.unit_pieces(unit_of(ramp_code(64), beats), resting, name, 2)[1] for name in ("kinematic", "music")
-    )
+    unit = unit_of(ramp_code(64), beats)
+    kinematic, music = (lee.unit_pieces(unit, resting, name, 2)[1] for name in ("kinematic", "music"))
     np.testing.assert_allclose((kinematic - music)[[3, 11, 19], 0] / FPS, 0.07, atol=0.02)
 
 
@@ -207,11 +206,10 @@ def errors_of(units: UnitSet, beats: str, some: Sequence[DanceUnit]) -> list[flo
 def test_the_recurrent_layer_of_a_constant_is_torchs_own(network: DancingToMusic):
     unrolled = network.unit_decoder.unrolled
     first, value = torch.randn(3, 10), torch.randn(3, 6)
-    state, states = unrolled.first(first), []
+    states = [unrolled.first(first)]
     for _ in range(5):
-        state = unrolled.cell(value, state)
-        states.append(state)
-    torch.testing.assert_close(unrolled(first, value, 5), unrolled.after(torch.stack(states, dim=1)))
+        states.append(unrolled.cell(value, states[-1]))
+    torch.testing.assert_close(unrolled(first, value, 5), unrolled.after(torch.stack(states[1:], dim=1)))
 
 
 def test_padding_does_not_change_the_style(network: DancingToMusic):
@@ -255,9 +253,7 @@ def test_units_are_decoded_with_either_shifts_movement_but_their_own_place(
 ):
     fed: list[tuple[Tensor, Tensor]] = []
     decode = network.unit_decoder.forward
-    monkeypatch.setattr(
-        network.unit_decoder, "forward", lambda first, move: (fed.append((first, move)), decode(first, move))[1]
-    )
+    monkeypatch.setattr(network.unit_decoder, "forward", lambda *inputs: fed.append(inputs) or decode(*inputs))
     output = train.coded_units(network, pieces.take(torch.arange(3)))
     (place, movement), n = fed[0], 6
     assert torch.equal(place[: 2 * n], place[2 * n :])
@@ -308,6 +304,10 @@ def test_an_unknown_dance_is_a_class_of_its_own():
 # Training
 
 
+def copied(network: DancingToMusic) -> dict[str, Tensor]:
+    return {name: value.detach().clone() for name, value in network.named_parameters()}
+
+
 def stepped(network: DancingToMusic, number: int, pieces: train.Pieces) -> dict[str, Tensor]:
     """Parameters by name after one batch of a phase; `number` says which."""
     phase, shard = train.phases(network, pieces, PARAMS)[number], Shard(pieces, pieces, 1.0)
@@ -319,7 +319,7 @@ def stepped(network: DancingToMusic, number: int, pieces: train.Pieces) -> dict[
         for group in optimiser.param_groups:
             group["lr"] = phase.rate(0) * group.get("share", 1.0)
         step(Fabric(accelerator="cpu"), [{"total": total}], [shard], optimiser, clip=player.clip)
-    return {name: value.detach().clone() for name, value in network.named_parameters()}
+    return copied(network)
 
 
 @cases(
@@ -332,24 +332,18 @@ def stepped(network: DancingToMusic, number: int, pieces: train.Pieces) -> dict[
 def test_a_phase_changes_its_own_parts_and_no_frozen_ones(
     number: int, taught: set[str], network: DancingToMusic, pieces: train.Pieces
 ):
-    before = {name: value.detach().clone() for name, value in network.named_parameters()}
-    after = stepped(network, number, pieces)
+    before, after = copied(network), stepped(network, number, pieces)
     changed = {name.partition(".")[0] for name in before if not torch.equal(before[name], after[name])}
-    if number == 0:  # all units of the tiny split are waltzes: nothing to tell apart
-        assert changed <= taught
-    else:
-        assert changed == taught
+    assert changed <= taught
+    assert number == 0 or changed == taught  # all units of the tiny split are waltzes: nothing to tell apart
 
 
 def test_while_composing_the_unit_decoder_learns_at_a_tenth_of_the_rate(network: DancingToMusic, pieces: train.Pieces):
-    before = {name: value.detach().clone() for name, value in network.named_parameters()}
-    after = stepped(network, 2, pieces)
-    largest = {  # the first step of Adam is the rate, for every number with a gradient
-        part: max(float((after[name] - before[name]).abs().max()) for name in before if name.startswith(part))
-        for part in ("unit_decoder", "dance_decoder")
-    }
-    assert largest["dance_decoder"] == pytest.approx(PARAMS.rate, rel=0.01)
-    assert largest["unit_decoder"] == pytest.approx(PARAMS.rate / 10, rel=0.01)
+    before, after = copied(network), stepped(network, 2, pieces)
+    for part, rate in (("dance_decoder", PARAMS.rate), ("unit_decoder", PARAMS.rate / 10)):
+        # The first step of Adam is the rate, for every number with a gradient.
+        largest = max(float((after[name] - before[name]).abs().max()) for name in before if name.startswith(part))
+        assert largest == pytest.approx(rate, rel=0.01), part
 
 
 @pytest.mark.parametrize(("clip", "norm"), [(None, 5.0), (10.0, 5.0), (0.5, 0.5)])
@@ -414,20 +408,16 @@ def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
 # Dancing
 
 
-def dance_input(network: DancingToMusic, *, n_frames: int = 100, period: float = 7.0, song: float = 0.0) -> DanceInput:
-    prior = SPLIT.train.units[0].motion[:12].astype(float)
+def dance_input(song: float = 0.0) -> DanceInput:
     return DanceInput(
-        audio=np.zeros((n_frames + 12, 4), np.float32),
-        song=lambda: np.full((40, 4), song, np.float32),
-        beats=np.arange(-20, 40) * period,
-        meters=[MeterFrames(-12, 0, n_frames, 1.0)],
-        prior=prior,
-        n_frames=n_frames,
-    )
+        audio=np.zeros((112, 4), np.float32), song=lambda: np.full((40, 4), song, np.float32),
+        beats=np.arange(-20, 40) * 7.0, meters=[MeterFrames(-12, 0, 100, 1.0)],
+        prior=SPLIT.train.units[0].motion[:12].astype(float), n_frames=100,
+    )  # fmt: skip
 
 
 def test_the_style_of_the_whole_song_is_heard(network: DancingToMusic):
-    assert np.abs(network.code(dance_input(network, song=3.0), 1) - network.code(dance_input(network), 1)).max() > 1e-4
+    assert np.abs(network.code(dance_input(song=3.0), 1) - network.code(dance_input(), 1)).max() > 1e-4
 
 
 def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
@@ -436,7 +426,7 @@ def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
     starts: list[Tensor] = []
     whole = lee.moving_sequence
     monkeypatch.setattr(lee, "moving_sequence", lambda *parts: starts.append(parts[2]) or whole(*parts))
-    code = lee.composed_units(network, dance_input(network), 7, 1)
+    code = lee.composed_units(network, dance_input(), 7, 1)
     assert len(starts) == 3 and code.shape == (7 * 32, N_MOTION)
     first = torch.from_numpy(SPLIT.train.units[0].motion[11:12])
     torch.testing.assert_close(starts[0], network.standardised(first))
@@ -449,13 +439,13 @@ def test_a_still_sequence_is_drawn_again_twenty_times_at_most(
     network, drawn = made_network(still=still), []
     whole = lee.drawn_sequence
     monkeypatch.setattr(lee, "drawn_sequence", lambda *parts: drawn.append(parts) or whole(*parts))
-    lee.composed_units(network, dance_input(network), 3, 1)
+    lee.composed_units(network, dance_input(), 3, 1)
     assert len(drawn) == draws
 
 
 def jump(network: DancingToMusic) -> float:
     """Largest change of step at the border of two units."""
-    code = lee.composed_units(network, dance_input(network), 3, 1)
+    code = lee.composed_units(network, dance_input(), 3, 1)
     return float(np.abs(np.diff(code[30:33], n=2, axis=0)).max())
 
 
@@ -464,14 +454,13 @@ def test_units_go_on_from_each_other_without_a_jump(network: DancingToMusic):
 
 
 def test_a_dance_goes_on_from_the_movement_before_it(network: DancingToMusic):
-    told = dance_input(network)
-    code = network.code(told, 1)
-    change = np.diff(np.concatenate([told.prior[-2:], code[:1]]), n=2, axis=0)  # of the step, at the border
-    assert np.abs(change[..., :-3]).max() < 0.15 < np.abs(code[20] - told.prior[-1]).max()
+    prior, code = dance_input().prior, network.code(dance_input(), 1)
+    change = np.diff(np.concatenate([prior[-2:], code[:1]]), n=2, axis=0)  # of the step, at the border
+    assert np.abs(change[..., :-3]).max() < 0.15 < np.abs(code[20] - prior[-1]).max()
 
 
 def test_the_root_of_a_dance_stays_at_the_origin(network: DancingToMusic):
-    code = network.code(dance_input(network), 1)[30:]  # after the first fade
+    code = network.code(dance_input(), 1)[30:]  # after the first fade
     np.testing.assert_allclose(code[:, [0, 2]], 0.0, atol=1e-3)
 
 
