@@ -6,7 +6,6 @@ import multiprocessing
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,8 @@ import pytest
 from harmolab import DanceMetric, Skeleton, evaluate, synthetic_clip
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
-from harmolab.lab.evaluate.evaluation import (
-    Evaluation,
-    EvaluationSettings,
-    evaluate_dances,
-    evaluation_pairs,
-    write_reference,
-)
+from harmolab.lab.evaluate import evaluation
+from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, evaluate_dances, write_reference
 from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import FROZEN, RECORDED
@@ -31,10 +25,9 @@ from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import music_and_motion
-from tests.builders import called, cases, refused
+from tests.builders import cases, done, missing, refused
 
 SYSTEM = "ours"
-run = partial(called, app)
 
 
 @dataclass(frozen=True)
@@ -63,7 +56,7 @@ def settings(root: Path, **others: Any) -> EvaluationSettings:
 
 def updates(root: Path, table: Evaluation) -> list[dict[str, Any]]:
     """The dances of the system as arguments of `update`, one a call."""
-    pairs = [pair for pair in evaluation_pairs(settings(root)).pairs if pair.system == SYSTEM]
+    pairs = [pair for pair in evaluation.evaluation_pairs(settings(root)).pairs if pair.system == SYSTEM]
     clips = [(pair, pair_clip(pair, table.options)) for pair in pairs]
     named = [(pair, clip.dance, *music_and_motion(clip)) for pair, clip in clips]
     return [
@@ -87,16 +80,21 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Evaluated:
     return Evaluated(root, table, updates(root, table))
 
 
+def measured(saved: Path, dances: list[dict[str, Any]]) -> DanceMetric:
+    metric = DanceMetric(saved)
+    for dance in dances:
+        metric.update(**dance)
+    return metric
+
+
 @pytest.mark.slow
 def test_the_metric_has_the_numbers_of_the_command(evaluated: Evaluated):
-    metric = DanceMetric(evaluated.saved)
-    for dance in evaluated.dances:
-        metric.update(**dance)
+    metric = measured(evaluated.saved, evaluated.dances)
     numbers = metric.compute()
     assert numbers.keys() == {*MEASURES, *evaluated.numbers}
     assert {"harmony", "likeness", "fid_kinetic", "fid_geometric", "multimodality_kinetic"} <= evaluated.numbers.keys()
-    for name, value in evaluated.numbers.items():
-        assert numbers[name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    own = {name: numbers[name] for name in evaluated.numbers}
+    assert own == pytest.approx(evaluated.numbers, rel=1e-9, abs=1e-9)
     assert metric.remarks == ()
     metric.reset()
     refused("nothing was measured yet", metric.compute)
@@ -104,10 +102,7 @@ def test_the_metric_has_the_numbers_of_the_command(evaluated: Evaluated):
 
 def rows_of(saved: Path, dances: list[dict[str, Any]]) -> list[Any]:
     """The rows that a process of its own measures."""
-    metric = DanceMetric(saved)
-    for dance in dances:
-        metric.update(**dance)
-    return metric.rows
+    return measured(saved, dances).rows
 
 
 @pytest.mark.slow
@@ -126,8 +121,7 @@ def test_two_processes_have_the_numbers_of_one(evaluated: Evaluated):
 @pytest.mark.slow
 def test_a_saved_reference_stands_for_the_folder(evaluated: Evaluated, tmp_path: Path):
     table = evaluate_dances(settings(evaluated.root, reference=evaluated.saved), tmp_path / "table")
-    assert table.rows == evaluated.table.rows
-    assert table.counts == evaluated.table.counts
+    assert (table.rows, table.counts) == (evaluated.table.rows, evaluated.table.counts)
     for key, mean in evaluated.table.means.items():
         np.testing.assert_allclose(table.means[key], mean, rtol=1e-9, atol=1e-12, err_msg=str(key))
     for key, number in evaluated.table.sets.items():
@@ -136,21 +130,18 @@ def test_a_saved_reference_stands_for_the_folder(evaluated: Evaluated, tmp_path:
         np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-9, err_msg=str(key))
     assert {system for system, _ in table.means} == {SYSTEM, *table.controls}
     assert "index.html" in write_evaluation(tmp_path / "table", table)
-    again = tmp_path / "again.npz"
-    refused("is a saved reference already", write_reference, again, table, tmp_path / "table")
-    refused("has no numbers of the protocol edge", evaluate_dances,
-            settings(evaluated.root, reference=evaluated.saved, protocols=["edge"]), tmp_path / "edge")  # fmt: skip
+    refused("is a saved reference already", write_reference, tmp_path / "again.npz", table, tmp_path / "table")
+    edge = settings(evaluated.root, reference=evaluated.saved, protocols=["edge"])
+    refused("has no numbers of the protocol edge", evaluate_dances, edge, tmp_path / "edge")
 
 
 @pytest.mark.slow
 def test_the_command_saves_a_reference_that_it_reads(evaluated: Evaluated, tmp_path: Path):
     recorded, saved = evaluated.root / "recorded", tmp_path / "saved.npz"
     common = ("evaluate", evaluated.root / SYSTEM, "--music", recorded, "--resamples", 100, "--jobs", 0)
-    first = run(*common, "--reference", recorded, "--save-reference", saved, "--out", tmp_path / "a")
-    assert first.exit_code == 0, first.output
+    done(app, *common, "--reference", recorded, "--save-reference", saved, "--out", tmp_path / "a")
     assert saved.read_bytes() == evaluated.saved.read_bytes()
-    second = run(*common, "--reference", saved, "--out", tmp_path / "b")
-    assert second.exit_code == 0, second.output
+    done(app, *common, "--reference", saved, "--out", tmp_path / "b")
     rows = [json.loads((tmp_path / name / "table.json").read_text())["rows"] for name in "ab"]
     assert [row["system"] for row in rows[1]] == [SYSTEM, "recorded", "recorded, other song", "frozen pose"]
     assert rows[1][0]["fid_kinetic"] == pytest.approx(rows[0][0]["fid_kinetic"], rel=1e-9)
@@ -177,11 +168,9 @@ def damaged(path: Path, **changes: Any) -> Path:
     """A file like that of a reference, with other arrays, or another entry of its description."""
     save_reference(path, load_reference(SYNTHETIC))
     arrays = dict(np.load(path))
-    about = json.loads(arrays["about"].tobytes()) | {
-        name: value for name, value in changes.items() if name != "numbers"
-    }
+    arrays["numbers"] = changes.pop("numbers", arrays["numbers"])
+    about = json.loads(arrays["about"].tobytes()) | changes
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    arrays["numbers"] = changes.get("numbers", arrays["numbers"])
     np.savez(path, **arrays)
     return path
 
@@ -204,8 +193,7 @@ def test_a_reference_that_is_damaged_is_an_error_that_names_the_file(
 def test_another_file_is_no_reference(tmp_path: Path):
     np.savez(tmp_path / "x.npz", positions=np.zeros((3, 2)))
     refused(r"x\.npz: is no reference", load_reference, tmp_path / "x.npz")
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        load_reference(tmp_path / "nowhere.npz")
+    missing("nowhere", load_reference, tmp_path / "nowhere.npz")
 
 
 # In memory
@@ -247,15 +235,15 @@ def says(remarks: list[str], text: str) -> bool:
 
 def test_a_reference_may_be_motions_or_a_file_and_what_is_missing_has_its_reason():
     motions, beats = short(4)
-    numbers = evaluate(motions, beats, reference=[motion.positions for motion in motions], fps=30.0,
-                       skeleton=motions[0].skeleton)  # fmt: skip
+    arrays, skeleton = [motion.positions for motion in motions], motions[0].skeleton
+    numbers = evaluate(motions, beats, reference=arrays, fps=30.0, skeleton=skeleton)
     assert numbers["fid_kinetic"] < 0 < numbers["diversity_kinetic"]  # the same dances: raw 0, the bias taken off
     assert evaluate(motions, beats, reference=SYNTHETIC)["fid_geometric"] > 0
     few = evaluate(motions[:1], beats[:1], reference=SYNTHETIC)
     assert "fid_kinetic" not in few
     assert says(few["remarks"], "There is no Fréchet distance: it needs 4 dances on either side.")
-    other = Skeleton(tuple(f"j{number}" for number in range(21)), motions[0].skeleton.parents)
-    named = evaluate([motion.positions for motion in motions], beats, fps=30.0, skeleton=other, reference=SYNTHETIC)
+    other = Skeleton(tuple(f"j{number}" for number in range(21)), skeleton.parents)
+    named = evaluate(arrays, beats, fps=30.0, skeleton=other, reference=SYNTHETIC)
     assert says(named["remarks"], "on kinetic features: the joints are not those of the reference")
 
 
@@ -306,6 +294,5 @@ def test_torchmetrics_has_the_same_numbers():
     collection = torchmetrics.MetricCollection({"dance": DanceMetric(SYNTHETIC).torchmetrics()})
     for first in (0, 2):
         collection.update(motions[first : first + 2], beats[first : first + 2], songs=[f"{first}", f"{first + 1}"])
-    np.testing.assert_equal(
-        {name.removeprefix("dance_"): float(value) for name, value in collection.compute().items()}, metric.compute()
-    )
+    numbers = {name.removeprefix("dance_"): float(value) for name, value in collection.compute().items()}
+    np.testing.assert_equal(numbers, metric.compute())
