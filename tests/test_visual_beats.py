@@ -149,10 +149,8 @@ def stopping_bar(fps: float, *, seconds: float = 7.0, height: int = 120) -> Iter
     bar = texture(height // 2, height // 6)
     width = height * 4 // 3
     for time in np.arange(round(seconds * fps)) / fps:
-        moves = [
-            sign * np.clip((time - stop + 0.4) / 0.4, 0, 1) for stop, sign in zip(STOPS, (1, -1) * 3, strict=False)
-        ]
-        shift = np.array([[1, 0, (0.2 + 0.35 * sum(moves)) * height], [0, 1, height / 4]])
+        moves = np.clip((time - np.array(STOPS) + 0.4) / 0.4, 0, 1) * [1, -1, 1, -1, 1]
+        shift = np.array([[1, 0, (0.2 + 0.35 * moves.sum()) * height], [0, 1, height / 4]])
         frame = np.full((height, width), 200, np.uint8)
         yield cv2.warpAffine(bar, shift, (width, height), dst=frame, borderMode=cv2.BORDER_TRANSPARENT)
 
@@ -160,7 +158,6 @@ def stopping_bar(fps: float, *, seconds: float = 7.0, height: int = 120) -> Iter
 @pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 50.0])
 def test_each_sudden_stop_is_one_beat_within_a_frame(fps: float) -> None:
     track = flows.flow_beats(stopping_bar(fps), fps)
-    assert len(track) == len(STOPS)
     np.testing.assert_allclose(track.times, STOPS, atol=TOLERANCE)
     assert 0 < track.strengths.min() <= track.strengths.max() == 1.0
     assert (track.fps, track.duration) == (fps, round(7.0 * fps) / fps)
@@ -244,9 +241,8 @@ def test_too_few_frames_for_an_impact_give_as_many_zeros(count: int) -> None:
 
 def test_peaks_are_highest_within_the_radius() -> None:
     envelope = np.array([0, 5, 0, 9, 0, 0, 0, 4, 0.0])
-    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=1, threshold=0.5), [1, 3, 7])
-    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=2, threshold=0.5), [3, 7])
-    np.testing.assert_array_equal(flows.local_peaks(envelope, radius_frames=4, threshold=0.5), [3])
+    peaks = {radius: flows.local_peaks(envelope, radius_frames=radius, threshold=0.5).tolist() for radius in (1, 2, 4)}
+    assert peaks == {1: [1, 3, 7], 2: [3, 7], 4: [3]}
 
 
 def test_a_peak_exceeds_the_mean_around_it_by_more_than_the_threshold() -> None:
