@@ -45,8 +45,7 @@ def sound_of(html: str) -> np.ndarray:
 
 def test_each_record_is_one_short_line():
     for record in records():
-        assert "\n" not in repr(record)
-        assert len(repr(record)) < 160
+        assert "\n" not in repr(record) and len(repr(record)) < 160
 
 
 def test_lines_say_what_was_planted():
@@ -103,8 +102,7 @@ def test_what_is_long_is_cut_to_a_minute_and_it_is_said():
 @pytest.mark.parametrize("rate", [1000.0, 1e6])
 def test_sound_of_a_rate_that_no_browser_plays_says_so(rate: float):
     html = Audio(np.zeros(5000), rate)._repr_html_()
-    assert "3000 to 192000 Hz" in html
-    assert "<audio" not in html
+    assert "3000 to 192000 Hz" in html and "<audio" not in html
 
 
 def test_clip_is_a_player_and_without_motion_its_sound():
@@ -112,8 +110,7 @@ def test_clip_is_a_player_and_without_motion_its_sound():
     assert re.search(r"<iframe .*&#34;ogg&#34;: &#34;|<iframe .*ogg&quot;: &quot;", clip._repr_html_(), re.DOTALL)
     assert "synthetic" in clip._repr_html_().partition("<iframe")[0]
     alone = replace(clip, motion=None)._repr_html_()
-    assert "<audio controls" in alone
-    assert "there is no motion" in alone
+    assert "<audio controls" in alone and "there is no motion" in alone
 
 
 def test_judgement_is_its_verdict_and_its_remarks():
