@@ -20,7 +20,7 @@ from study.cells import notebook_cells
 from study.experiments import study
 from study.experiments.study import agreement, clip_of_study, corpus_folders, data_root, excerpt, study_recordings
 from study.profile import RunProfile
-from tests.builders import cases, refused, track
+from tests.builders import cases, missing, refused, track
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 RATE = 8000
@@ -76,8 +76,7 @@ def test_a_setting_that_names_no_folder_is_refused_and_without_one_there_are_no_
 ):
     assert data_root() is None
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path / "nowhere"))
-    with pytest.raises(FileNotFoundError, match=r"HARMOLAB_DATA names .*nowhere, which is no folder"):
-        data_root()
+    missing(r"HARMOLAB_DATA names .*nowhere, which is no folder", data_root)
 
 
 def test_a_folder_of_sequences_is_one_corpus_and_a_folder_of_corpora_is_several(
@@ -200,10 +199,8 @@ def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Pa
     beats = recordings / "A" / "beats.json"
     beats.write_text(json.dumps(json.loads(beats.read_text()) | {"motion_offset_s": 0.34}))
     (whole,) = study.cut_clips(load_recording(recordings / "A"), "annotated", None)
-    parts = [
-        replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"})),
-        replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"})),
-    ]
+    before = replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"}))
+    parts = [before, replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"}))]
     judged = []
     monkeypatch.setattr(study, "cut_clips", lambda *_arguments: parts)
     rest = BarPattern.stop_on_the_beat()
@@ -237,9 +234,8 @@ def test_agreement_without_music_is_defined():
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(study, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
     table = CELLS.beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
-    assert table[["detector", "tolerance (s)"]].values.tolist() == [
-        ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],
-    ]  # fmt: skip
+    assert table["detector"].tolist() == ["turns", "turns", "valleys", "valleys"]
+    assert table["tolerance (s)"].tolist() == [0.12, 0.25, 0.12, 0.25]
     valleys = table[table.detector == "valleys"].iloc[0]
     # Three dancers of seven seconds stop on every click.
     counted = valleys[["music beats", "visual beats", "omitted", "redundant", "hit rate"]].tolist()
@@ -253,9 +249,8 @@ def test_words_about_joint_speed_name_the_numbers_of_their_table():
     row = {"detector": "turns", "tolerance (s)": 0.12, "music beats": 4, "visual beats": 9, "omitted": 1}
     row |= {"redundant": 6, "hit rate": 0.75, "chance": 0.5}
     tables = {"table05_omission_redundancy": pd.DataFrame([row])}
-    assert CELLS.finding(tables) == (
-        "Turns of the joint speed meet 75% of the music's beats within 0.12 s; at random moments they meet 50%."
-    )
+    words = "Turns of the joint speed meet 75% of the music's beats within 0.12 s; at random moments they meet 50%."
+    assert CELLS.finding(tables) == words
     assert "±0.12 s: 1 of 4 music beats omitted, 6 of 9 visual beats left over; 75.0% met" in CELLS.reading(tables)
 
 
@@ -288,9 +283,8 @@ def test_words_about_harmony_distortion_name_the_numbers_of_their_table():
     wide = counts | {"omitted": 0, "redundant": 35, "hits": 18, "chance hits": 17.96, "tolerance (s)": 0.24}
     table = pd.DataFrame([{"dance": "waltz", "seconds": 12.0, "tolerance (s)": 0.12} | counts, wide])
     words = notebook_cells("01_harmony_distortion").reading({"table01_agreement": table})
-    assert (
-        "meet 14 of 18 music beats within 0.12 s (78%, at random moments 86%), and 39 of the 53 are left over" in words
-    )
+    met = "meet 14 of 18 music beats within 0.12 s (78%, at random moments 86%), and 39 of the 53 are left over"
+    assert met in words
     assert words.endswith("The wide field gives changes of direction 4 hits more, and random moments 2.5.")
 
 
