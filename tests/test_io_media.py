@@ -19,7 +19,7 @@ from harmolab.readers.beats import BeatAnnotation, Unit, load_annotation, load_b
 from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
-from tests.builders import cases, refused, track
+from tests.builders import cases, missing, refused, track
 from tests.test_hostile import mutated
 
 RATE = 8000
@@ -146,8 +146,7 @@ def test_impossible_span_is_refused(tmp_path: Path, options: dict[str, float], f
 def test_another_format_a_missing_file_a_folder_and_a_pipe_are_told_apart(tmp_path: Path):
     soundfile.write(tmp_path / "tone.aiff", ramp(), RATE)
     refused(r"tone\.aiff: is a AIFF file", load_audio, tmp_path / "tone.aiff")
-    with pytest.raises(FileNotFoundError, match=r"none\.wav: no such file"):
-        load_audio(tmp_path / "none.wav")
+    missing(r"none\.wav: no such file", load_audio, tmp_path / "none.wav")
     refused("is a folder", audio_info, tmp_path)
     refused("is a device or a pipe", load_audio, "/dev/zero")
 
@@ -411,8 +410,7 @@ def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_p
     write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=pulse(0.5))
     refused(r"v\.mp4: has more than 0.5 s of sound", video_sound, tmp_path / "v.mp4", max_seconds=0.5)
     for read in (video_sound, video_frames):
-        with pytest.raises(FileNotFoundError, match=r"none\.mp4: no such file"):
-            read(tmp_path / "none.mp4")
+        missing(r"none\.mp4: no such file", read, tmp_path / "none.mp4")
 
 
 @cases(
