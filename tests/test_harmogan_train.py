@@ -339,9 +339,8 @@ def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, network
 
 def test_recorded_motion_is_validated_without_error(split: Split, networks: Networks):
     units = Tensors.of(split.validation)
-    networks.generator.forward = lambda audio, initial: GeneratorOutput(
-        units.motion, units.motion
-    )  # dances as recorded
+    as_recorded = GeneratorOutput(units.motion, units.motion)
+    networks.generator.forward = lambda audio, initial: as_recorded
     found = validate(networks.generator.train(), units, PAPER)
     assert networks.generator.training
     # Nothing differs, so every frame adds epsilon.
@@ -383,10 +382,8 @@ def test_everybody_may_read_what_the_umask_allows(finished: tuple[Path, list[Any
 def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
     folder, _ = finished
     rows = list(csv.DictReader((folder / "history.csv").read_text().splitlines()))
-    assert [(row["phase"], row["epoch"]) for row in rows] == [
-        *(("pretrain", str(epoch)) for epoch in range(3)),
-        *(("adversarial", str(epoch)) for epoch in range(3, 6)),
-    ]
+    names = 3 * ["pretrain"] + 3 * ["adversarial"]
+    assert [(row["phase"], row["epoch"]) for row in rows] == [*zip(names, "012345", strict=True)]
     terms = TERMS | {"critic_st", "critic_cd", "total"}
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
