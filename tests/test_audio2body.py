@@ -213,9 +213,7 @@ def test_example_of_a_rule_is_its_frame_of_most_movement():
     detected = np.ones((96, 50), bool)
     detected[70:73, 9] = False
     examples = cleaning.rejected_examples(cleaned(replace(performance(points), detected=detected)))
-    assert set(examples) == {"jump", "missing"}
-    assert examples["jump"] == 32
-    assert examples["missing"] in (70, 71, 72)
+    assert examples in [{"jump": 32, "missing": frame} for frame in (70, 71, 72)]
 
 
 @pytest.mark.parametrize("setting", [{"jump": 0.0}, {"centre": -1.0}, {"longest_run": np.inf}, {"cut": np.nan}])
@@ -359,12 +357,11 @@ def test_hands_that_nothing_tells_the_place_of_stay_as_they_are(joints: tuple[st
 
 def test_recording_without_the_anchors_of_the_reference_is_refused_by_name():
     whole, tips = cleaned(performance(playing())), cleaned(part(playing(), HANDS_12.joints))
-    with pytest.raises(ValueError, match="a player: has nothing to be aligned by, the reference left_shoulder"):
-        placed(tips, reference_configuration(whole))
+    reference = reference_configuration(whole)
+    refused("a player: has nothing to be aligned by, the reference left_shoulder", placed, tips, reference)
     refused("the reference nothing; take recordings with the same points", placed, whole, reference_configuration(tips))
-    assert placed(tips, reference_configuration(whole), alignment="none") is tips.motion
-    with pytest.raises(ValueError, match="alignment must be recording, frame or none, got 'video'"):
-        placed(whole, reference_configuration(whole), alignment="video")
+    assert placed(tips, reference, alignment="none") is tips.motion
+    refused("must be recording, frame or none, got 'video'", placed, whole, reference, alignment="video")
 
 
 @pytest.mark.parametrize("alignment", ["recording", "frame"])
@@ -372,8 +369,8 @@ def test_shoulders_in_one_place_are_refused_by_name(alignment: str):
     points = playing()
     points[:, [1, 6, 7]] = points[:, :1]
     reference = reference_configuration(cleaned(performance(playing())))
-    with pytest.raises(ValueError, match="a player: the points lie in one place"):
-        placed(cleaned(performance(points)), reference, alignment=alignment)
+    result = cleaned(performance(points))
+    refused("a player: the points lie in one place", placed, result, reference, alignment=alignment)
 
 
 def test_each_frame_may_be_placed_by_itself():
@@ -827,9 +824,8 @@ def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(violin: Simpl
 def test_correlations_of_components():
     space = PointSpace(np.zeros(3), np.eye(3), np.ones(3))
     truth = np.array([[1.0, 0.0, 5.0], [2.0, 1.0, 5.0], [3.0, 0.0, 5.0]])
-    values = CELLS.component_correlations(
-        space, [truth[:2] * (2, -1, 1), truth[2:] * (2, -1, 1)], [truth[:2], truth[2:]]
-    )
+    predicted = truth * (2, -1, 1)
+    values = CELLS.component_correlations(space, [predicted[:2], predicted[2:]], [truth[:2], truth[2:]])
     np.testing.assert_allclose(values, [1.0, -1.0, np.nan])
 
 
@@ -841,8 +837,7 @@ def test_bow_phase_is_refused_where_there_is_no_bow(violin: SimpleNamespace):
     refused("bow_phase is of violinists", training.prepared, replace(violin.played, instrument="piano"), violin.split)
     refused("left_shoulder", training.prepared, replace(violin.played, skeleton=HANDS_12), violin.split)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
-    for call in (predicted_strokes, CELLS.bow_errors):
-        with pytest.raises(ValueError, match="without bow_phase"):
-            call(plain, violin.played.sequences[0].sound if call is predicted_strokes else violin.played.sequences)
+    refused("without bow_phase", predicted_strokes, plain, violin.played.sequences[0].sound)
+    refused("without bow_phase", CELLS.bow_errors, plain, violin.played.sequences)
     still = replace(violin.played.sequences[0], points=np.zeros_like(violin.played.sequences[0].points))
     refused("10 strokes or more; these recordings have 0", bowing.Bowing.fit, [still], PLAYER_50, PARAMS)
