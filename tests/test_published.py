@@ -11,7 +11,7 @@ from typing import Any
 import nbformat
 import pytest
 
-from harmolab.lab.report.pages import MANIFEST
+from harmolab.lab.report import MANIFEST
 from harmolab.lab.report.run import experiment_digest, notebook_of
 from study.figures.redraw import PICTURES
 from study.saving import PRIVATE

@@ -24,7 +24,7 @@ from matplotlib.text import Text
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.lab.report.pages import MANIFEST
+from harmolab.lab.report import MANIFEST
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
 from study.cells import notebook_cells

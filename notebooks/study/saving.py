@@ -18,7 +18,7 @@ from matplotlib.text import Text
 
 from harmolab.files import atomic_write, write_json
 from harmolab.lab.figures.style import COLOURS, write_figure
-from harmolab.lab.report.pages import MANIFEST
+from harmolab.lab.report import MANIFEST
 from study.figures.pictures import PICTURES
 from study.figures.words import is_synthetic
 from study.profile import RunProfile

@@ -23,6 +23,7 @@ from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 from nbformat.v4 import new_output
 
+from harmolab.lab.report import MANIFEST
 from harmolab.lab.report.templates import TEMPLATES, rendered
 
 # Pictures of a report: those its notebooks drew, and beside them the committed ones of the full profile.
@@ -159,7 +160,6 @@ def _pixels(png: bytes | str) -> int:
     return round(width / (per_metre * 0.0254) * PIXELS_PER_INCH) if per_metre else int(width)
 
 
-MANIFEST = "manifest.json"  # beside the figures of a run
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 

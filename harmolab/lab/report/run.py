@@ -23,7 +23,8 @@ from nbconvert.filters.ansi import strip_ansi
 from tqdm import tqdm
 
 from harmolab.files import atomic_folder, atomic_write, write_json
-from harmolab.lab.report.pages import MANIFEST, MARK, SAVED, NotebookRun, manifest_of, write_pages
+from harmolab.lab.report import MANIFEST
+from harmolab.lab.report.pages import MARK, SAVED, NotebookRun, manifest_of, write_pages
 
 # Figures and tables of a full run: each notebook's replace what it published before, as soon as it has run
 

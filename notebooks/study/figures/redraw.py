@@ -16,7 +16,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harmolab.lab.report.pages import MANIFEST
+from harmolab.lab.report import MANIFEST
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.music2dance.params import Music2DanceParams
 from study.cells import notebook_cells
