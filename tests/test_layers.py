@@ -55,7 +55,7 @@ LIBRARIES = {
         *("beats.audio", "musician.sound_features", "systems.training.features", "systems.music2dance.music_features"),
     ),
     "pandas": ("lab", "cli"),
-    "jinja2": ("lab.report",),
+    **dict.fromkeys(("jinja2", "nbformat", "nbconvert"), ("lab.report",)),
     **dict.fromkeys(("dask", "distributed"), ("lab.evaluate.engine",)),
     "pyarrow": ("lab.evaluate.parts",),
 }
@@ -157,6 +157,14 @@ def test_no_module_imports_itself_round_a_circle():
         targets = {name if name in names else name.rpartition(".")[0] for name in imports}
         graph[f"harmolab.{module}"] = (targets & names) - {f"harmolab.{module}"}
     TopologicalSorter(graph).prepare()  # CycleError names the circle
+
+
+def test_the_study_needs_nothing_of_reports_but_the_name_of_a_manifest():
+    # nbformat takes three seconds to import, in every notebook that is opened.
+    study = sorted((PACKAGE.parent / "notebooks" / "study").rglob("*.py"))
+    names = {name for path in study for _, name in imported(parsed(path)[1], "", is_package=False)}
+    heavy = ("harmolab.lab.report", "nbformat", "nbconvert")
+    assert {name for name in names if name.startswith(heavy)} == {"harmolab.lab.report.MANIFEST"}
 
 
 def test_the_folder_shows_the_core_and_what_is_around_it():
