@@ -810,11 +810,8 @@ def test_a_song_in_which_no_beat_is_heard_is_a_fault(planted: Path, tmp_path: Pa
     silent = tmp_path / "silent.wav"
     soundfile.write(silent, np.zeros(10 * 22050), 22050)
     dance = planted / "off" / "clip_0001_cha-cha.npz"
-    pair, message = (
-        Pair("x", "", "silent", dance, silent),
-        r"silent\.wav: holds no beats; give them in a file SONG\.beats",
-    )
-    refused(message, clip_row, pair, RowOptions())
+    pair = Pair("x", "", "silent", dance, silent)
+    refused(r"silent\.wav: holds no beats; give them in a file SONG\.beats", clip_row, pair, RowOptions())
     silent.with_suffix(".beats").write_text("1\n2\n3\n")
     assert clip_row(pair, RowOptions())["music_beats"] == 3
 

@@ -3,6 +3,8 @@
 import hashlib
 import json
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ import safetensors.torch
 import torch
 from safetensors.numpy import save_file
 
+import harmolab
 from harmolab import Skeleton
 from harmolab.systems import FeatureParams, ModelParams
 from harmolab.systems.harmogan.networks import Generator, load_generator
@@ -115,6 +118,19 @@ def test_other_modules_are_not_stored(tmp_path: Path):
 
 def test_missing_weights_are_named(tmp_path: Path):
     missing(r"nowhere\.safetensors: no such file", load_generator, tmp_path / "nowhere")
+
+
+@pytest.mark.slow  # a process
+def test_shipped_weights_are_read_without_torchs_compiler():
+    shipped = Path(harmolab.__file__).parent / "systems"
+    program = (
+        "import sys, harmolab.systems\nfrom harmolab.systems.training.pose_network import load_pose_net\n"
+        f"load_pose_net({str(shipped / 'harmogan/weights/pose_net')!r})\n"
+        f"harmolab.systems.load({str(shipped / 'music2dance/weights')!r})\n"
+        "print('torch._dynamo' in sys.modules)"
+    )
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert answer.stdout == "False\n"  # its import takes two seconds
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".pth", ".pkl", ".safetensors"])
