@@ -159,6 +159,7 @@ def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
         assert ask(server.address, "GET", path=f"{server.path}{name}")[0] == 404
 
 
+@pytest.mark.slow
 def test_a_fault_or_the_end_of_the_worker_is_a_sentence_and_the_app_lives_on(server: AppServer):
     put(server, "dance/x.mp4")
     assert after(server, "fit")["fault"] == "x.mp4: cannot be read"
@@ -166,6 +167,7 @@ def test_a_fault_or_the_end_of_the_worker_is_a_sentence_and_the_app_lives_on(ser
     assert after(server, "judge")["lines"][0] == "x.mp4  None"
 
 
+@pytest.mark.slow
 def test_work_can_be_stopped_and_nothing_else_begins_meanwhile(server: AppServer):
     order(server, task="judge", style="waltz")
     finished(server, lambda now: now["views"] != [])

@@ -594,6 +594,7 @@ def test_windows_in_a_row_are_one_pass():
     torch.testing.assert_close(training.windows_passed(network, sound), network(sound)[0], atol=1e-6, rtol=0)
 
 
+@pytest.mark.slow
 def test_training_learns_and_keeps_the_errors_of_all_sides(run: Path):
     data = fake_set(params=replace(TINY, epochs=40))
     folder = run.parent / "longer"

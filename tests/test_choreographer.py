@@ -853,6 +853,7 @@ def test_arrays_that_no_recording_has_are_refused(saved: Path, name: str, change
 # No torch
 
 
+@pytest.mark.slow
 def test_a_dance_imports_no_torch(saved: Path):
     code = (
         "import sys, numpy as np\n"

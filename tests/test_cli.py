@@ -142,6 +142,7 @@ def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str,
     assert hint in refusal(*arguments)
 
 
+@pytest.mark.slow
 def test_compare_json_has_every_promised_score(corpus: Path):
     summary = json.loads(run("evaluate", "compare", corpus, "--rotations", 40, "--json", "--jobs", 0).stdout)
     assert {"corpus", "window", "null", "beats", "n", "scores"} <= set(summary)
@@ -178,6 +179,7 @@ def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path):
     assert "harmolab data check" in refusal("evaluate", "compare", tmp_path)
 
 
+@pytest.mark.slow
 def test_compare_gives_the_verdict_of_score(tmp_path: Path):
     root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
     command = ("evaluate", "compare", root, "--dances", "jive,samba", "--rotations", 20, "--jobs", 0, "--json")
@@ -422,6 +424,7 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_folder_alone_goes_to_every_command(recording: Path, tmp_path: Path):
     succeed("score", recording)
     succeed("score", recording, "--why", tmp_path / "why.html")

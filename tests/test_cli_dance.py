@@ -327,6 +327,7 @@ def test_json_names_every_piece(song: Path):
     assert result.stderr.endswith("wrote dance.npz\n")
 
 
+@pytest.mark.slow
 def test_samples_without_a_name_are_numbered_after_the_song(song: Path):
     danced(song, "--samples", 2, "--seed", 3, "--seconds", 0.5)
     ends = ("bvh", "html", "mp4")
@@ -356,6 +357,7 @@ def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(song: 
     assert "rests of the body" not in named.stdout
 
 
+@pytest.mark.slow
 def test_where_every_seed_fails_the_first_is_danced_and_it_is_said(song: Path, monkeypatch: pytest.MonkeyPatch):
     judged_as(monkeypatch, *[SPUN] * MOST_SEEDS)
     result = called(app, "dance", song, "--out", "dance.npz")
@@ -433,6 +435,7 @@ def test_music_in_threes_and_a_dance_by_name_are_ballroom_unless_a_style_is_name
         assert (line in said) == (line in lines)
 
 
+@pytest.mark.slow
 def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Path):
     loud = clip.audio.samples
     silent = np.concatenate([0.1 * loud, loud, np.zeros(round(3 * clip.audio.sample_rate)), loud[: loud.size // 2]])

@@ -60,6 +60,7 @@ def test_a_lab_spares_its_inputs_and_is_a_page(pair: tuple[Path, Path]):
     assert "no such file" in refusal("lab", "none.wav", pair[1], "--no-open")
 
 
+@pytest.mark.slow
 def test_the_sliders_of_the_thresholds_end_where_nothing_is_left():
     stage = live.Stage.of(planted_dance(seconds=20.0))
     controls = one_clip.scoring_content(stage).controls

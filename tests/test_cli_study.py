@@ -70,6 +70,7 @@ def test_study_is_whole_balanced_and_blind(study: Path):
         assert len(page) < 400_000
 
 
+@pytest.mark.slow
 def test_same_seed_makes_the_same_study(corpus: Path, study: Path, tmp_path: Path):
     again, other = made(corpus, tmp_path / "again"), made(corpus, tmp_path / "other", "--seed", 2)
     for name in ("trials.json", "key.json", "scores.json"):

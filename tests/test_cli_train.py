@@ -164,18 +164,21 @@ def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[
     assert files(out) == before
 
 
+@pytest.mark.slow
 def test_resuming_with_another_seed_of_the_split_names_its_file(trained: tuple[Path, Result], run: Run, corpus: Path):
     out, before = trained[0], files(trained[0])
     assert f"{out}/split.json: " in told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
     assert files(out) == before
 
 
+@pytest.mark.slow
 def test_pretraining_of_a_run_that_is_none_is_told(run: Run, corpus: Path, tmp_path: Path):
     line = told(run(corpus, "--out", tmp_path / "run", "--pretrained", tmp_path / "nowhere"))
     assert line == f"harmolab: {tmp_path / 'nowhere' / 'settings.json'}: no such file"
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_the_ablation_takes_over_pretraining(trained: tuple[Path, Result], run: Run, corpus: Path, tmp_path: Path):
     out = tmp_path / "without"
     result = run(corpus, "--out", out, "--harmony-weight", 0, "--pretrained", trained[0])

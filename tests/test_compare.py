@@ -249,6 +249,7 @@ def test_lagged_music_is_later_by_the_stated_tenths_of_a_beat():
     assert result.summary["scores"]["valleys"]["auc"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_random_motion_lies_inside_its_chance_band():
     def wandering(seed: int) -> Motion:
         rng = np.random.default_rng(seed)
@@ -265,6 +266,7 @@ def test_a_random_motion_lies_inside_its_chance_band():
     assert low <= scores["recommended"]["auc"] <= high
 
 
+@pytest.mark.slow
 def test_parts_of_one_unit_turn_together():
     # By patterns of others, six units turned each alone are never all right or wrong; one unit, danced six times, is.
     teachers = [danced(f"T{i}", dancer(10 + i, peak=0.3), f"other {i}") for i in range(4)]
@@ -287,6 +289,7 @@ def test_band_is_at_least_as_wide_as_with_recordings_that_turn_as_one():
     assert bands[0] == bands[1]
 
 
+@pytest.mark.slow
 def test_a_window_longer_than_a_part_scores_the_mean_of_its_parts():
     sequences = [danced(f"S{i}", dancer(i, seconds=12.0), f"figure {i}") for i in range(3)]
     short, long = compared(sequences, window=6.0), compared(sequences, window=12.0)

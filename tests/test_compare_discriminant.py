@@ -156,6 +156,7 @@ def test_nobody_to_learn_from_leaves_bodies_that_stop_on_the_beat(noise: FitBatc
     np.testing.assert_array_equal(weights, np.tile([0.0, 0, -1, 0, 0, 0, 0, 0], (5, 1)))
 
 
+@pytest.mark.slow
 def test_bounce_that_is_the_only_sign_is_found_by_the_discriminant_alone():
     summary = compared(corpus([0.0] * 8)).summary
     ours, second = (summary["scores"][name] for name in ("recommended", "discriminant"))
@@ -215,6 +216,7 @@ def test_another_corpus_teaches_alone():
     assert result.wrong["discriminant"][:, 2].min() > 0.5
 
 
+@pytest.mark.slow
 def test_other_music_is_judged_by_what_lagged_music_taught():
     recordings = corpus([0.0] * 4)
     own, other = compared(recordings, n_rotations=0), compared(recordings, null="other", n_rotations=0)

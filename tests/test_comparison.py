@@ -159,6 +159,7 @@ def test_a_longer_excerpt_reaches_back_where_the_song_ends():
 # Contests
 
 
+@pytest.mark.slow
 def test_teachers_are_what_training_units_cover_and_nothing_of_a_test_meter():
     contest = contests.contests(PROFILE, 0)[0]
     spans = contests.training_spans(contest.split)

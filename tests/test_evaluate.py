@@ -645,6 +645,7 @@ def test_latex_has_the_columns_of_all_protocols_as_papers_print_them(table: Eval
     assert "edge: Its paper also prints beat alignment and diversity (Dist\\_k, Dist\\_g); no code" in text
 
 
+@pytest.mark.slow
 def test_remarks_on_columns_of_protocols_are_those_of_our_own(table: Evaluation) -> None:
     published = with_protocols(table)
     about = {note: note.about for note in table_notes(published)}
@@ -824,6 +825,7 @@ def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Pat
     assert numbers == [{}, {}] and remark.startswith("No numbers: the published code takes SMPL's joints; none is")
 
 
+@pytest.mark.slow
 def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(few: Path, tmp_path: Path) -> None:
     out, some = tmp_path / "table", settings(few, systems={"off": few / "off"})
     evaluate_dances(some, out)
@@ -882,6 +884,7 @@ def test_a_run_with_other_recorded_dances_is_not_resumed(few: Path, tmp_path: Pa
     refused(message, evaluate_dances, some, tmp_path / "table", resume=True)
 
 
+@pytest.mark.slow
 def test_a_protocol_without_numbers_is_a_remark(few: Path, tmp_path: Path) -> None:
     some = settings(few, protocols=["bailando"], systems={"off": few / "off"})
     notes = list(table_notes(evaluate_dances(some, tmp_path / "table")))

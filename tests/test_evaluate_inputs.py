@@ -341,6 +341,7 @@ def test_links_that_lead_nowhere_or_to_a_neighbour_are_no_seeds(faults: Path, tm
     }
 
 
+@pytest.mark.slow
 def test_a_second_run_beside_one_that_is_alive_is_not_told_to_begin_anew(faults: Path, tmp_path: Path) -> None:
     some = EvaluationSettings({"ours": faults / "recorded"}, faults / "songs", faults / "recorded", resamples=100)
     evaluate_dances(some, tmp_path / "table")

@@ -169,6 +169,7 @@ def test_an_excerpt_of_a_sequence_without_motion_is_refused(recordings: Path):
     refused("no motion", excerpt, still, 4.0)
 
 
+@pytest.mark.slow
 def test_without_recordings_the_clip_of_study_is_free_movement_on_a_synthetic_song():
     clip = clip_of_study(TINY, dance="jive", seconds=3.0, beats="annotated")
     assert (clip.dance, clip.motion.duration) == ("jive", 3.0)

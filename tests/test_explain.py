@@ -153,6 +153,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path], tmp_path: Path):
     *short, written = explained(*long_files, "--offset", 0).stdout.splitlines()
     result = explained(*long_files, "--offset", 0, "--verbose")
@@ -227,6 +228,7 @@ def test_missing_dance_and_damaged_video_are_named(files: tuple[Path, Path], tmp
     assert f"{name}: {fault}" in unexplained(files[0], tmp_path / name)
 
 
+@pytest.mark.slow
 def test_a_learnt_pattern_changes_the_score_and_an_unknown_one_is_named(long_files: tuple[Path, Path], tmp_path: Path):
     patterns = {"jive": {"beats": 1, "cosines": [1.0], "sines": [0.0], "source": "planted: fastest on the beat"}}
     (tmp_path / "patterns.json").write_text(json.dumps(patterns))

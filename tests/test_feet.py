@@ -302,6 +302,7 @@ def planted(danced: Motion) -> SimpleNamespace:
 CONTEST = Contest(RunProfile.quick(), "made up", "planted", (), (), 1)
 
 
+@pytest.mark.slow
 def test_dances_are_treated_in_three_ways_beside_the_recorded(planted: SimpleNamespace):
     table = planted.feet_of_dances(CONTEST).set_index(["dancer", "feet"])
     assert [*table.index.get_level_values("dancer").unique()] == ["recommended", "paper, calm", "paper"]

@@ -301,6 +301,7 @@ def test_a_phase_changes_its_own_networks_alone(
     assert all(share == 0 for name, share in shares.items() if name not in own)
 
 
+@pytest.mark.slow
 def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor], tmp_path: Path):
     # 13 units in shards of 5, 4 and 4; rounding differs.
     one, three = trained("one"), trained("three", shards=3)
@@ -311,6 +312,7 @@ def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., t
     assert in_shards == pytest.approx(errors, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
     larger = replace(MODEL, hidden=64, pose_features=64)
     generator = Networks.fresh(split.train, Tensors.of(split.train), larger, networks.pose_net, seed=1).generator
@@ -323,6 +325,7 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
     assert errors[-1] < 0.2 * errors[0]
 
 
+@pytest.mark.slow
 @cases("params", PAPER, RECOMMENDED, ids=["paper", "recommended"])
 def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, shard: Shard):
     alone = replace(params, feature_weight=0.0, gan_weight=0.0)
@@ -416,6 +419,7 @@ def trained(split: Split, tmp_path: Path) -> Callable[..., torch.Tensor]:
     return train
 
 
+@pytest.mark.slow
 def test_the_seed_alone_decides_about_chance(trained: Callable[..., torch.Tensor]):
     torch.manual_seed(5)
     first = trained("first")

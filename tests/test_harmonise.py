@@ -69,6 +69,7 @@ def test_a_perfect_dance_is_left_alone():
     assert harmonise(motion, beats, steps=5, params=VALLEYS) is motion
 
 
+@pytest.mark.slow
 def test_the_score_in_use_never_falls():
     rests, beats = dance(2, seconds=10.0, jitter=0.0)
     placed = replace(beats, bar_places=np.arange(len(beats)) % 4)
@@ -82,6 +83,7 @@ def test_the_score_in_use_never_falls():
         assert result is motion or score(result, track, params) > score(motion, track, params)
 
 
+@pytest.mark.slow
 def test_without_a_dance_that_hits_the_beat_still_does():
     _, beats = dance(2, seconds=10.0)
     motion = synthetic_motion(beats.times + np.diff(beats.times)[0] / 2 + 0.07, seconds=10.0, fps=15.0, seed=2)

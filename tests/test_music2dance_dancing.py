@@ -560,6 +560,7 @@ def test_other_systems_refuse_both_in_one_sentence(dancer: str, option: str, val
     assert error == f"harmolab: {option} is no option of this system"
 
 
+@pytest.mark.slow
 def test_an_empty_dance_is_nothing_new_for_other_systems(song: Path, tmp_path: Path):
     for name, options in {"empty": ("--dance", ""), "none": ()}.items():
         arguments = ("--system", "harmogan", "--seconds", 2, "--seed", 0, "--out", tmp_path / f"{name}.npz")

@@ -361,6 +361,7 @@ def test_hands_without_a_body_are_shown_as_points(hands: Callable[..., Path], so
 # Own playing, explained
 
 
+@pytest.mark.slow
 def test_own_playing_is_explained(song: Path, takes: Path, tmp_path: Path):
     words = explain_playing(planted("piano").performance).words
     command = ("score", "--why", tmp_path / "e.html", "--instrument", "piano", song)

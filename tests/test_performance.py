@@ -198,6 +198,7 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance, pag
     assert "0.40 s of the song, as you said" in text
 
 
+@pytest.mark.slow
 def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
     page = html.unescape(dance_page(told_of(folder, "dance.npz", offset=START, dance="cha-cha")))
     assert "1 is the best moment, 0.5 the middle one" in page and "nearest moment of rest" not in page
@@ -217,6 +218,7 @@ def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: 
     refused(r"film\.mp4: is a video", dance_player, filmed)
 
 
+@pytest.mark.slow
 def test_page_of_a_video_in_which_a_body_was_found_plays_it(late: OwnDance, filmed: OwnDance):
     video = replace(late.performance, path=filmed.performance.path, is_video=True)
     page = dance_page(replace(late, performance=video))

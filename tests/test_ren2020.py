@@ -418,6 +418,7 @@ def test_shards_have_seeds_of_their_own_that_processes_do_not_change(units: Tens
     assert seeds(0)[::2] == seeds(0, shards=1)  # the first shard of each batch
 
 
+@pytest.mark.slow
 def test_one_batch_is_learnt_by_heart(units: Tensors):
     generator, few = generator_of(replace(TINY, hidden=24, body=48)), units.take(torch.arange(4))
     generator.motion_scale.set(few.motion.mean(dim=(0, 1)), few.motion.std(dim=(0, 1)))
@@ -498,6 +499,7 @@ def test_a_run_holds_what_belongs_to_it(run: Path):
     assert np.isfinite(history["val_pose"].iloc[-1]) and history["val_speed"].iloc[-1] > 0
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_ends_the_same(run: Path, train: Train, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(loop, "SAVING_SHARE", float("inf"))
     with pytest.raises(tiny.Stopped):

@@ -217,6 +217,7 @@ def test_a_dance_at_fifteen_frames_a_second_is_mended(dances: list[tuple[Motion,
     assert np.mean([r.target_after.harmony_above_chance - r.target_before.harmony_above_chance for r in slow]) > 0.4
 
 
+@pytest.mark.slow
 def test_the_warper_of_2019_wins_harmony_and_breaks_the_bounds(dances: list[tuple[Motion, BeatTrack]]):
     linear = [retime(*dance, method="lee2019") for dance in dances]
     assert np.mean([one.target_after.harmony_above_chance for one in linear]) > 0.5

@@ -19,6 +19,7 @@ from harmolab.systems.training.splits import Split, split_units, training_spans
 from harmolab.systems.training.units import load_units
 from tests.builders import refused
 
+pytestmark = pytest.mark.slow
 PARAMS = replace(TrainParams.recommended(), sketches=2, shifted=0.5)
 
 

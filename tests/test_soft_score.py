@@ -457,6 +457,7 @@ def test_a_statue_that_turns_and_travels_wins_the_room_score_but_not_this_one(sc
         assert abs(final) < 1e-6 and largest < 1e-6 * dance_gradient()
 
 
+@pytest.mark.slow
 def test_a_dance_a_quarter_beat_late_is_put_right():
     late = dancer(BEATS + TEMPO / 4, 15.0)
     before, positions = torch.tensor(late.positions), torch.tensor(late.positions, requires_grad=True)

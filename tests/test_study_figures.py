@@ -577,11 +577,13 @@ def test_figure_is_saved_only_after_its_tables_and_the_manifest_names_them(ax: A
     assert (entry["tables"], entry["trained"]) == (["a2b_steps.csv"], True)
 
 
+@pytest.mark.slow
 def test_weights_of_marks_are_those_they_were_computed_with():
     weights, totals = notebook_cells("16_music2dance").MARKS, pd.read_csv(SHIPPED / "m2d_table03_machine.csv")
     np.testing.assert_allclose(totals[list(weights)] @ list(weights.values()), totals["total"], atol=0.002)
 
 
+@pytest.mark.slow
 def test_figures_drawn_again_keep_their_entries_and_what_is_left_out_has_a_reason(tmp_path: Path, monkeypatch, capsys):
     few = ("cheating_tricks", "a2b_hits", "fig11_harmony_loss", "a2b_steps")
     monkeypatch.setattr(redraw, "PICTURES", {name: PICTURES[name] for name in few})

@@ -87,6 +87,7 @@ def test_the_ablation_shares_pretraining_and_pose_network(paper: generation.Trai
     assert "harmony" not in without.history.columns
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_training_on_the_same_split(paper: generation.Trained):
     other = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 2)
     assert other.folder != paper.folder and other.split is paper.split
@@ -122,6 +123,7 @@ def test_the_sweep_goes_from_no_harmony_loss_which_is_the_ablation_to_twice_as_m
     assert runs[0.0][1] == VARIANTS["recommended, without"]
 
 
+@pytest.mark.slow
 def test_without_recordings_there_is_the_synthetic_corpus_alone_and_an_unknown_one_is_named():
     for epochs in (PROFILE.epochs, None):
         assert generation.generator_corpora(replace(PROFILE, epochs=epochs)) == (SYNTHETIC,)

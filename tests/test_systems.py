@@ -436,12 +436,14 @@ def test_the_toy_learns_in_two_phases(run: Path):
     assert float(epochs[-1][3]) < 0.8 * float(epochs[0][3])
 
 
+@pytest.mark.slow
 def test_the_toy_learns_the_same_again_and_with_other_seeds_something_else(run: Path, corpus: Path, tmp_path: Path):
     command("train", corpus, "--out", tmp_path / "again", "--system", TOY)
     command("train", corpus, "--out", tmp_path / "other", "--system", TOY, "--seed", 2)
     assert rows(tmp_path / "again") == rows(run) != rows(tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_the_toy_goes_on_where_it_was_stopped(run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
     stop = iter([None, None])
