@@ -8,6 +8,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+# Containers often set it: hundreds of processes would each compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help setup test test-browser check lint format lab report figures gpu claims docs dist bench clean distclean
 
 help: ## list these targets
