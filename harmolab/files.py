@@ -24,14 +24,15 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from filelock import FileLock
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 PathLike = str | os.PathLike[str]
-Arrays = dict[str, NDArray[Any]]
+Arrays = dict[str, "NDArray[Any]"]
 
 # function(items, label) -> items, such as ``lambda items, label: tqdm(items, desc=label)``
 Progress = Callable[[Iterable[Any], str], Iterable[Any]]
@@ -242,12 +243,13 @@ def write_json(path: PathLike, content: Any) -> None:
 def plain(content: Any) -> Any:
     """`content` as JSON holds it: records as objects, tuples and arrays as lists, null for a number not finite.
 
+    >>> import numpy as np
     >>> plain({"interval": (0.5, float("nan")), "hits": np.arange(3)})
     {'interval': [0.5, None], 'hits': [0, 1, 2]}
     """
     if is_dataclass(content) and not isinstance(content, type):
         content = {field.name: getattr(content, field.name) for field in fields(content)}
-    if isinstance(content, np.ndarray | np.generic):
+    if hasattr(content, "tolist"):  # an array of numpy, or a number
         content = content.tolist()
     if isinstance(content, Mapping):
         return {name: plain(one) for name, one in content.items()}
@@ -270,6 +272,8 @@ def cache_folder() -> Path | None:
 
 def cached_arrays(name: str) -> Arrays | None:
     """Arrays kept under a name; None when there are none, the file is damaged, or nothing is kept."""
+    import numpy as np
+
     folder = cache_folder()
     if folder is None:
         return None
@@ -293,6 +297,8 @@ def remove_leftovers(folder: Path) -> None:
 
 def keep_arrays(name: str, arrays: Arrays) -> None:
     """Keep arrays under a name; a cache that cannot be written is no error."""
+    import numpy as np
+
     folder = cache_folder()
     if folder is None:
         return

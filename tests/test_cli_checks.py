@@ -397,7 +397,7 @@ def test_a_file_that_is_not_there_is_said_before_any_slow_import():
     program = (
         "import sys; from harmolab.cli import app\n"
         "try: app(['score', 'nope.mp3', 'nope.bvh'])\n"
-        "finally: print(*{'scipy', 'pandas', 'librosa', 'matplotlib', 'torch'} & set(sys.modules))"
+        "finally: print(*{'numpy', 'scipy', 'pandas', 'librosa', 'matplotlib', 'torch'} & set(sys.modules))"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout.strip()) == (2, "")
