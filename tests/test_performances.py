@@ -261,6 +261,9 @@ def test_rate_that_no_file_holds_has_to_be_passed(tmp_path: Path):
     assert load_player_points(path, fps=24).motion.fps == 24
 
 
+UNEXPLAINED = {"fps": 30.0, "size": SIZE, "frames": [{"hands": [hand("Left", LEFT)]}] * 2}
+
+
 @cases(
     "content, fault",
     (with_frames(holistic()), "motion needs at least two frames, got 1"),
@@ -278,7 +281,7 @@ def test_rate_that_no_file_holds_has_to_be_passed(tmp_path: Path):
     (with_frames(holistic(), handedness="left"), "'handedness' is 'left'; it must be 'mirrored' or 'picture'"),
     (with_frames(holistic(), holistic(), fps="fast"), "could not convert string to float: 'fast'"),
     (with_frames({"hands": [{"handedness": "Left", "score": "0.9"}]}), "score must lie between 0 and 1, got '0.9'"),
-    (with_frames({"hands": [hand("Left", LEFT)]}, handedness=None), 'hand 0 of frame 0 is .* "handedness": "picture"'),
+    (UNEXPLAINED, 'hand 0 of frame 0 is labelled .* "handedness": "picture"'),
     ([{"image_id": 1, "keypoints": [1.0] * 12}], "keypoints of entry 0: 12 values; COCO-17 has 17 or 133 or 136"),
     ([{"image_id": 1, "keypoints": [float("nan")] * 51}], "NaN or infinity at joint 0"),
     ([{"image_id": 1, "keypoints": ["a"] * 51}], "keypoints of entry 0 must be numbers"),

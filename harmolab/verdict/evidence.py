@@ -112,7 +112,7 @@ def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...]
     Parameters
     ----------
     signal : ShapeSignal over the span of the beats
-    beats : (B,) array, seconds on the signal's time line, two at least
+    beats : (B,) array, seconds on the signal's time line, five at least: a block of the fastest grid
     cycles : tuple of int
         Beats after which movements may recur; the best counts. One beat and the bar's cycle where the meter is known.
     """
@@ -152,7 +152,7 @@ class _Blocks(NamedTuple):
         edges, counts = _block_edges(phase, length)
         blocks = cls(edges, counts, np.zeros((N_RATIOS, phase.size + 1)))
         mass, first, second = (
-            blocks.sums(np.append(weights * power, 0.0), edges) for power in (1.0, values, np.square(values))
+            blocks.sums(np.append(weights * power, 0.0)) for power in (1.0, values, np.square(values))
         )
         mass = np.where(mass > 0, mass, 1.0)
         mean = first / mass
@@ -163,10 +163,12 @@ class _Blocks(NamedTuple):
         np.divide(away, scale, out=blocks.deviations, where=scale > 0)
         return blocks
 
-    def sums(self, samples: NDArray[Any], places: IntArray) -> NDArray[Any]:
-        """Sums over the blocks, (241, B), of samples in which these edges have these places."""
+    def sums(self, samples: NDArray[Any]) -> NDArray[Any]:
+        """Sums over the blocks, (241, B), of samples (241, T + 1), or (T + 1,) for all grids."""
+        places = self.edges if samples.ndim == 1 else self.edges + np.arange(0, samples.size, samples.shape[1])[:, None]
         is_block = np.arange(self.edges.shape[1] - 1) < self.counts[:, None]
-        return np.where(is_block, np.add.reduceat(samples.ravel(), places.ravel()).reshape(self.edges.shape)[:, :-1], 0)
+        # What reaches from the last edge of a grid to the first of the next is no block, and left out.
+        return np.where(is_block, np.add.reduceat(samples.ravel(), places.ravel()).reshape(places.shape)[:, :-1], 0)
 
     def at_samples(self, numbers: FloatArray) -> FloatArray:
         """(241, T + 1): at each sample the number, of (241, B), of its block; of the nearest one outside of all."""
@@ -185,13 +187,12 @@ class _Agreement(NamedTuple):
 
 def _agreement(phase: FloatArray, blocks: _Blocks, cycle: int) -> _Agreement:
     """The agreement of blocks on every grid, for movements that recur after `cycle` beats."""
-    places = blocks.edges + np.arange(N_RATIOS)[:, None] * (phase.size + 1)
     turn = np.zeros(blocks.deviations.shape, np.complex128)
     turn[:, :-1] = np.exp(-2j * np.pi / cycle * RATIOS[:, None] * phase)
     wave, variance, harmonics = blocks.deviations.astype(np.complex128), np.zeros(N_RATIOS), []
     for _ in range(2 * cycle):
         wave *= turn
-        vectors = blocks.sums(wave, places)
+        vectors = blocks.sums(wave)
         power = np.square(vectors.real) + np.square(vectors.imag)
         harmonics.append(np.square(np.abs(vectors.sum(axis=1))) - power.sum(axis=1))
         variance += np.square(power.sum(axis=1)) - np.square(power).sum(axis=1)
