@@ -5,7 +5,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from textwrap import fill
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, plain, write_text
@@ -17,7 +16,7 @@ from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
-from harmolab.lab.figures.evaluation import distributions_figure
+from harmolab.lab.figures.evaluation import distribution_figure
 from harmolab.lab.player import player_of
 from harmolab.lab.report.templates import rendered
 from harmolab.params import HarmonyParams
@@ -27,9 +26,7 @@ DRAWN = (
     *("harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness"),
     *("pfc", "foot_skating", "freezing", "jerk"),
 )
-TITLE = 40  # letters in a line of a panel's title
 LISTED = 200  # files that the page names as left out; table.json has them all
-WIDE, NARROW = (3, 4.0), (1, 4.4)  # panels in a row, inches of each
 
 
 class Shown(NamedTuple):
@@ -65,7 +62,7 @@ def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
     records = tables.table_records(evaluation)
     drawn = (*DRAWN, *(name for name in evaluation.measures if name not in MEASURES))
-    panels = [_panel(evaluation, name) for name in drawn if name in evaluation.measures]
+    charts = [name for name in drawn if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
     notes = list(tables.table_notes(evaluation))
     return rendered(
@@ -74,8 +71,7 @@ def evaluation_page(evaluation: Evaluation) -> str:
         findings=list(findings(evaluation)),
         records=[_marked(evaluation, record, notes) for record in records],
         groups=[(title, [_line(records, name, notes) for name in names]) for title, names in _groups(evaluation)],
-        wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
-        narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
+        charts=[(measure_of(name).words, _chart(evaluation, name)) for name in charts],
         differences=list(_differences(evaluation)),
         compared=len(evaluation.systems) > 1,
         dances=list(_players(evaluation)),
@@ -127,16 +123,12 @@ def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {"value": tables.number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
 
 
-def _panel(evaluation: Evaluation, name: str) -> dict[str, Any]:
-    """A panel of the figure."""
+def _chart(evaluation: Evaluation, name: str) -> str:
+    """The picture of a measure, song by song."""
     values = evaluation.songs[name].dropna()
-    rows = [row for row in evaluation.rows if (row, name) in evaluation.means]
-    return {
-        "title": fill(measure_of(name).words, TITLE),
-        "songs": {row: values.loc[row] for row in rows},
-        "means": {row: evaluation.means[row, name] for row in rows},
-        "controls": evaluation.controls,
-    }
+    rows = {row: values.loc[row] for row in evaluation.rows if (row, name) in evaluation.means}
+    means = {row: evaluation.means[row, name] for row in rows}
+    return png_text(distribution_figure(rows, means, controls=evaluation.controls))
 
 
 def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:

@@ -1,7 +1,7 @@
 """Distributions of an evaluation: every song of every row of the table, beside the mean and its interval."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -67,21 +67,10 @@ def plain_text(name: str, longest: int = 24) -> str:
     return "".join(one if one.isprintable() else " " for one in short).replace("$", r"\$")
 
 
-def distributions_figure(panels: Sequence[Mapping[str, Any]], *, columns: int = 3, width: float = 4.0) -> Figure:
-    """`draw_distribution` of several measures.
-
-    Parameters
-    ----------
-    panels : "title", and "songs", "means" and "controls" as in `draw_distribution`, of each measure
-    columns : int, panels in a row
-    width : float, inches of a panel
-    """
-    rows = -(-len(panels) // columns)
-    height = 0.9 + 0.34 * max(len(panel["songs"]) for panel in panels)
-    with styled_axes((width * columns, height * rows), rows, columns) as (figure, axes):
-        for ax in axes[len(panels) :]:
-            ax.set_visible(False)
-        for ax, panel in zip(axes, panels, strict=False):
-            draw_distribution(ax, panel["songs"], panel["means"], controls=panel["controls"])
-            ax.set_title(panel["title"], loc="left", fontsize=10)
+def distribution_figure(
+    songs: Mapping[str, ArrayLike], means: Mapping[str, Interval], *, controls: Iterable[str] = (), width: float = 4.0
+) -> Figure:
+    """`draw_distribution` of one measure, as wide as that many inches."""
+    with styled_axes((width, 0.5 + 0.34 * len(songs))) as (figure, (ax,)):
+        draw_distribution(ax, songs, means, controls=controls)
     return figure
