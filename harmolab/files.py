@@ -178,6 +178,14 @@ def is_own_file(path: PathLike) -> bool:
         return bool(_OWN.search(first) or _OWN.search(stream.read()))
 
 
+def write_synced(path: Path, data: bytes) -> None:
+    """Write a file, on disk when this returns: not even a power failure after a rename leaves half of it."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
 @contextmanager
 def atomic_write(path: PathLike) -> Iterator[Path]:
     """A hidden neighbour of `path` to write to; it takes the place of `path` at the end, or is removed after an error.

@@ -23,9 +23,9 @@ from typing import Any
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import correlate1d, maximum_filter, maximum_filter1d, median_filter, uniform_filter1d
-from scipy.signal import find_peaks
 
 from harmolab.body.kinematics import refine_extrema, smooth
 from harmolab.files import Progress, silent
@@ -129,7 +129,7 @@ def _maxima(envelope: FloatArray, radius_frames: int) -> IntArray:
     """Positive local maxima that nothing within the radius exceeds; of equals within the radius, one."""
     if not envelope.size:
         return np.zeros(0, np.int64)
-    frames, _ = find_peaks(envelope, distance=radius_frames + 1, height=np.finfo(float).tiny)
+    frames, _ = scipy.signal.find_peaks(envelope, distance=radius_frames + 1, height=np.finfo(float).tiny)
     highest = maximum_filter1d(envelope, 2 * radius_frames + 1, mode="nearest")
     return frames[envelope[frames] >= highest[frames]].astype(np.int64)
 

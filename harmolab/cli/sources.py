@@ -172,10 +172,10 @@ def video_performance(video: Path) -> Performance:
 
 def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
     """ValueError where a video was read by flow, and no sign of the beat was seen; that is no verdict."""
-    from harmolab.lab.explain.filmed import check_sign
-
     for judgement in (score.judgement for score in scores):
         if judgement is not None and judgement.level == 1 and clip.motion is not None:
+            from harmolab.lab.explain.filmed import check_sign
+
             check_sign(files.motion, clip.motion)
 
 

@@ -31,7 +31,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy.signal import find_peaks
+import scipy
 from scipy.spatial.distance import cdist
 
 from harmolab.body.kinematics import resample_motion
@@ -180,7 +180,7 @@ def _legs(body: FloatArray, motion: Motion) -> dict[str, float]:
         return {}
     left, right = body[:, points["lankle"]], body[:, points["rankle"]]
     apart = np.hypot(*(left - right)[:, [0, 2]].T)
-    peaks, _ = find_peaks(apart, prominence=STEP)
+    peaks, _ = scipy.signal.find_peaks(apart, prominence=STEP)
     legs = {
         "steps": valid[peaks].sum() / valid.sum() * RATE,
         "ankles": np.median(apart[valid]),

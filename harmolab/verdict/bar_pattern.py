@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from harmolab.files import PathLike, read_json, reading, write_json
 from harmolab.params import BarPattern
+from harmolab.significance import ranks
 from harmolab.types import BeatTrack, FloatArray
 
 GRID = 24  # moments a beat of `beat_curve` and `beat_ranks`
@@ -130,7 +130,7 @@ def beat_ranks(times: FloatArray, speed: FloatArray, track: BeatTrack, pattern: 
 
 def moment_ranks(fits: FloatArray) -> FloatArray:
     """Ranks (G,) in (0, 1) of moments by their fit; what differs by rounding only is a tie."""
-    return (rankdata(np.round(fits / max(np.abs(fits).max(), 1e-300), 9)) - 0.5) / fits.size
+    return (ranks(np.round(fits / max(np.abs(fits).max(), 1e-300), 9)) - 0.5) / fits.size
 
 
 def pattern_fits(speed: FloatArray, pattern: BarPattern, *, moments: int) -> FloatArray:

@@ -19,12 +19,11 @@ from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from harmolab.files import atomic_write, reading
-from harmolab.systems.training.about import write_synced
+from harmolab.files import atomic_write, reading, write_synced
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # half a second, which no worker that measures needs to wait for
+    import pandas as pd
     import pyarrow
 
 Row = Mapping[str, Any]
@@ -34,7 +33,6 @@ PART_ROWS = 1024
 FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are being measured
 PARQUET, CSV = ".parquet", ".csv"
 _WHAT = "a part of a table"
-_DTYPES = {int: "int64", float: "float64", str: pd.Series(["text"]).dtype}  # pandas 3 has a kind of its own for text
 
 
 def part_path(folder: Path, number: int) -> Path:
@@ -137,6 +135,8 @@ def part_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    import pandas as pd
+
     cells = pd.read_csv(path, dtype=str, keep_default_na=False)  # the csv module reads no cell of more than 128 KiB
     rows = cells.to_dict("records")
     return [{str(name): json.loads(word) if word else None for name, word in row.items()} for row in rows]
@@ -218,9 +218,12 @@ def _csv_kinds(folder: Path, paths: Sequence[Path], count: int) -> dict[str, typ
 
 
 def _csv_frame(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
+    import pandas as pd
+
+    dtypes = {int: "int64", float: "float64", str: pd.Series(["text"]).dtype}  # pandas 3 has a kind of its own for text
     rows = part_rows(path)
     columns = {name: [row.get(name) for row in rows] for name in kinds}
-    series = {name: pd.Series(each, dtype=_DTYPES.get(kinds[name], "object")) for name, each in columns.items()}
+    series = {name: pd.Series(each, dtype=dtypes.get(kinds[name], "object")) for name, each in columns.items()}
     return pd.DataFrame(series)
 
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 import soxr
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, stft
 
 from harmolab.beats.audio import audio_beats
 from harmolab.beats.flow import LAG, flow_directograms
@@ -350,7 +350,7 @@ def _evidence(part: FloatArray, whole: FloatArray) -> FloatArray:
     Lags that share too little are 0. The others are divided by the root of the shared length, as chance grows with it.
     """
     length = part.shape[1]
-    total = np.asarray(sum(fftconvolve(song, band[::-1]) for band, song in zip(part, whole, strict=True)))
+    total = np.asarray(sum(scipy.signal.fftconvolve(song, band[::-1]) for band, song in zip(part, whole, strict=True)))
     lags = np.arange(total.size) - (length - 1)
     shared = np.minimum(whole.shape[1], lags + length) - np.maximum(lags, 0)
     enough = shared >= min(length, whole.shape[1], round(SHORTEST / HOP))
@@ -368,7 +368,9 @@ def _onsets(audio: Audio, name: str, highest: float) -> FloatArray:
         )
     samples = soxr.resample(audio.samples.astype(np.float32), audio.sample_rate, RATE)
     size, hop = round(WINDOW * RATE), round(HOP * RATE)
-    frequencies, _, spectrum = stft(samples, RATE, nperseg=size, noverlap=size - hop, boundary="zeros", padded=True)
+    frequencies, _, spectrum = scipy.signal.stft(
+        samples, RATE, nperseg=size, noverlap=size - hop, boundary="zeros", padded=True
+    )
     edges = np.geomspace(LOWEST, highest, BANDS + 1)
     power = np.abs(spectrum) ** 2
     bands = np.stack([power[_inside(frequencies, *pair)].mean(axis=0) for pair in pairwise(edges)])
@@ -379,7 +381,7 @@ def _onsets(audio: Audio, name: str, highest: float) -> FloatArray:
     rise = np.pad(np.maximum(level[:, 2:] - level[:, :-2], 0.0), ((0, 0), (1, 1)))
     # Each band less its mean around each moment, in units of its spread.
     width = round(LOCAL / HOP) | 1
-    rest = rise - fftconvolve(rise, np.full((1, width), 1 / width), mode="same", axes=1)
+    rest = rise - scipy.signal.fftconvolve(rise, np.full((1, width), 1 / width), mode="same", axes=1)
     return np.asarray(rest / np.maximum(rest.std(axis=1, keepdims=True), 1e-9))
 
 

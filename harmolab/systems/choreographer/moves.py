@@ -18,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
-from scipy.stats import rankdata
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
 from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading
 from harmolab.params import BarPattern
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
+from harmolab.significance import ranks
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray
 from harmolab.verdict.bar_pattern import (
@@ -355,7 +355,7 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
         meters=np.array([one.take.meter for one in courses])[course],
         lengths=np.concatenate([np.diff(one.beats) for one in courses]),
         shares=np.concatenate([one[:-1] for one in shares]),
-        ranks=(rankdata(np.concatenate([one.speeds() for one in courses])) - 0.5) / beat.size,
+        ranks=(ranks(np.concatenate([one.speeds() for one in courses])) - 0.5) / beat.size,
         turns=np.concatenate([one.turns() for one in courses]),
         edges=np.concatenate([_edges(one) for one in courses]),
         seams=Distances(_clouds(courses, borders, weights, params), params),

@@ -5,7 +5,6 @@
     adds about training.
 """
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -46,14 +45,6 @@ def weights_stem(path: PathLike) -> Path:
 def json_file(stem: Path) -> Path:
     """The description beside the numbers of that stem."""
     return stem.with_name(f"{stem.name}.json")
-
-
-def write_synced(path: Path, data: bytes) -> None:
-    """Write a file, on disk when this returns: not even a power failure after a rename leaves half of it."""
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:

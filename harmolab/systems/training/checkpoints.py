@@ -21,7 +21,6 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from harmolab import files
-from harmolab.systems.training.about import write_synced
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import read_tensors, renamed
 from harmolab.types import BeatTrack, Motion
@@ -150,7 +149,7 @@ def save_state(
     text = json.dumps(about)
     metadata = {"format": FORMAT, "about": text, "sha256": _digest(tensors, text)}
     with files.atomic_write(folder / STATE) as part:
-        write_synced(part, save(tensors, metadata))
+        files.write_synced(part, save(tensors, metadata))
 
 
 def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:

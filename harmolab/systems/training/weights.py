@@ -22,8 +22,8 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from harmolab.files import PathLike, atomic_write, reading
-from harmolab.systems.training.about import FORMAT, json_file, read_about, weights_stem, write_synced
+from harmolab.files import PathLike, atomic_write, reading, write_synced
+from harmolab.systems.training.about import FORMAT, json_file, read_about, weights_stem
 
 _WHAT = "weights of harmolab"
 # A description beyond these is not one of ours; building it would only fill the memory.
