@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,7 @@ def main(destination: Path, cases: list[str]) -> None:
         train(tiny_split(sketched=CASES[case].sketches > 0), destination / case, CASES[case])
 
 
-# Kill -9. Processes are forked, so that not every one of them has to import torch first.
+# Kill -9. Processes are forked, so that not every one of them has to import torch and Fabric first.
 
 LONGER = replace(RECOMMENDED, pretrain_epochs=8, adversarial_epochs=8, pose_epochs=3)
 
@@ -142,6 +143,7 @@ def killed(destination: Path, kills: int, seed: int) -> None:
     The first kill comes while the pose network learns, the others at random. Where each came is printed as JSON.
     """
     torch.set_num_threads(1)
+    import_module("lightning_fabric")
     split, rng = tiny_split(sketched=True), random.Random(seed)
     begin = time.monotonic()
     ended(start(split, destination / "undisturbed"), wait=True)
@@ -165,6 +167,7 @@ def killed(destination: Path, kills: int, seed: int) -> None:
 
 
 if __name__ == "__main__":
+    sys.modules["torchmetrics"] = None  # type: ignore[assignment]  # Fabric asks for its version by importing it: seconds
     if sys.argv[2] == "--kills":
         killed(Path(sys.argv[1]), int(sys.argv[3]), seed=1)
     else:
