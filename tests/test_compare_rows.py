@@ -32,7 +32,7 @@ compared = partial(compare, n_rotations=20, window=4.0)
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two clips of each of the seven dances, the fourth without a motion that can be read."""
-    root = write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=14, seconds=12.0, fps=30.0, seed=2)
+    root = write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=14, seconds=8.0, fps=30.0, seed=2)
     (find_recordings(root).folders[3] / "motion.npz").write_bytes(b"no motion")
     return root
 
