@@ -5,11 +5,13 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import typer.testing
 from hypothesis import settings
 
 from harmolab.beats.audio import compile_tracker
@@ -22,6 +24,9 @@ sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
 
 # Tests run side by side; small networks in several threads each would only fight over the cores.
 os.environ["OMP_NUM_THREADS"] = "1"
+
+# A runner would build all commands anew for each call, and tests make a thousand.
+typer.testing._get_command = cache(typer.testing._get_command)
 
 ROOT = Path(__file__).resolve().parents[1]
 

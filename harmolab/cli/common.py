@@ -8,7 +8,7 @@ import shlex
 import webbrowser
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from functools import wraps
+from functools import cache, wraps
 from importlib.util import find_spec
 from inspect import Signature, cleandoc, signature
 from pathlib import Path
@@ -457,8 +457,9 @@ def _all_take(quiet: screen.Quiet = False, verbose: screen.Verbose = False, forc
     """A command that has these options alone, from which others take them."""
 
 
+@cache
 def options_of(function: Callable[..., None]) -> list[Any]:
-    """The options of a command."""
+    """The options of a command, the same objects each time: building them takes milliseconds, and all commands ask."""
     app = typer.Typer(add_completion=False)
     app.command()(function)
     return [one for one in typer.main.get_command(app).params if one.name != "help"]
