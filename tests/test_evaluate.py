@@ -942,7 +942,7 @@ class Fake:
 @pytest.mark.slow
 def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused("no protocol is called 'fake'", settings, few, protocols=["fake"])
-    monkeypatch.setattr("harmolab.lab.evaluate.published.PROTOCOLS", {"fake": Fake()})
+    monkeypatch.setattr("harmolab.lab.evaluate.protocols.PROTOCOLS", {"fake": Fake()})
     some = settings(few, protocols=["fake"], systems={"off": few / "off"})
     evaluation = evaluate_dances(some, tmp_path / "table")
     beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")

@@ -18,7 +18,7 @@ from benchmarks.bench_motion_features import SMPL_24, STANDING, loop_geometric, 
 from harmolab.beats.audio import audio_beats, librosa_beats
 from harmolab.body.skeletons import Skeleton, skeleton_part
 from harmolab.lab.evaluate.pairing import GENERATED, Pair
-from harmolab.lab.evaluate.published import PROTOCOLS, published_music_and_motion
+from harmolab.lab.evaluate.protocols import PROTOCOLS, published_music_and_motion
 from harmolab.lab.evaluate.rows import RowOptions, pair_clip, protocol_numbers
 from harmolab.metrics.beats import beat_align
 from harmolab.metrics.features import kinetic_features, standardise

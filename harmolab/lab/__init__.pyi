@@ -6,8 +6,8 @@ from .evaluate.measured import Dance as Dance
 from .evaluate.measured import measure_dances as measure_dances
 from .evaluate.measured import rests_on_beat as rests_on_beat
 from .evaluate.page import write_evaluation as write_evaluation
-from .evaluate.published import PROTOCOLS as PROTOCOLS
-from .evaluate.published import Protocol as Protocol
+from .evaluate.protocols import PROTOCOLS as PROTOCOLS
+from .evaluate.protocols import Protocol as Protocol
 from .evaluate.summary import summary as summary
 from .explain.offset import find_offset as find_offset
 from .explain.page import dance_player as dance_player

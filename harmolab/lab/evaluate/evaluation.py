@@ -25,7 +25,7 @@ from harmolab.lab.evaluate.engine import (
 )
 from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
-from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.protocols import protocol_of
 from harmolab.lab.evaluate.reference import (
     Reference,
     is_saved,

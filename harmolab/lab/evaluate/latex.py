@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from harmolab.lab.evaluate.evaluation import Evaluation
-from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.protocols import protocol_of
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.evaluate.tables import (
     constant_features,

@@ -52,7 +52,7 @@ from harmolab.lab.evaluate.pairing import (
     input_stamp,
     is_named_by_seed,
 )
-from harmolab.lab.evaluate.published import protocol_of, published_music_and_motion
+from harmolab.lab.evaluate.protocols import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
 from harmolab.metrics.likeness import LikenessLimits, window_measures
 from harmolab.params import DANCES
@@ -79,7 +79,7 @@ class RowOptions:
     fps : float or None, hertz, of files that hold no rate
     scale, smpl : as in `harmolab.readers.motion.load_motion`; `smpl` for files of SMPL parameters only
     up : str, the axis that points up in files that leave it open, "" to have it guessed
-    protocols : names in `harmolab.lab.evaluate.published.PROTOCOLS`
+    protocols : names in `harmolab.lab.evaluate.protocols.PROTOCOLS`
     pose_net : Path or None, weights of the pose network; None leaves its features out
     limits : LikenessLimits of the recorded dancers; the shipped ones when left out
     """

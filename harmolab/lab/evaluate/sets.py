@@ -21,7 +21,7 @@ import pandas as pd
 
 from harmolab.files import atomic_write
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair
-from harmolab.lab.evaluate.published import LEAST_SPREAD, protocol_of
+from harmolab.lab.evaluate.protocols import LEAST_SPREAD, protocol_of
 from harmolab.metrics.features import diversity, frechet_distance, multimodality, standardise
 from harmolab.types import FloatArray
 
@@ -275,7 +275,7 @@ def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
 
 
 def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:
-    """The numbers that a protocol of `harmolab.lab.evaluate.published` has for a set of dances, called as there.
+    """The numbers that a protocol of `harmolab.lab.evaluate.protocols` has for a set of dances, called as there.
 
     The recorded dances are its reference. Their own line is the ground truth of published tables: those to the songs
     that the systems danced to, against all; where these are all, the distance is that between halves of their songs.

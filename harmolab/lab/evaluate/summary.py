@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.special import ndtr, stdtrit
 
 from harmolab.lab.evaluate.measured import MEASURES, Measure
-from harmolab.lab.evaluate.published import BETTER
+from harmolab.lab.evaluate.protocols import BETTER
 from harmolab.lab.evaluate.sets import FEATURES, SETS
 from harmolab.significance import LEVEL, bootstrap_interval, mean_interval
 from harmolab.types import FloatArray

@@ -11,7 +11,7 @@ import pandas as pd
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.measured import PIECE
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED
-from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.protocols import protocol_of
 from harmolab.lab.evaluate.rows import ASSUMED, ASSUMED_OF_EDGE, LIMIT_DANCES
 from harmolab.lab.evaluate.sets import FEATURE_DANCES, FEATURES, MOST_SONGS, SetNumber
 from harmolab.lab.evaluate.summary import FEWEST_SONGS, Mean, measure_of
