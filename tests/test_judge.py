@@ -11,12 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
+from scipy.stats import rankdata
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_motion
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
+from harmolab.significance import ranks
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict import bar_pattern
 from harmolab.verdict.evidence import MOMENTS, N_RATIOS, PlaceTest, TimeTest, floor, place_test, time_test
@@ -388,6 +390,8 @@ def test_ranks_of_moments_are_spread_evenly_and_shared_where_fits_differ_by_roun
     np.testing.assert_allclose(np.sort(bar_pattern.moment_ranks(rng.normal(size=240))), (np.arange(240) + 0.5) / 240)
     shared = bar_pattern.moment_ranks(np.array([1.0, 1 + 1e-10, 0.0, 1 - 1e-8]))
     np.testing.assert_allclose(shared, [0.75, 0.75, 0.125, 0.375])
+    values = rng.integers(0, 9, 50)
+    np.testing.assert_array_equal(ranks(values), rankdata(values))
 
 
 def test_a_body_at_rest_ranks_in_the_middle():
