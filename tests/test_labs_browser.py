@@ -674,7 +674,7 @@ def test_page_framed_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, t
 
 # A person at the tap page
 
-PERIOD = 0.6  # seconds: 100 beats a minute
+PERIOD = 1.0  # seconds: slow, so that a click that comes late on a busy machine is still a steady tap
 
 
 @pytest.fixture
@@ -712,13 +712,13 @@ def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, 
     for beat in range(2, 16):
         at_beat(page, beat)
         page.keyboard.press("Enter" if beat % 6 == 2 else "1" if beat % 6 == 5 else " ")
-    assert page.evaluate("harmolabTaps.tempo()") == pytest.approx(100, rel=0.05)
+    assert page.evaluate("harmolabTaps.tempo()") == pytest.approx(60 / PERIOD, rel=0.05)
     assert page.locator("#count").inner_text() == "14 taps, 5 of them ONE"
     page.keyboard.press("s")
     page.get_by_text("Kept. You can close this page.").wait_for(timeout=WAIT)
     track = kept[0].track
-    assert track.tempo == pytest.approx(100, rel=0.01)
-    assert len(track) >= 49
+    assert track.tempo == pytest.approx(60 / PERIOD, rel=0.01)
+    assert len(track) >= 29
     assert track.bar_places[np.abs(track.times - 2 * PERIOD).argmin()] == 0
     closed(page)
 
@@ -739,7 +739,7 @@ def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
     page.evaluate("harmolabTaps.taps().pop()")
     page.click("#save")
     page.get_by_text("Kept.").wait_for(timeout=WAIT)
-    assert kept[0].track.tempo == pytest.approx(100, rel=0.01)
+    assert kept[0].track.tempo == pytest.approx(60 / PERIOD, rel=0.01)
     page.faults = [fault for fault in page.faults if "400" not in fault]
     closed(page)
 
