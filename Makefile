@@ -25,15 +25,18 @@ $(STAMP): pyproject.toml constraints.txt
 	    echo "harmolab needs Python 3.11 or later; '$(PYTHON)' is missing or older. Try: make setup PYTHON=python3.12" >&2; exit 1; }
 	@echo "Installing into $(VENV) (a few minutes the first time) ..."
 	@rm -f $@
-	@set -e; if command -v uv >/dev/null 2>&1; then \
+	@# uv takes a minute where pip takes four; where it cannot, pip does it.
+	@set -e; if command -v uv >/dev/null 2>&1; then uv=uv; \
 	    $(BIN)/python -c '' 2>/dev/null || uv venv --quiet --clear --python "$$(command -v $(PYTHON))" $(VENV); \
-	    links=$$($(PYTHON) -m pip config get global.find-links 2>/dev/null || true); \
-	    for link in $$links $$PIP_FIND_LINKS; do set -- "$$@" --find-links "$$link"; done; \
-	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
-	else \
+	else uv=$(BIN)/uv; \
 	    $(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV); \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
-	fi
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check uv || true; \
+	fi; \
+	links=$$($(PYTHON) -m pip config get global.find-links 2>/dev/null || true); \
+	for link in $$links $$PIP_FIND_LINKS; do set -- "$$@" --find-links "$$link"; done; \
+	set -- "$$@" -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
+	$$uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" \
+	    || { echo "uv could not install; pip does ..." >&2; $(BIN)/python -m pip install --quiet --disable-pip-version-check "$$@"; }
 	@echo "Compiling librosa's beat tracker (half a minute) ..."
 	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.
 	@find $(VENV) \( -name '*.nbi' -o -name '*.nbc' \) -delete
