@@ -22,7 +22,7 @@ import numpy as np
 
 from harmolab.files import atomic_write, reading, write_synced
 
-if TYPE_CHECKING:  # half a second, which no worker that measures needs to wait for
+if TYPE_CHECKING:  # half a second, which no worker of a comparison needs to wait for
     import pandas as pd
     import pyarrow
 
