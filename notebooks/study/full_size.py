@@ -1,8 +1,8 @@
 """Trainings as large and as long as the papers', for a machine with a GPU: ``python -m study.full_size``.
 
 They are kept in the cache folder, where notebooks 09, 10 and 16 find them in the profile "gpu"; a run that was cut off
-goes on. ``--minutes`` trains two epochs of each and says how long the whole takes on this machine. ``--tiny`` trains
-tiny networks for two epochs, to see that everything is there.
+goes on. ``--minutes`` trains two epochs of each and says how long the whole takes on this machine at most. ``--tiny``
+trains tiny networks for two epochs, to see that everything is there.
 """
 
 import argparse
@@ -58,7 +58,10 @@ def schedules(profile: RunProfile) -> dict[str, tuple[int, dict[str, int]]]:
 
 
 def run_minutes(runs: Path, profile: RunProfile) -> dict[str, float]:
-    """Minutes that all runs of a kind take, by the last epoch of each phase of those in a folder."""
+    """Minutes that all runs of a kind take at most, by the last epoch of each phase of those in a folder.
+
+    A last epoch is validated, which most others are not.
+    """
     minutes = {}
     for kind, (count, phases) in schedules(profile).items():
         clocks = sorted(runs.glob(f"{kind}-*.seconds.json"))
@@ -94,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.minutes:
         minutes = measured(profile, corpus)
         lines = [f"{kind}: {number:.0f} min for all {schedules(profile)[kind][0]}" for kind, number in minutes.items()]
-        print("\n".join([*lines, f"together: {sum(minutes.values()) / 60:.1f} h on this machine"]))
+        print("\n".join([*lines, f"together, at most: {sum(minutes.values()) / 60:.1f} h on this machine"]))
         return 0
     every = list(trainings(profile, corpus))
     for number, (name, train) in enumerate(every, 1):
