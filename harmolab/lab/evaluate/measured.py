@@ -4,6 +4,8 @@ Every table of dances is made of these: `harmolab evaluate` for files, `measure_
 is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -11,10 +13,10 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
+import lazy_loader
 import numpy as np
-import pandas as pd
 
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import NANOMETRE, in_body, joint_speed
@@ -31,6 +33,11 @@ from harmolab.score import HarmonyScore, harmony_from_hits
 from harmolab.systems.choreographer.form import Form
 from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion
 from harmolab.verdict.judge import Judgement, score_motion
+
+if TYPE_CHECKING:
+    import pandas as pd
+else:  # half a second, which no worker of an evaluation needs to wait for
+    pd = lazy_loader.load("pandas")
 
 # Does the body come to rest on the beats? The plainest number of a dance, beside that of half a beat later.
 

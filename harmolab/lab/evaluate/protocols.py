@@ -17,9 +17,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import argrelextrema
 
 from harmolab.beats.audio import CACHE_VERSION, HOP, librosa_beats
 from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_joints, skeleton_part
@@ -113,7 +112,7 @@ def beat_align_frames(motion: Motion, music: BeatTrack) -> float:
     joints = coco_joints(motion.skeleton) or smpl_joints(motion.skeleton)
     # Speed 0 in the first frame, as published: no beat can lie in the ten frames after it.
     speed = np.append(0.0, _frame_speeds(motion, joints).sum(axis=1))
-    beats = argrelextrema(speed, np.less, order=MINIMUM_FRAMES)[0].astype(np.float64)
+    beats = scipy.signal.argrelextrema(speed, np.less, order=MINIMUM_FRAMES)[0].astype(np.float64)
     music_beats = beat_frames(music, motion.fps, motion.n_frames)
     if not beats.size:
         return 0.0
@@ -141,7 +140,8 @@ def bas_frames(motion: Motion, music: BeatTrack) -> float:
         As `beat_align_frames`.
     """
     speed = _frame_speeds(motion, smpl_joints(motion.skeleton)).mean(axis=1)
-    beats = argrelextrema(gaussian_filter1d(speed, SMOOTHING_FRAMES), np.less)[0].astype(np.float64)
+    smooth = scipy.ndimage.gaussian_filter1d(speed, SMOOTHING_FRAMES)
+    beats = scipy.signal.argrelextrema(smooth, np.less)[0].astype(np.float64)
     music_beats = beat_frames(music, motion.fps, speed.size)
     return beat_align(music_beats, beats, sigma=SIGMA_FRAMES) if beats.size and music_beats.size else float("nan")
 

@@ -7,6 +7,8 @@ features those of a limited number of dances of each system. Groups and dances a
 that neither order nor number of processes changes which.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections import Counter
@@ -14,16 +16,21 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+import lazy_loader
 import numpy as np
-import pandas as pd
 
 from harmolab.files import atomic_write
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair
 from harmolab.lab.evaluate.protocols import LEAST_SPREAD, protocol_of
 from harmolab.metrics.features import diversity, frechet_distance, multimodality, standardise
 from harmolab.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+else:  # half a second, which no worker of an evaluation needs to wait for
+    pd = lazy_loader.load("pandas")
 
 # The rows of dances brought together as they come: what a table needs of them, in memory that does not grow with
 
@@ -54,8 +61,8 @@ class Collected:
     is_grouped : True where groups stand for songs in `sums` and `counts`
     """
 
-    sums: pd.DataFrame = field(default_factory=pd.DataFrame)
-    counts: pd.DataFrame = field(default_factory=pd.DataFrame)
+    sums: pd.DataFrame = field(default_factory=lambda: pd.DataFrame())
+    counts: pd.DataFrame = field(default_factory=lambda: pd.DataFrame())
     features: dict[str, pd.DataFrame] = field(default_factory=dict)
     extremes: dict[str, tuple[tuple[float, str], tuple[float, str]]] = field(default_factory=dict)
     facts: dict[str, dict[str, Counter[str]]] = field(default_factory=dict)
