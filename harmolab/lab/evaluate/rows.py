@@ -108,7 +108,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         motion was read), odd (in short, odd things in motion and song) and oddities (the same in sentences), remarks
         (of the protocols); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score,
         p_value_dance of that by the dance's pattern; the numbers of the protocols; f_NAME_000 and so on, the features
-        of the dance by name. NaN for what this motion does not have.
+        of the dance by name, but not with another song. NaN for what this motion does not have.
 
     Raises
     ------
@@ -132,7 +132,8 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     }  # fmt: skip
     dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
     numbers = dance_numbers(dance, NUMBERS)
-    features = motion_features(motion, options.pose_net)
+    # Distances count a recorded dance once, with its own song.
+    features = {} if pair.kind == OTHER_SONG else motion_features(motion, options.pose_net)
     remarks = []
     for name in options.protocols:
         own, vectors, remark = protocol_numbers(clip, pair, name)
