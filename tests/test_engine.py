@@ -375,9 +375,13 @@ def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
                 kills[0] += 1
 
     killer = threading.Thread(target=kill_workers)
-    killer.start()
+
+    def begun(items: Iterable[Any], label: str) -> Iterable[Any]:
+        killer.start()
+        return items
+
     try:
-        run_rows(Numbers(count), slow_square, tmp_path / "killed", jobs=2)
+        run_rows(Numbers(count), slow_square, tmp_path / "killed", jobs=2, progress=begun)
     finally:
         is_over.set()
         killer.join()
@@ -388,6 +392,20 @@ def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
 def slow_square(task: Number) -> dict[str, Any]:
     time.sleep(0.05)
     return square(task)
+
+
+@pytest.mark.slow
+def test_a_process_that_ends_while_it_starts_is_an_error_with_advice(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr("distributed.Nanny.instantiate", failing_to_start)
+    with pytest.raises(
+        ConnectionError, match=r"--jobs 2: a process ended while it started .*--jobs 0 measures in this"
+    ):
+        run_rows(Numbers(3), square, tmp_path, jobs=2)
+
+
+async def failing_to_start(nanny: object) -> str:
+    """A worker that the system ended: dask waits for it, and gives up."""
+    return "failed"
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from harmolab.lab.evaluate.parts import PART_ROWS, STAMP, Row, cell, part_frames
 
 if TYPE_CHECKING:
     import pandas as pd
-    from distributed import Client, Scheduler
+    from distributed import Client, LocalCluster, Scheduler
 
 FORMAT = "harmolab rows 1"
 MANIFEST = "run.json"
@@ -171,7 +171,7 @@ def run_rows(
         For tasks out of order or none, negative jobs, a folder that may not be written to, a run with other settings,
         tasks or versions, and without dask where it is needed.
     ConnectionError
-        When the scheduler does not answer, or not any more; what was measured is kept.
+        When the scheduler does not answer, or not any more, or a process cannot start; what was measured is kept.
     """
     check_engine_installed(jobs, scheduler)
     if jobs is not None and jobs < 0:
@@ -357,7 +357,7 @@ def _threads(dask_scheduler: Scheduler) -> int:
 def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
     """A client of the scheduler, or of one with `jobs` processes on this machine, which ends with the block."""
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     if scheduler:
         try:
@@ -380,12 +380,22 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
         # Every process would keep an hour of measurements of the machine: up to 4 MB, in the client several times.
         "distributed.admin.system-monitor.log-length": 10,
     }
-    local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
-    process = partial(local, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
-    with dask.config.set(config), process(n_workers=jobs) as cluster, Client(cluster) as client:
+    with dask.config.set(config), _local_cluster(jobs) as cluster, Client(cluster) as client:
         # dask gives up on a process that dies while it starts.
         cluster.adapt(minimum=jobs, maximum=jobs, interval="1s")
         yield client
+
+
+def _local_cluster(jobs: int) -> LocalCluster:
+    """A scheduler and `jobs` processes of one thread on this machine; ConnectionError where one cannot start."""
+    from distributed import LocalCluster
+
+    local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
+    try:
+        return local(n_workers=jobs, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
+    except RuntimeError as error:
+        fault = f"--jobs {jobs}: a process ended while it started ({error})"
+        raise ConnectionError(f"{fault}; ask for fewer: each needs memory, and --jobs 0 measures in this one") from None
 
 
 def _cluster_rows(
