@@ -100,7 +100,7 @@ bench: $(STAMP) ## measure speed: ratios against named references
 	$(BIN)/python -m benchmarks
 
 clean: ## remove reports and caches; your data, figures/ and .venv stay
-	rm -rf report report-gpu .report-* site docs/generated figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf report report-gpu .writing_* site docs/generated figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 distclean: clean ## remove .venv as well
