@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,15 @@ def settings(root: Path, **others: Any) -> EvaluationSettings:
     return EvaluationSettings({"ours": root / "ours"}, **(common | others))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def small_parts() -> Iterator[None]:
+    """Parts of four rows, for shards that are resumed too: so that they have several."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (evaluation, shards):
+            patch.setattr(module, "PART_DANCES", 4)
+        yield
+
+
 @pytest.fixture(scope="module")
 def sharded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Dances, one of them damaged and one without a protocol's joints; one/, and the four shards of it in shards/."""
@@ -43,13 +53,10 @@ def sharded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first.write_bytes(b"broken")
     np.savez(second, positions=load_motion(second).positions, fps=30.0)
     (root / "shards").mkdir()
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (evaluation, shards):
-            patch.setattr(module, "PART_DANCES", 4)
-        write_evaluation(root / "one", evaluate_dances(settings(root), root / "one"))
-        for number in range(1, COUNT + 1):
-            measure_shard(settings(root), root / "shards" / f"s{number}", Shard(number, COUNT))
-        write_evaluation(root / "merged", merge_shards(folders(root / "shards"), root / "merged"))
+    write_evaluation(root / "one", evaluate_dances(settings(root), root / "one"))
+    for number in range(1, COUNT + 1):
+        measure_shard(settings(root), root / "shards" / f"s{number}", Shard(number, COUNT))
+    write_evaluation(root / "merged", merge_shards(folders(root / "shards"), root / "merged"))
     return root
 
 
