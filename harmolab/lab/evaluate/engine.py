@@ -393,9 +393,9 @@ def _local_cluster(jobs: int) -> LocalCluster:
     local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
     try:
         return local(n_workers=jobs, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
-    except RuntimeError as error:
-        fault = f"--jobs {jobs}: a process ended while it started ({error})"
-        raise ConnectionError(f"{fault}; ask for fewer: each needs memory, and --jobs 0 measures in this one") from None
+    except RuntimeError:
+        advice = "ask for fewer: each needs memory, and --jobs 0 measures in this one"
+        raise ConnectionError(f"--jobs {jobs}: a process ended while it started; {advice}") from None
 
 
 def _cluster_rows(

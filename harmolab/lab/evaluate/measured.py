@@ -36,7 +36,7 @@ from harmolab.verdict.judge import Judgement, score_motion
 
 if TYPE_CHECKING:
     import pandas as pd
-else:  # half a second, which no worker of an evaluation needs to wait for
+else:  # half a second, which no worker needs to wait for
     pd = lazy_loader.load("pandas")
 
 # Does the body come to rest on the beats? The plainest number of a dance, beside that of half a beat later.

@@ -18,13 +18,16 @@ from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
+import lazy_loader
 import numpy as np
 
 from harmolab.files import atomic_write, reading, write_synced
 
-if TYPE_CHECKING:  # half a second, which no worker of a comparison needs to wait for
+if TYPE_CHECKING:
     import pandas as pd
     import pyarrow
+else:  # half a second, which no worker needs to wait for
+    pd = lazy_loader.load("pandas")
 
 Row = Mapping[str, Any]
 
@@ -135,8 +138,6 @@ def part_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
-    import pandas as pd
-
     cells = pd.read_csv(path, dtype=str, keep_default_na=False)  # the csv module reads no cell of more than 128 KiB
     rows = cells.to_dict("records")
     return [{str(name): json.loads(word) if word else None for name, word in row.items()} for row in rows]
@@ -218,8 +219,6 @@ def _csv_kinds(folder: Path, paths: Sequence[Path], count: int) -> dict[str, typ
 
 
 def _csv_frame(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
-    import pandas as pd
-
     dtypes = {int: "int64", float: "float64", str: pd.Series(["text"]).dtype}  # pandas 3 has a kind of its own for text
     rows = part_rows(path)
     columns = {name: [row.get(name) for row in rows] for name in kinds}

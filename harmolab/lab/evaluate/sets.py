@@ -29,7 +29,7 @@ from harmolab.types import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
-else:  # half a second, which no worker of an evaluation needs to wait for
+else:  # half a second, which no worker needs to wait for
     pd = lazy_loader.load("pandas")
 
 # The rows of dances brought together as they come: what a table needs of them, in memory that does not grow with
