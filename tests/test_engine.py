@@ -397,9 +397,7 @@ def slow_square(task: Number) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_process_that_ends_while_it_starts_is_an_error_with_advice(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr("distributed.Nanny.instantiate", failing_to_start)
-    with pytest.raises(
-        ConnectionError, match="--jobs 2: a process ended while it started; ask for fewer.*--jobs 0 meas"
-    ):
+    with pytest.raises(ConnectionError, match=r"--jobs 2: a process ended while it started; ask for fewer.*--jobs 0"):
         run_rows(Numbers(3), square, tmp_path, jobs=2)
 
 
