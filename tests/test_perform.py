@@ -44,7 +44,7 @@ from harmolab.systems.training.about import read_about
 from harmolab.types import Audio, Motion
 from tests.builders import called, cases, done, refused, save_performance
 from tests.test_player import data_of
-from tests.test_player_browser import FRAME, PHONE, WIDE, flashes, opened, wait_until
+from tests.test_player_browser import FRAME, PHONE, WIDE, assert_lit_on_its_beats, opened, wait_until
 from tools.ship import ship
 
 SECONDS = 6.0
@@ -531,13 +531,8 @@ def test_onsets_and_strikes_light_up_within_one_frame(kind: str, performance: Pe
     page = opened(chromium, saved)
     page.evaluate("harmolabPlayer.rate(0.5); harmolabPlayer.seek(1); harmolabPlayer.play()")
     wait_until(page, "harmolabPlayer.time() > 1.2")
-    lit = flashes(page, kind, 5.0)
     score = performance.score.score
-    times = score.music.times if kind == "music" else score.visual.times
-    assert len(lit) >= 4
-    for drawn, waited in lit:
-        late = drawn - times[times <= drawn + 1e-4][-1]
-        assert -1e-4 <= late <= max(FRAME, waited) + 1e-3
+    assert_lit_on_its_beats(page, kind, score.music.times if kind == "music" else score.visual.times, 5.0)
     page.close()
 
 

@@ -30,6 +30,7 @@ from tests.test_render import standing
 pytestmark = pytest.mark.browser
 
 FRAME = 1 / 60
+FLASH = 0.12  # seconds that a beat stays lit
 
 
 @pytest.fixture(scope="module")
@@ -76,22 +77,26 @@ def wait_until(page: Any, condition: str) -> None:
     page.wait_for_function(condition, timeout=20_000)
 
 
-def flashes(page: Any, kind: str, seconds: float) -> list[tuple[float, float]]:
-    """(clock when a flash was first drawn, longest wait between two frames around it), while the player plays."""
-    return page.evaluate(
+def assert_lit_on_its_beats(page: Any, kind: str, beats: np.ndarray, seconds: float) -> None:
+    """Each frame drawn while it plays is lit if a beat is less than a flash ago, and dark otherwise: no beat before
+    its time nor a frame late. A busy machine may draw no frame at all in a flash, which is no fault of the page."""
+    drawn = page.evaluate(
         """async ([kind, seconds]) => {
-          const found = [], player = window.harmolabPlayer;
-          let before = null, start = player.time(), last = start;
-          while (player.time() - start < seconds) {
+          const frames = [], start = harmolabPlayer.time();
+          while (harmolabPlayer.time() - start < seconds) {
             await new Promise(requestAnimationFrame);
-            const drawn = player.flashing(), on = kind === "music" ? drawn.music : drawn.visual[0];
-            if (on && before === false) found.push([drawn.time, drawn.time - last]);
-            before = on; last = drawn.time;
+            const lit = harmolabPlayer.flashing();
+            frames.push([lit.time, kind === "music" ? lit.music : lit.visual[0]]);
           }
-          return found;
+          return frames;
         }""",
         [kind, seconds],
     )
+    times, lit = np.array(drawn).T
+    since = times - beats[np.maximum(np.searchsorted(beats, times, side="right") - 1, 0)]
+    clear = (np.abs(times[:, None] - beats).min(axis=1) > 1e-3) & (np.abs(since - FLASH) > 1e-3)
+    np.testing.assert_array_equal(lit[clear].astype(bool), ((since >= 0) & (since < FLASH))[clear])
+    assert lit.sum() >= 4 and clear.mean() > 0.9
 
 
 def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromium: Any, saved: Path) -> None:
@@ -148,12 +153,8 @@ def test_a_flash_is_drawn_within_one_frame_of_its_beat(
     page.evaluate(f"harmolabPlayer.rate({rate}); harmolabPlayer.seek(1)")
     page.evaluate("harmolabPlayer.play()")
     wait_until(page, "harmolabPlayer.time() > 1.2")
-    found = flashes(page, kind, seconds)
     beats = clip.beats.times if kind == "music" else visual_beats(clip.motion, params=HarmonyParams.valleys()).times
-    assert len(found) >= seconds / np.diff(beats).mean() - 2
-    for drawn, waited in found:
-        late = drawn - beats[beats <= drawn + 1e-4][-1]
-        assert -1e-4 <= late <= max(FRAME, waited) + 1e-3  # not before its beat, nor a frame after it
+    assert_lit_on_its_beats(page, kind, beats, seconds)
 
 
 def test_a_quarter_of_the_speed_keeps_the_clock(page: Any) -> None:
