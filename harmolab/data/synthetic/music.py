@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any
 
@@ -25,9 +25,15 @@ def _shaped(sound: FloatArray, rate: int, *, attack: float = ATTACK, release: fl
     """The sound with raised-cosine ends."""
     shaped = sound.copy()
     for seconds, order in ((attack, slice(None)), (release, slice(None, None, -1))):
-        ramp = np.sin(np.linspace(0, np.pi / 2, min(round(seconds * rate), sound.size))) ** 2
+        ramp = _ramp(min(round(seconds * rate), sound.size))
         shaped[order][: ramp.size] *= ramp
     return shaped
+
+
+@cache
+def _ramp(size: int) -> FloatArray:
+    """(size,) raised cosine from 0 to 1."""
+    return np.sin(np.linspace(0, np.pi / 2, size)) ** 2
 
 
 def _noise(size: int, rate: int, low: float, high: float, rng: np.random.Generator) -> FloatArray:

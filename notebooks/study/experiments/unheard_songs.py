@@ -1,7 +1,7 @@
 """Songs that no training heard, and what is danced to them: how long, how often, beside which recorded dancers."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -21,6 +21,7 @@ STOP_SECONDS, FADE = 4.0, 0.05  # of its silence; standard deviation, seconds, o
 UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from another sequence
 
 
+@lru_cache(maxsize=64)  # a minute each: all that a quick run asks for, again and again
 def unheard_song(dance: str, number: int, seconds: float) -> Excerpt:
     """A synthetic song of a dance that is in no corpus, with its planted beats and "one": all of it is danced."""
     settings = ClipSettings(dance, seconds=seconds, seed=UNHEARD + 1000 * list(DANCES).index(dance) + number)
