@@ -32,7 +32,7 @@ from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.lab.evaluate.tables import full_methods, methods_paragraph, number_text, table_csv, table_notes
-from harmolab.lab.player import player_of
+from harmolab.lab.player_page import player_of
 from harmolab.metrics.features import diversity, frechet_distance
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion

@@ -13,7 +13,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.lab.person import hulls, person_discs, shadow_outline, stage_of
-from harmolab.lab.player import Dancer, Player, page_motion
+from harmolab.lab.player_page import Dancer, Player, page_motion
 from harmolab.lab.report.pages import NotebookRun, write_pages
 from harmolab.musician.avatar import avatar
 from harmolab.params import HarmonyParams

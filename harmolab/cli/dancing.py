@@ -92,7 +92,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
     part = sound.span(report.start, report.motion.duration)
     if suffix in common.PAGES:
         common.check_pages(str(path))
-        from harmolab.lab.player import Dancer, Player
+        from harmolab.lab.player_page import Dancer, Player
 
         dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
         facts = report.facts | ({"to note": " ".join(report.notes)} if report.notes else {})

@@ -181,7 +181,7 @@ def _page(
 ) -> None:
     """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
-    from harmolab.lab.player import player_of
+    from harmolab.lab.player_page import player_of
     from harmolab.verdict.judge import score_clip
 
     if files.is_video and not is_body_found(files.motion):
@@ -226,9 +226,9 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
     with plain_errors():
         common.check_out(out, "the page", common.PAGES)
         with waiting("making the page"):
-            from harmolab.lab import player as pages
+            from harmolab.lab import player_page
 
-            page = pages.demo()
+            page = player_page.demo()
             page.player.save(out)
     typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):

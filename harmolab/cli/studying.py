@@ -88,7 +88,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     """Pages and scores of all that is asked, then key and trials."""
     from harmolab.lab.listening.answers import write_page, write_scores, write_study
     from harmolab.lab.listening.trials import make_key, make_trials
-    from harmolab.lab.player import blind_page
+    from harmolab.lab.player_page import blind_page
 
     key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)

@@ -17,7 +17,7 @@ from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
 from harmolab.lab.figures.evaluation import distribution_figure
-from harmolab.lab.player import player_of
+from harmolab.lab.player_page import player_of
 from harmolab.lab.report.templates import rendered
 from harmolab.params import HarmonyParams
 

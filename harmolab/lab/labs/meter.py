@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
 from harmolab.lab.labs import live
-from harmolab.lab.player import LAB_SENTENCES, percent
+from harmolab.lab.player_page import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
 from harmolab.score import salient_audio
 from harmolab.types import BeatTrack, BoolArray, Clip, IntArray

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from harmolab.beats.visual import visual_beats
 from harmolab.lab.labs import live
-from harmolab.lab.player import LAB_SENTENCES, LUCK, percent
+from harmolab.lab.player_page import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern
 from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalise_strengths, score_harmony, visual_mask
 from harmolab.shape_speed import shape_signal, shape_speed
