@@ -206,6 +206,39 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     np.testing.assert_array_equal(beats.strengths, [2.0, 0.0])
 
 
+@cases(
+    "text, places, strengths",
+    ("1.0 1\n1.5 2\n2.0 3\n2.5 1\n", [0, 1, 2, 0], [1, 1, 1, 1]),
+    ("1.0 3\n1.5 4\n2.0 1\n2.5 2\n3.0 3\n", [2, 3, 0, 1, 2], [1, 1, 1, 1, 1]),
+    ("1.0 1\n1.5 2\n2.0 1\n2.5 2\n", None, [1, 2, 1, 2]),
+    ("1.0 1\n1.5 2\n2.0 4\n2.5 1\n3.0 2\n", None, [1, 2, 4, 1, 2]),
+    ("1.0 1.0\n1.5 1.5\n2.0 2.0\n", None, [1, 1, 1]),
+    ids=["madmom", "from the third beat", "strong and weak", "strengths that skip", "Audacity"],
+)
+def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
+    for name in ("song.txt", "song.csv"):
+        beats = load_beats(write(tmp_path, name, text))
+        np.testing.assert_array_equal(beats.strengths, strengths)
+        assert (beats.bar_places is None) if places is None else (list(beats.bar_places) == places)
+
+
+@cases(
+    "text, times",
+    ("time\n0,250\n0,750\n1,250\n", [0.25, 0.75, 1.25]),
+    ("0,250\n1,280\n2,310\n", [0.25, 1.28, 2.31]),
+    ("0,5\n1,0\n1,5\n", [0.5, 1.0, 1.5]),
+    ("1,1\n2,5\n3,1\n", [1.0, 2.0, 3.0]),
+    ("0,250\n1.5\n", None),
+    ids=["two a second", "slow", "one digit", "strengths", "mixed"],
+)
+def test_a_comma_may_be_that_of_a_decimal(tmp_path: Path, text: str, times: list[float] | None):
+    path = write(tmp_path, "song.txt", text)
+    if times is None:
+        refused(r"song\.txt: line 2 has 1 columns, the first has 2", load_beats, path)
+    else:
+        np.testing.assert_array_equal(load_beats(path).times, times)
+
+
 def test_json_gives_everything_that_was_written_down_and_beats_alone_are_enough(tmp_path: Path):
     bare = load_annotation(write(tmp_path, "beats.json", {"beats_s": [1.0, 2.0], "downbeats_s": None}))
     assert (bare.downbeats, bare.meter, bare.bpm, bare.dance, bare.units) == (None, None, None, "", ())
@@ -496,6 +529,22 @@ def test_what_cannot_be_written_is_refused_with_the_reason(
 ):
     refused(message, write_video, tmp_path / name, frames, fps)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_cut_without_new_coding_is_whole_though_it_keeps_hidden_frames(sample: Path, tmp_path: Path):
+    write_video(sample, np.random.default_rng(0).integers(0, 255, (60, HEIGHT, WIDTH)).astype(np.uint8), 30.0)
+    cut = tmp_path / "cut.mp4"
+    with av.open(sample) as source, av.open(cut, "w") as target:
+        stream = source.streams.video[0]
+        copied = target.add_stream_from_template(stream)
+        for packet in source.demux(stream):
+            if packet.dts is not None:  # a second earlier, which hides half of what follows the only key frame
+                packet.pts, packet.dts = (time - round(1 / stream.time_base) for time in (packet.pts, packet.dts))
+                packet.stream = copied
+                target.mux(packet)
+    with av.open(cut) as container:
+        assert container.streams.video[0].frames == 60
+    assert len(list(video_frames(cut))) == 30
 
 
 def test_a_video_cut_off_says_how_much_is_there_and_without_its_index_that_it_cannot_be_read(sample: Path):

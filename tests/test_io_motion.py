@@ -142,7 +142,13 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
     assert load_motion(save(tmp_path / "gHO_sFM_cAll_d19_mHO1_ch02.npy", walk(10, 17, 2))).fps == 60
 
 
-@cases("skeleton, shape, size", (COCO_17, (10, 17, 3), [640, 480, 1]), (MEDIAPIPE_33, (10, 33, 4), [1, 1, 1, 1]))
+@cases(
+    "skeleton, shape, size",
+    (COCO_17, (10, 17, 3), [640, 480, 1]),
+    (COCO_17, (10, 17, 3), [1, 1, 1]),
+    (Skeleton.unnamed(26), (10, 26, 3), [640, 480, 1]),
+    (MEDIAPIPE_33, (10, 33, 4), [1, 1, 1, 1]),
+)
 def test_points_with_a_confidence_are_not_taken_for_metres(
     tmp_path: Path, skeleton: Skeleton, shape: tuple[int, ...], size: list[int]
 ):
@@ -150,6 +156,13 @@ def test_points_with_a_confidence_are_not_taken_for_metres(
     motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
     assert motion.skeleton == skeleton
     np.testing.assert_allclose(motion.positions, points[..., :2])
+
+
+@pytest.mark.parametrize(("joints", "low", "high"), [(17, -0.5, 1.0), (17, 0.0, 1.8), (26, 25.0, 26.8), (26, 0.0, 1.0)])
+def test_metres_are_not_taken_for_points_with_a_confidence(tmp_path: Path, joints: int, low: float, high: float):
+    places = np.random.default_rng(1).uniform(low, high, (10, joints, 3)) * [1, 1, 1 / max(high, 1)]
+    motion = load_motion(save(tmp_path / "body.npy", places), fps=30, scale=1.0, up="y")
+    np.testing.assert_array_equal(motion.positions, places)
 
 
 def test_array_file_in_fortran_order_and_other_byte_order_is_read(tmp_path: Path):
@@ -440,6 +453,16 @@ def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: objec
     np.testing.assert_allclose(motion.positions[:, 4], [[0, 40], [1, 40], [2, 40]])
     assert motion.skeleton == COCO_17
     assert motion.valid.all()
+
+
+@pytest.mark.parametrize(("first", "lead"), [(0, 0), (1, 0), (7, 7), (20, 20), (21, 0), (5000, 0)])
+def test_frames_before_the_dancer_comes_in_are_there_unless_they_are_of_a_longer_video(
+    tmp_path: Path, first: int, lead: int
+):
+    entries = [{"image_id": f"{first + place}.jpg", "keypoints": coco_pose(place)} for place in range(20)]
+    motion = load_motion(as_json(tmp_path / "alphapose-results.json", entries), fps=30)
+    np.testing.assert_array_equal(motion.positions[:, 4, 0], [0.0] * lead + list(range(20)))
+    np.testing.assert_array_equal(motion.valid, np.arange(lead + 20) >= lead)
 
 
 def test_frames_of_openpose_in_one_list_are_read_in_their_order(tmp_path: Path):

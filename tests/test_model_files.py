@@ -608,6 +608,18 @@ def test_markers_are_metres_at_the_rate_of_their_file(tmp_path: Path):
     assert notes[1].startswith("z up (guessed: the head is 1.6")
 
 
+def test_what_a_model_wrote_beside_the_markers_is_no_joint(tmp_path: Path):
+    names, points = (*NAMES, "LKneeMoments", "LAnkleAngles"), np.concatenate([suit(), 1e5 * suit()[:, :2]], axis=1)
+    more = {"MOMENTS": ["LKneeMoments"], "ANGLES2": ["LAnkleAngles"]}
+    motion, _, notes = read_motion(markers(tmp_path / "gait.c3d", points, names, **more))
+    assert motion.skeleton.joints == NAMES
+    assert notes[-1] == "2 points left out that are no markers: LKneeMoments, LAnkleAngles"
+    asked, _, notes = read_motion(tmp_path / "gait.c3d", joints=names, up="z")
+    assert asked.skeleton.joints == names and not any("left out" in note for note in notes)
+    alone = markers(tmp_path / "alone.c3d", points[:, 4:], names[4:], **more)
+    refused(r"alone\.c3d: holds no markers: all of its points are angles, forces and the like", load_motion, alone)
+
+
 def test_the_screen_of_a_c3d_file_tells_which_axis_points_up(tmp_path: Path):
     path = markers(tmp_path / "d.c3d", suit(), ("a", "b", "c", "d"), X_SCREEN=["+X"], Y_SCREEN=["+Z"])
     motion, _, notes = read_motion(path)

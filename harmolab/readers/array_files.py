@@ -281,11 +281,16 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:
-    """True where (T, J, 3), also flat, is image coordinates with a confidence: pixels or shares beside 0 to 1."""
+    """True where (T, J, 3), also flat, is image coordinates with a confidence: pixels or shares beside 0 to 1.
+
+    Joints of an unknown number are pixels where they extend over more than any body does in metres.
+    """
     is_flat = values.ndim == 2
     points = values.reshape(len(values), -1, 3) if is_flat and values.shape[1] % 3 == 0 else values
-    if not len(points) or points.ndim != 3 or points.shape[2] != 3 or keypoints.named_skeleton(points.shape[1]) is None:
+    if not points.size or points.ndim != 3 or points.shape[2] != 3:
         return False
     places, confidence = points[..., :2], points[..., 2]
-    are_shares = is_flat and places.min() >= 0 and places.max() <= 1
-    return bool(confidence.min() >= 0 and confidence.max() <= 1 and (np.abs(places).max() > 20 or are_shares))
+    is_named = keypoints.named_skeleton(points.shape[1]) is not None
+    are_shares = is_named and places.min() >= 0 and places.max() <= 1
+    are_pixels = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > 20
+    return bool(confidence.min() >= 0 and confidence.max() <= 1 and (are_pixels or are_shares))

@@ -15,6 +15,7 @@ Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISM
 Nothing is downloaded, by us or by its package: weights are a file on this machine.
 """
 
+import itertools
 import math
 import re
 from dataclasses import dataclass, replace
@@ -217,8 +218,10 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
 
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
-    lines = enumerate(text.splitlines(), start=1)
-    rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines if not line.lstrip().startswith("#")]
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
+    if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
+        lines = [(number, line.replace(",", ".")) for number, line in lines]
+    rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines]
     rows = [(number, words) for number, words in rows if words]
     if header and rows and all(_number(word) is None for word in rows[0][1]):
         rows = rows[1:]
@@ -241,6 +244,16 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
     return table[:, 0], table[:, 1] if width == 2 else None
 
 
+def _are_decimal_commas(lines: list[str]) -> bool:
+    """True for lines such as "0,25": two or more digits behind each comma, or no times where commas part columns."""
+    parts = [re.fullmatch(r"(\d+),(\d+)", line) for line in lines]
+    pairs = [(int(part[1]), len(part[2])) for part in parts if part]
+    if not pairs or len(pairs) < len(lines):
+        return False
+    rises = all(later > earlier for (earlier, _), (later, _) in itertools.pairwise(pairs))
+    return not rises or all(digits > 1 for _, digits in pairs)
+
+
 def _number(word: str) -> float | None:
     """A word as a number, or None."""
     try:
@@ -249,11 +262,19 @@ def _number(word: str) -> float | None:
         return None
 
 
-def _from_columns(times: FloatArray, strengths: FloatArray | None) -> BeatAnnotation:
-    """An annotation from times and, perhaps, strengths."""
-    if strengths is not None and strengths.min() < 0:
-        raise ValueError(f"strengths must not be negative, got {strengths.min():g}")
-    return BeatAnnotation(times, strengths=strengths)
+def _from_columns(times: FloatArray, second: FloatArray | None) -> BeatAnnotation:
+    """An annotation from times and, perhaps, strengths; also from what other programs write beside a time.
+
+    That is the time once more (Audacity's labels of a moment), or the places in bars of three beats or more.
+    """
+    if second is None or np.abs(second - times).max() < 1e-3:
+        return BeatAnnotation(times)
+    if second.min() < 0:
+        raise ValueError(f"strengths must not be negative, got {second.min():g}")
+    counts_on = (np.diff(second) == 1) | (second[1:] == 1)
+    if second.min() >= 1 and second.max() >= 3 and second.size > second.max() and counts_on.all():
+        return _from_bars(times, second)
+    return BeatAnnotation(times, strengths=second)
 
 
 def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:

@@ -1,13 +1,15 @@
 """Markers of a c3d file to Motion, through the library ezc3d: `pip install ezc3d`.
 
-Markers become joints without bones. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A frame
-in which a marker is missing is filled in by a straight line in time and marked not valid. The axis that points up is
-that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be passed.
+Markers become joints without bones; angles, forces, moments, powers and scalars that a model wrote beside them are left
+out. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A frame in which a marker is missing is
+filled in by a straight line in time and marked not valid. The axis that points up is that of ``POINT:Y_SCREEN``; where
+a file has none, the markers of head and feet tell, else it must be passed.
 """
 
 import io
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.files import PathLike, reading
 from harmolab.readers.arrays import check_joints, checked_motion, in_metres
 from harmolab.readers.keypoints import filled_points
-from harmolab.readers.motion_file import MotionFile, ReadingOptions, guessed_up, stated_up
+from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, stated_up
 from harmolab.types import FloatArray
 
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "meters": 1.0, "metres": 1.0}
@@ -49,14 +51,26 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         arrays = _content(file)
         points, present = _points(arrays)
         names = _names(arrays["labels"].ravel().tolist(), points.shape[1])
-        keep = joint_indices(Skeleton(names, (-1,) * len(names)), names if options.joints is None else options.joints)
+        outputs = [name for name in names if name in set(arrays["outputs"].tolist())]
+        markers = [name for name in names if name not in outputs]
+        if not markers:
+            raise ValueError("holds no markers: all of its points are angles, forces and the like")
+        keep = joint_indices(Skeleton(names, (-1,) * len(names)), markers if options.joints is None else options.joints)
         skeleton = skeleton_part(Skeleton(names, (-1,) * len(names)), keep)
         filled = filled_points(points[:, keep], present[:, keep], skeleton)
         factor, unit = _unit(str(arrays["units"]), options)
         places, up = _upright(in_metres(filled, factor), skeleton.joints, str(arrays["y_screen"]), options)
         own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
         valid = np.asarray(present[:, keep].all(axis=1))
-        return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", (unit, up))
+        notes = (unit, up, *_left_out(outputs if options.joints is None else []))
+        return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", notes)
+
+
+def _left_out(outputs: Sequence[str]) -> Iterator[Assumption]:
+    """A sentence on what is no marker, if there is any."""
+    if outputs:
+        names = ", ".join(outputs[:3]) + ", ..." * (len(outputs) > 3)
+        yield Assumption(f"{len(outputs)} points left out that are no markers: {names}", "points left out: no markers")
 
 
 def _content(file: Path) -> dict[str, NDArray[Any]]:

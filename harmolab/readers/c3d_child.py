@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # what a model adds to the markers, in other units
 MEMORY = 4 * 2**30  # bytes, where the system can hold a process to it
 
 
@@ -22,12 +23,15 @@ def points(path: str) -> dict[str, Any]:
     about = content["parameters"]["POINT"]
     numbered = [name for name in about if name.startswith("LABELS")]
     labels = [label for name in sorted(numbered, key=len) for label in about[name]["value"]]
+    groups = [name for name in about if name.rstrip("0123456789") in OUTPUTS]
+    outputs = [str(label).strip() for name in groups for label in about[name]["value"]]
     words = {name: about[name]["value"] if name in about else [] for name in ("UNITS", "Y_SCREEN")}
     return {
         "points": content["data"]["points"][:3],
         "residuals": content["data"]["meta_points"]["residuals"][0],
         "rate": np.ravel(about["RATE"]["value"])[:1],
         "labels": np.array([str(label) for label in labels], str),
+        "outputs": np.array(outputs, str),
         **{name.lower(): np.array("".join(map(str, value[:1]))) for name, value in words.items()},
     }
 

@@ -143,7 +143,11 @@ def json_or_lines(path: Path) -> Any:
 
 
 def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatArray]]:
-    """The people in every frame from the first that is named to the last, each (J, 3) x, y, confidence.
+    """The people in every frame to the last that is named, each (J, 3) x, y, confidence.
+
+    Estimators leave out frames in which they see nobody, so a number above 1 of the first is that of empty frames
+    before it. Where these would be more than all that are named, the frames are part of a longer video, and the first
+    that is named is the first.
 
     >>> nose_only = [5.0, 6.0, 0.9] + [0.0] * 48
     >>> people_by_frame([{"image_id": "frame_07.jpg", "keypoints": nose_only}])[0][0][0]
@@ -181,6 +185,8 @@ def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatAr
             f"names {len(people)} frames between {first} and {last}: these are no frames of one video; "
             "name each image by its frame number"
         )
+    if 1 < first <= len(people):
+        first = 0
     return [people.get(number, []) for number in range(first, last + 1)]
 
 
