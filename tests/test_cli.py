@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -20,7 +21,7 @@ import soundfile
 from typer.testing import CliRunner, Result
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.cli import PANELS, app, screen
+from harmolab.cli import PANELS, app, retiming, screen
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.lab.explain.filmed import FilmedMotion
@@ -208,6 +209,32 @@ def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_pa
     (tmp_path / "mine.json").write_text(json.dumps({"beats_s": [0.5, 1.0, 1.5]}))
     rows = [json.loads(run("data", "check", file, "--json").stdout)[0] for file in sorted(tmp_path.iterdir())]
     assert [(row["kind"], row["frames"]) for row in rows] == [("motion", 3), ("beats", 3)]
+
+
+def test_names_with_brackets_are_shown_whole(
+    tmp_path: Path, click_track: Callable[..., Audio], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("COLUMNS", "200")
+    names = ("Song [official video].wav", "[bold].wav", "x[/b].wav")
+    for name in names[:2]:
+        soundfile.write(tmp_path / name, click_track(90, seconds=2.0).samples, 22050)
+    (tmp_path / "x[").mkdir()
+    (tmp_path / "x[" / "b].wav").write_bytes((tmp_path / "[bold].wav").read_bytes())
+    shown = succeed("data", "check", tmp_path).stdout
+    assert all(name in shown for name in names)
+    assert "b].wav" in succeed("data", "check", tmp_path / "x[/b].wav").stdout
+
+
+def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_path: Path):
+    clip = planted_dance(seconds=12.0)
+    save_motion(tmp_path / "late.npz", clip.motion, offset=3.0)
+    row = json.loads(succeed("data", "check", tmp_path / "late.npz", "--json").stdout)[0]
+    assert row["offset"] == 3.0
+    said = "it begins at 3 s of the song: pass --offset 3 with it"
+    assert said in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
+    assert said not in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "copy.npz").output
+    song = write_song(tmp_path / "song.wav", planted_dance(seconds=15.0))
+    assert said in succeed("retime", song, tmp_path / "late.npz", "--out", tmp_path / "bent.bvh").output
 
 
 def test_data_synth_writes_as_many_clips_as_are_asked_for(tmp_path: Path):
@@ -510,6 +537,53 @@ def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(takes: Path, tmp
     assert run("score", takes, "--csv", out).exit_code == 1, "a table of ours is written over"
     out.write_text("precious")
     assert "not of harmolab" in refusal("score", takes, "--csv", out)
+
+
+def test_a_dance_told_of_a_folder_is_that_of_each_recording(takes: Path, tmp_path: Path):
+    assert "unknown dance 'wlatz'; did you mean 'waltz'?" in refusal("score", takes, "--dance", "wlatz")
+    first = sorted(takes.glob("clip_*"))[0]
+    bare = tmp_path / "bare" / "take"
+    bare.mkdir(parents=True)
+    for name in ("audio.wav", "motion.npz"):
+        (bare / name).write_bytes((first / name).read_bytes())
+    rows = json.loads(run("score", bare.parent, "--dance", "waltz", "--json").stdout)
+    alone = json.loads(succeed("score", bare, "--dance", "waltz", "--json").stdout)["recommended"]
+    assert (rows[0]["dance"], rows[0]["n_audio"], rows[0]["verdict"]) == ("waltz", alone["n_audio"], alone["verdict"])
+
+
+def test_a_folder_in_the_mode_of_the_paper_shows_the_numbers_of_the_paper(takes: Path):
+    result = run("score", takes, "--mode", "paper")
+    rows = json.loads(run("score", takes, "--mode", "paper", "--json").stdout)
+    numbers = [f"{rows[0][name]:.3f}" for name in ("paper_harmony", "paper_hit_rate", "paper_chance")]
+    assert cells(result, rows[0]["name"])[1:4] == numbers
+
+
+def test_options_that_would_do_nothing_are_refused(recording: Path, tmp_path: Path):
+    assert "--seconds must be positive, got 0" in refusal(
+        "lab", recording, "--seconds", 0, "--out", tmp_path / "l.html"
+    )
+    words = ("play", recording, "--other-offset", 3, "--out", tmp_path / "p.html")
+    assert "--other-offset is of --other" in refusal(*words)
+    words = ("evaluate", recording, "--music", recording, "--reference", recording, "--out", tmp_path / "t")
+    fault = refusal(*words, "--shard", "1/1", "--save-reference", tmp_path / "r.npz")
+    assert "--save-reference is of a whole table" in fault
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("levels", "rates", "is_worse"),
+    [
+        ((3, 1), (0.2, 0.6), True),
+        ((1, 3), (0.6, 0.5), True),
+        ((3, 3), (0.5, 0.5), False),
+        ((None, None), (0.2, 0.6), False),
+    ],
+)
+def test_a_warp_that_did_no_good_is_called_so(levels: tuple, rates: tuple[float, float], is_worse: bool):
+    before, after = (SimpleNamespace(judgement=level and SimpleNamespace(level=level)) for level in levels)
+    bent = (SimpleNamespace(hit_rate=rate) for rate in rates)
+    retimed = SimpleNamespace(before=before, after=after, target_before=next(bent), target_after=next(bent))
+    assert retiming._is_worse(retimed) == is_worse
 
 
 def test_options_of_one_recording_are_none_of_many(takes: Path):

@@ -338,16 +338,26 @@ def show(value: Any) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
+def say_begin(begin: float | None, *paths: Path, err: bool = False) -> None:
+    """Say where in its song a dance begins, if one of its files does not keep that."""
+    if begin and any(path.suffix.lower() != ".npz" for path in paths):
+        typer.echo(f"it begins at {begin:g} s of the song: pass --offset {begin:g} with it", err=err)
+
+
 def print_table(
     headings: Sequence[str | Column], rows: Iterable[Sequence[str]], title: str = "", *notes: str, **look: Any
 ) -> None:
-    """Print a table, as wide as the terminal, and sentences below it; `look` are options of `rich.table.Table`."""
+    """Print a table, as wide as the terminal, and sentences below it; `look` are options of `rich.table.Table`.
+
+    Brackets in cells and title are shown as they are, for they may be of the name of a file.
+    """
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    console, table = Console(), Table(*headings, title=title or None, **look)
+    console, table = Console(), Table(*headings, title=escape(title) or None, **look)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console.print(table)
     for sentence in notes:
         console.print(sentence, markup=False, highlight=False)

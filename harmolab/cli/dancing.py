@@ -339,8 +339,7 @@ def dance(
         note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
     wrote(*paths, err=as_json)
-    if offset and any(path.suffix.lower() != ".npz" for path in paths):
-        typer.echo(f"it begins at {offset:g} s of the song: pass --offset {offset:g} with it", err=as_json)
+    common.say_begin(offset, *paths, err=as_json)
 
 
 def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
@@ -405,8 +404,6 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
 
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
     """One column a dance."""
-    from rich.markup import escape
-
     names = dict.fromkeys(name for column in facts.values() for name in column)
-    rows = ([name, *(escape(printable(column.get(name, "-"))) for column in facts.values())] for name in names)
+    rows = ([name, *(printable(column.get(name, "-")) for column in facts.values())] for name in names)
     common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)

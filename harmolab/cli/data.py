@@ -30,6 +30,8 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
     ----------
     path : A file, a sequence folder or a corpus.
     """
+    from rich.table import Column
+
     from harmolab.cli.data_check import check
 
     with plain_errors():
@@ -38,15 +40,15 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
         raise typer.Exit(int(is_faulty))
-    headings = ("what", "kind", "frames", "rate", "joints", "seconds", "offset", "note")
+    headings = (Column("what", overflow="fold"), "kind", "frames", "rate", "joints", "seconds", "offset", "note")
     rows, notes = [], []
     for finding in findings:
         name = _short(finding.path, path)
         numbers = (finding.frames, finding.rate, finding.joints, finding.seconds, finding.offset)
-        rows.append((name, finding.kind, *map(show, numbers), finding.note))
+        rows.append((printable(name), finding.kind, *map(show, numbers), printable(finding.note)))
         notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
         notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
-    print_table(headings, rows, str(path), *notes)
+    print_table(headings, rows, printable(str(path)), *notes)
     raise typer.Exit(int(is_faulty))
 
 
@@ -131,9 +133,11 @@ def convert(
             raise ValueError(f"{out}: is there already; --force writes over it")
         read = read_any_motion(motion, **options.keywords)
         about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
-        save_motion(out, read.motion, offset=recorded_offset(motion), about=about)
+        begin = recorded_offset(motion)
+        save_motion(out, read.motion, offset=begin, about=about)
     say(f"{motion}: {read.kind}, {common.frames_text(read.motion)}", *(f"read: {sentence}" for sentence in read.notes))
     wrote(out)
+    common.say_begin(begin, out)
 
 
 # `harmolab data pose`: the body in a video as a motion file; and the question whether what finds it may be fetched.

@@ -18,7 +18,7 @@ from harmolab.data.oddities import (
     sound_oddities,
     span_oddities,
 )
-from harmolab.data.recordings import find_recordings, load_recording, read_any_motion
+from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset
 from harmolab.files import MissingFrameRate, PathLike
 from harmolab.musician import performances
 from harmolab.readers.audio import audio_info, load_audio
@@ -188,7 +188,7 @@ def _motion(path: Path) -> FileSummary:
     except MissingFrameRate:
         file, has_rate = read_any_motion(path, fps=25.0), False
     row = _motion_row(path, file.motion)
-    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
+    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes, offset=recorded_offset(path))
     odd = ("holds no frame rate: pass fps", *body_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 

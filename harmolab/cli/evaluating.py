@@ -116,6 +116,8 @@ def evaluate(
     with plain_errors():
         common.check_pages("--out")
         if save_reference is not None:
+            if shard:
+                raise ValueError("--save-reference is of a whole table; leave it out with --shard")
             common.check_out(save_reference, "a reference", (".npz",))
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),

@@ -97,7 +97,10 @@ def lab(
         params = judged.params(files.dance)
         clip = clip_of(files, offset=part.offset, **read.keywords)
         begin = max(clip.offset, 0.0) if part.start is None else part.start
-        clip = clip.span(begin, min(part.seconds or common.OF_LAB, clip.audio.duration - begin))
+        length = common.OF_LAB if part.seconds is None else part.seconds
+        if length <= 0:
+            raise ValueError(f"--seconds must be positive, got {length:g}")
+        clip = clip.span(begin, min(length, clip.audio.duration - begin))
         if files.is_video:
             check_signs(files, clip, [score_clip(clip, params)])
         if not clip.has_start:

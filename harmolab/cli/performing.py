@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output
+from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output, say_begin
 from harmolab.cli.dancing import files_to_write, written
 from harmolab.cli.screen import note, plain_errors, progress, say, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
@@ -95,8 +95,7 @@ def perform(
     say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s", result.notice)
     say(*_beside(result))
     wrote(*done)
-    if result.start and any(path.suffix.lower() == ".bvh" for path in done):
-        typer.echo(f"it begins at {result.start:g} s of the song: pass --offset {result.start:g} with it")
+    say_begin(result.start, *(path for path in done if path.suffix.lower() == ".bvh"))
 
 
 def _is_avatar(is_avatar: bool | None, paths: list[Path]) -> bool:

@@ -160,6 +160,8 @@ def play(
         common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
         if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
             raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
+        if other_offset is not None and other is None:
+            raise ValueError("--other-offset is of --other; name a second motion")
         files = sources(context, song, motion, judged)
         params = judged.params(files.dance)
         if is_page:

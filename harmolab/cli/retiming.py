@@ -21,6 +21,7 @@ MEANINGS = (
     "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of the beats, and knows nothing "
     "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
 )
+WORSE = "The dance goes less well with the music than before: keep it as it was, or try a smaller --strength."
 
 
 @with_options
@@ -57,6 +58,7 @@ def retime(
     fastest : Highest local speed, 1 or more.
     method : dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.
     """
+    from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files
 
     with plain_errors():
@@ -72,6 +74,8 @@ def retime(
         )  # fmt: skip
     _print(retimed, files.motion)
     wrote(out)
+    if out.suffix.lower() == ".bvh":
+        common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
 
 
 def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:
@@ -85,6 +89,13 @@ def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion)
         typer.echo(printable(f"{name}: {error}"))
     else:
         common.print_verdict(score.judgement, name)
+
+
+def _is_worse(retimed: Retimed) -> bool:
+    """True where bending time led to fewer beats with a rest near, or to a lower level of the verdict."""
+    before, after = retimed.before.judgement, retimed.after.judgement
+    is_lower = before is not None and after is not None and after.level < before.level
+    return is_lower or retimed.target_after.hit_rate < retimed.target_before.hit_rate
 
 
 def _print(retimed: Retimed, source: Path) -> None:
@@ -103,5 +114,5 @@ def _print(retimed: Retimed, source: Path) -> None:
         ("time bent, largest, ms", "0", f"{1000 * np.abs(warp.shifts()).max():.0f}"),
         ("local speed", "1", show(warp.speed_range())),
     )
-    meaning = "Nothing was worth bending." if warp.is_identity else MEANINGS
+    meaning = "Nothing was worth bending." if warp.is_identity else WORSE if _is_worse(retimed) else MEANINGS
     common.print_table(("", "before", "after"), rows, "the motion and its music", meaning)

@@ -136,6 +136,8 @@ ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 FOR_ONE = ("offset", "beats", "one", "plot", "others")  # options that mean something for one recording only
 JUDGED = ("level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share")
 NUMBERS = ("harmony_above_chance", "p_value", "harmony", "hit_rate", "chance", "n_audio", "n_visual")
+COLUMNS = {"harmony above chance": "harmony_above_chance", "p in time": "p_time"}
+PAPER_COLUMNS = {"harmony": "paper_harmony", "hit rate": "paper_hit_rate", "chance": "paper_chance"}
 
 
 def is_corpus(folder: Path) -> bool:
@@ -146,7 +148,7 @@ def is_corpus(folder: Path) -> bool:
 
 
 def score_corpus(
-    context: typer.Context, corpus: Path, scored: ScoredRecording, *, table: Path | None, as_json: bool
+    context: typer.Context, corpus: Path, scored: ScoredRecording, *, dance: str, table: Path | None, as_json: bool
 ) -> None:
     """Score every recording below a folder, print the rows and write them; exit code 1 where some have a fault.
 
@@ -155,6 +157,7 @@ def score_corpus(
     context : of the call
     corpus : folder
     scored : function of the files of a recording; mode -> score
+    dance : that of all recordings, in place of their own; "" for their own
     table : csv to be written, if any
     as_json : print the rows as JSON
     """
@@ -162,7 +165,7 @@ def score_corpus(
         if misplaced := common.first_told(context, FOR_ONE):
             raise ValueError(f"{misplaced} is for one recording, and {corpus} holds several; leave it out")
         common.check_out(table, "a table", (".csv",))
-        rows = list(recording_rows(corpus, scored))
+        rows = list(recording_rows(corpus, scored, dance=dance))
         if table is not None:
             _write(table, rows)
     if as_json:
@@ -175,8 +178,11 @@ def score_corpus(
         raise typer.Exit(1)
 
 
-def recording_rows(corpus: Path, scored: ScoredRecording) -> Iterator[dict[str, Any]]:
-    """A row for each recording at or below a folder; errors of the folder itself as `find_recordings`."""
+def recording_rows(corpus: Path, scored: ScoredRecording, *, dance: str = "") -> Iterator[dict[str, Any]]:
+    """A row for each recording at or below a folder; errors of the folder itself as `find_recordings`.
+
+    All are of this `dance`, or each of its own.
+    """
     from harmolab.data.recordings import find_recordings, recording_files
 
     folders, problems = find_recordings(corpus)
@@ -185,8 +191,8 @@ def recording_rows(corpus: Path, scored: ScoredRecording) -> Iterator[dict[str, 
     for folder in progress(folders, "scoring"):
         try:
             files = recording_files(folder)
-            scores = scored(Sources(files.song, folder, files.beats, files.dance))
-            yield _row(folder, corpus, dance=files.dance, scores=scores)
+            named = dance or files.dance
+            yield _row(folder, corpus, dance=named, scores=scored(Sources(files.song, folder, files.beats, named)))
         except (ValueError, OSError) as error:
             yield _row(folder, corpus, error=str(error))
 
@@ -214,18 +220,19 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _print(rows: list[dict[str, Any]], title: str) -> None:
-    """The rows as a table, with the fault of a recording in place of its level."""
-    from rich.markup import escape
-
+    """The rows as a table, the fault of a recording in place of its level; the paper's numbers if those are all."""
     from harmolab.verdict.judge import LEVELS
 
-    def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-        numbers = (row.get(name) for name in ("harmony_above_chance", "p_time"))
-        level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
-        return escape(printable(row["name"])), row["dance"], *map(common.show, numbers), escape(row["error"] or level)
+    is_paper = any("paper_harmony" in row for row in rows) and not any("level" in row for row in rows)
+    columns = PAPER_COLUMNS if is_paper else COLUMNS
 
-    headings = ("recording", "dance", "harmony above chance", "p in time", "level")
-    common.print_table(headings, map(cells, rows), escape(printable(title)))
+    def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+        numbers = (row.get(name) for name in columns.values())
+        level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
+        return printable(row["name"]), row["dance"], *map(common.show, numbers), row["error"] or level
+
+    headings = ("recording", "dance", *columns, "fault" if is_paper else "level")
+    common.print_table(headings, map(cells, rows), printable(title))
 
 
 # Names in the table, and of the fields behind them.
@@ -309,6 +316,7 @@ def score(
     others : Print the field's other measures too: beat alignment, mir_eval.
     """
     from harmolab.beats.meter import describe_beats
+    from harmolab.clips import check_dance
     from harmolab.verdict.judge import music_and_motion, other_measures, score_motion, without_start
 
     def scored(files: Sources) -> Scored:
@@ -327,7 +335,10 @@ def score(
             explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
             return
         if motion is None and is_corpus(song):
-            score_corpus(context, song, lambda files: scored(files).scores, table=csv, as_json=as_json)
+            named = judged.dance or ""
+            if judged.pattern is None:  # a file of patterns has names of its own
+                check_dance(named)
+            score_corpus(context, song, lambda files: scored(files).scores, dance=named, table=csv, as_json=as_json)
             return
         if csv is not None:
             raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
