@@ -63,12 +63,11 @@ meter_lab(synthetic_clip("rumba", seconds=6.0))
 """
 
 
-def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = (), first: bool = False) -> None:
-    """A notebook whose first cell is Markdown and the others code; the `first` one starts before all others."""
+def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = ()) -> None:
+    """A notebook whose first cell is Markdown and the others code."""
     nodes = [new_markdown_cell(cells[0]), *map(new_code_cell, cells[1:])]
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
-    about = {"paper": list(paper), "first": first}
-    nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": about}), path)
+    nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": {"paper": list(paper)}}), path)
 
 
 def run_of(title: str, *paper: str, error: str = "", stem: str = "03_beats", cells: tuple = (), **facts: str):
@@ -217,14 +216,6 @@ def test_a_full_run_replaces_the_last_one_publishes_what_ran_and_goes_on_with_th
     assert [*full_run(folder)] == ["of_00_one.png", "of_01_two.png", "of_02_three.png"]
     full_run(folder)
     assert ran == ["00_one", "01_two", "02_three", "01_two"]
-
-
-def test_notebook_that_trains_for_others_starts_first_and_keeps_its_place_in_the_report(project):
-    folder, ran, _ = project
-    write_notebook(folder / "notebooks" / "01_two.ipynb", "# 01_two", first=True)
-    result = report.build(folder / "notebooks", folder / "out", profile="full", jobs=1, progress=False)
-    assert ran == ["01_two", "00_one", "02_three"]
-    assert [run.path.stem for run in result.runs] == ["00_one", "01_two", "02_three"]
 
 
 def test_changed_code_is_run_again_and_a_notebook_that_is_gone_loses_its_figures(project):
@@ -570,16 +561,6 @@ def extension(monkeypatch: pytest.MonkeyPatch):
 def test_every_page_is_in_the_list_of_pages():
     listed = re.findall(r"^([a-z0-9_]+)$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
     assert sorted(listed) == sorted(path.stem for path in DOCS.glob("*.md") if path.stem != "index")
-
-
-def test_page_of_what_has_another_name_by_now_is_removed_and_no_other(extension, tmp_path: Path, monkeypatch):
-    generated = extension("generated_pages")
-    monkeypatch.setattr(generated, "FOLDER", tmp_path)
-    generated.write_pages({"labs.inc": "labs", "gallery/04.md": "four"})
-    generated.write_pages({"areas.inc": "areas", "api/player.rst": "player", "api/score.rst": "score"})
-    generated.write_pages({"areas.inc": "areas", "api/player_page.rst": "player", "api/score.rst": "score"})
-    names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
-    assert names == {"labs.inc", "gallery/04.md", "areas.inc", "api/player_page.rst", "api/score.rst"}
 
 
 def test_every_public_name_is_on_one_page_of_the_reference(extension):

@@ -219,11 +219,7 @@ async def _run_all(
     progress: bool,
     publish_one: Callable[[NotebookRun], None] | None,
 ) -> list[NotebookRun]:
-    """All notebooks, at most `jobs` kernels at a time; each is published when it has run.
-
-    They start in the order given, after those whose metadata say ``"harmolab": {"first": true}``: what these train, the
-    others find, who would wait for it else.
-    """
+    """All notebooks, at most `jobs` kernels at a time, in the order given; each is published when it has run."""
     places = asyncio.Semaphore(jobs)
     threads = str(max(1, (os.cpu_count() or 1) // jobs))  # so that the kernels do not fight over the cores
     variables = {"OMP_NUM_THREADS": threads, **variables}
@@ -239,12 +235,7 @@ async def _run_all(
         return run
 
     with bar:
-        runs = {path: asyncio.ensure_future(one(path)) for path in sorted(paths, key=_is_late)}
-        return [await runs[path] for path in paths]
-
-
-def _is_late(path: Path) -> bool:
-    return not nbformat.read(path, as_version=4).metadata.get("harmolab", {}).get("first", False)
+        return list(await asyncio.gather(*map(one, paths)))
 
 
 async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> NotebookRun:
