@@ -8,7 +8,9 @@
                 "figure"}]}``; only ``beats_s`` must be there
 ==============  ==============================================================================================
 
-Lines that start with ``#`` are comments. `save_beats` writes ``.beats``.
+Lines that start with ``#`` are comments. `save_beats` writes ``.beats``. In ``.csv .txt`` a second column that repeats
+the times (Audacity's labels) is none, and one that counts bars of three beats or more holds the places. A comma may be
+that of a decimal: ``0,250``.
 
 Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
 
