@@ -273,7 +273,7 @@ def _from_columns(times: FloatArray, second: FloatArray | None) -> BeatAnnotatio
         return BeatAnnotation(times)
     if second.min() < 0:
         raise ValueError(f"strengths must not be negative, got {second.min():g}")
-    counts_on = (np.diff(second) == 1) | (second[1:] == 1)
+    counts_on = (second[0] == round(second[0])) & ((np.diff(second) == 1) | (second[1:] == 1))
     if second.min() >= 1 and second.max() >= 3 and second.size > second.max() and counts_on.all():
         return _from_bars(times, second)
     return BeatAnnotation(times, strengths=second)
