@@ -116,7 +116,7 @@ def load_clip(
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
     sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
-    annotated = None if beats is None else load_annotation(beats).in_music(sound)
+    annotated = None if beats is None else annotated_beats(beats, sound)
     with named_faults(name):
         clip = Clip(
             Path(path).stem or Path(path).name, audio, movement, offset or 0.0, beats=annotated, dance=dance,
@@ -159,9 +159,16 @@ def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, 
         As in `load_clip`.
     """
     check_dance(dance, beats, one)
-    annotated = None if beats is None else load_annotation(beats).in_music(audio)
+    annotated = None if beats is None else annotated_beats(beats, audio)
     track = music_beats(Clip("", audio, beats=annotated, dance=dance))
     return track if one is None else with_one(track, one, DANCES[dance].meter)
+
+
+def annotated_beats(path: PathLike, audio: Audio) -> BeatTrack:
+    """The beats of a song as a file has them; errors of `load_annotation`, and of beats that reach beyond the song."""
+    annotation = load_annotation(path)
+    with named_faults(path):
+        return annotation.in_music(audio)
 
 
 def tracked_sound(song: PathLike, sound: Audio) -> Audio:

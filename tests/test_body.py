@@ -255,6 +255,13 @@ def speeds(positions: FloatArray) -> FloatArray:
     ("toe R", "right", "toe"),
     ("LeftToeBase", "left", "toebase"),
     ("mixamorig:RightFoot", "right", "foot"),
+    ("mixamorig1_RightFoot", "right", "foot"),
+    ("Character1_LeftArm", "left", "arm"),
+    ("Bip001 L Thigh", "left", "thigh"),
+    ("Bip01", "", "bip01"),
+    ("J_Bip_C_Hips", "", "hips"),
+    ("f_avg_R_Hip", "right", "hip"),
+    ("DEF-upper_arm.L", "left", "upperarm"),
     ("rtoes", "right", "toes"),
     ("L_Foot", "left", "foot"),
     ("LHipJoint", "left", "hipjoint"),
@@ -280,6 +287,7 @@ def test_joints_of_a_foot_belong_together_those_without_side_stand_alone_and_no_
         ("mixamorig:LeftUpLeg", "mixamorig:RightUpLeg"),
         ("l_shoulder", "r_shoulder"), ("LShoulder", "RShoulder"), ("lhip", "rhip"), ("LHipJoint", "RHipJoint"),
         ("Shoulder.L", "Shoulder.R"), ("LEFT_HIP", "RIGHT_HIP"), ("hipL", "hipR"),
+        ("mixamorig_LeftUpLeg", "mixamorig_RightUpLeg"), ("J_Bip_L_UpperLeg", "J_Bip_R_UpperLeg"),
     ],
 )  # fmt: skip
 def test_left_and_right_are_told_by_usual_names(left: str, right: str):

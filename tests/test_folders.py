@@ -114,7 +114,9 @@ def test_motion_and_beats_much_longer_than_the_audio_ask_whether_their_unit_is_r
     folder = own(tmp_path / "clip", fps=5.0)
     refused(r"clip: the motion lasts 10\.00 s at 5 fps and ends 7\.00 s after the audio", load_recording, folder)
     own(folder, beats={"beats_s": [1.0, 2.0, 3.5]})
-    refused(r"beats\.json: beat times reach 3\.5 in a clip of 3 s; were these frames", load_recording, folder)
+    fault = r"beats\.json: beat times reach 3\.5 in a clip of 3 s; were these frames"
+    refused(fault, load_recording, folder)
+    refused(fault, load_clip, folder / "audio.wav", folder / "motion.npz", beats=folder / "beats.json")
 
 
 def test_unreadable_sequence_is_reported_beside_the_readable_ones(tmp_path: Path):

@@ -21,6 +21,9 @@ FOLLOW = 0.8  # seconds over which a camera's way is smoothed
 SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which there is no heading
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+# What stands before every name of a rig: Mixamo's (with the colon that BVH cannot have), MotionBuilder's, 3ds Max's,
+# VRoid's, SMPL's and Blender's.
+_RIG = re.compile(r"^(mixamorig\d*|character\d+|j_bip(_c)?|bip\d*|[mf]_avg|def)[_ .-]", re.IGNORECASE)
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 # The parts that AIST++ writes in one word with their side: lhip, rtoes.
 _PARTS = (
@@ -29,7 +32,7 @@ _PARTS = (
 )
 _FUSED = re.compile(rf"(left|right)(?=.)|([lr])(?=(?:{_PARTS})$)")
 _FOOT_PARTS = ("toe", "heel", "ankle", "foot")
-HIPS = ("hip", "hipjoint", "upleg", "thigh", "femur")
+HIPS = ("hip", "hipjoint", "upleg", "upperleg", "thigh", "femur")
 HIPS_AND_SHOULDERS = (*HIPS, "shoulder", "upperarm", "humerus", "clavicle", "collar")
 
 
@@ -68,8 +71,8 @@ class Skeleton:
 
 
 def _words(name: str) -> list[str]:
-    """The words of a name in lower case, its side as a word of its own; what stands before a colon is left out."""
-    words = [word.lower() for word in _WORD.findall(name.rpartition(":")[2])]
+    """The words of a name in lower case, its side as a word of its own; the name of a rig before them is left out."""
+    words = [word.lower() for word in _WORD.findall(_RIG.sub("", name.rpartition(":")[2]))]
     if any(word in _SIDES for word in words):
         return words
     return [piece for word in words for piece in _FUSED.sub(r"\g<0> ", word, count=1).split()]

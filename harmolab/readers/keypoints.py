@@ -145,7 +145,7 @@ def json_or_lines(path: Path) -> Any:
 def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatArray]]:
     """The people in every frame to the last that is named, each (J, 3) x, y, confidence.
 
-    Estimators leave out frames in which they see nobody, so a number above 1 of the first is that of empty frames
+    Estimators leave out frames in which they see no person, so a number above 1 of the first is that of empty frames
     before it. Where these would be more than all that are named, the frames are part of a longer video, and the first
     that is named is the first.
 
