@@ -191,6 +191,8 @@ def song_among(motion: str, music: tuple[str, ...]) -> Song | str:
     ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
     ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("gBR_sBM_cAll_d04_mBR0_ch01_slice7.wav", "mBR0.wav"), "gBR_sBM"),
     ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mJB4.wav"), "mJB4.wav"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mJB4_full.wav"), "mJB4_full.wav"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mjb4.wav"), "mjb4.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01.json.npy", ("mBR0.wav", "mJB4.wav"), "mBR0.wav"),
 )
 def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: tuple[str, ...], match: str) -> None:
@@ -203,6 +205,7 @@ def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: t
     ("fortune.npz", ("tune.wav",), "no song has its name"),
     ("tune.npz", ("tune.wav", "tune.mp3"), "2 songs: tune.mp3, tune.wav"),
     ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mLH1.wav"), "no song has its name"),  # not that of its seed
 )
 def test_a_dance_without_a_song_has_the_reason(motion: str, music: tuple[str, ...], reason: str) -> None:
     answer = song_among(motion, music)
@@ -231,6 +234,16 @@ def listed(tmp_path: Path, planted: Path, *lines: str, header: str = "motion,mus
     table = tmp_path / "pairs.csv"
     table.write_text("\n".join([header, *lines]) + "\n")
     return pairing.listed_pairs(table, planted / "recorded", {"x": planted / "off"})
+
+
+def test_songs_that_are_all_called_audio_have_the_names_of_their_folders(tmp_path: Path, planted: Path) -> None:
+    for name in ("mBR0", "mBR1"):
+        (tmp_path / "songs" / name).mkdir(parents=True)
+        (tmp_path / "songs" / name / "audio.wav").touch()
+    table = tmp_path / "pairs.csv"
+    table.write_text("motion,music\nclip_0001_cha-cha.npz,mBR0/audio.wav\nclip_0002_jive.npz,mBR1/audio.wav\n")
+    pairs = pairing.listed_pairs(table, tmp_path / "songs", {pairing.GENERATED: planted / "off"}).pairs
+    assert [pair.song for pair in pairs] == [song.name for song in songs_in(tmp_path / "songs")] == ["mBR0", "mBR1"]
 
 
 def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:

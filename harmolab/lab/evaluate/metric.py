@@ -126,11 +126,8 @@ class DanceMetric:
         """Measure the dances of a batch; parameters and errors as `evaluate`."""
         bodies = _motions(motions, self.fps, self.skeleton)
         tracks = _tracks(beats, bodies)
-        first = len(self.rows)
-        named = {
-            "songs": songs or [f"dance {first + place:07d}" for place in range(len(bodies))],
-            "seeds": seeds or [""] * len(bodies), "dances": dances or [""] * len(bodies),
-        }  # fmt: skip
+        unnamed = [""] * len(bodies)
+        named = {"songs": songs or unnamed, "seeds": seeds or unnamed, "dances": dances or unnamed}
         for name, words in named.items():
             if len(words) != len(bodies):
                 raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(words)}")
@@ -172,7 +169,11 @@ class DanceMetric:
         # In an order that does not depend on which process measured which.
         ordered = sorted(self.rows, key=lambda row: (row["seed"], row["song"], json.dumps(row)))
         collected = Collected()
-        collected.add(pd.DataFrame([{"key": f"{place:09d}", **row} for place, row in enumerate(ordered)]))
+        # A dance whose song has no name has one of its own, which no process could have given it.
+        places = [f"{place:09d}" for place in range(len(ordered))]
+        rows = zip(places, ordered, strict=True)
+        named = [{"key": place, **row, "song": row["song"] or f"dance {place}"} for place, row in rows]
+        collected.add(pd.DataFrame(named))
         return collected
 
     @property

@@ -8,7 +8,7 @@ The published codes name their dances so, and the rules above pair them:
 
 * EDGE, ``test.py``: ``test_mBR0.pkl``, which begins at a random slice of the song; which one is not written.
 * EDGE, in training: ``2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl``; slice 7 begins 7 strides into the song.
-* FACT: ``gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy``, the recording of its seed and then the song.
+* FACT: ``gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy``, the recording of its seed and then the song, which alone counts.
 * Bailando: ``gBR_sBM_cAll_d04_mBR0_ch01.json.npy``, or a folder ``gBR_sBM_cAll_d04_mBR0_ch01.json`` of frames.
 """
 
@@ -156,8 +156,10 @@ def folder_pairs(
 def song_of(motion: Path, songs: Sequence[Song]) -> Song | str:
     """The song that a motion's name asks for, by the first rule of the module that fits; else the reason for none."""
     name = motion.name if motion.is_dir() else motion.stem
+    seeded = _SEED_AND_SONG.search(name)
+    asked = seeded[1] if seeded and not _same_name(name, songs) else name
     for rule in _RULES:
-        matches = rule(name, songs)
+        matches = rule(asked, songs)
         if len(matches) > 1:
             return f"goes with {len(matches)} songs: {', '.join(sorted(one.path.name for one in matches[:4]))}"
         if matches:
@@ -196,11 +198,6 @@ def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if song.name.casefold() == name.casefold()]
 
 
-def _song_behind_seed(name: str, songs: Sequence[Song]) -> list[Song]:
-    number = _SEED_AND_SONG.search(name)
-    return [song for song in songs if number and number[1] == song.name]
-
-
 def is_named_by_seed(motion: Path) -> bool:
     """True for a file that is named as FACT names its dances, by the recording of its seed and by its song."""
     return _SEED_AND_SONG.search(motion.stem) is not None
@@ -217,9 +214,7 @@ def _same_music_id(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if number and number[1] in _MUSIC_ID.findall(song.name)]
 
 
-_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (
-    *(_same_name, _song_behind_seed, _word_of_name, _same_music_id),
-)
+_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (*(_same_name, _word_of_name, _same_music_id),)
 
 
 def _words(name: str) -> str:
@@ -348,8 +343,8 @@ def _seconds(text: str) -> float:
 
 
 def _song_name(song: Path) -> str:
-    """The name of a song's file, of the recording's folder where it lies in one."""
-    return song.parent.name if is_motion(song.parent) else song.stem
+    """The name of a song's file, of the recording's folder where it lies in one, as in `songs_in`."""
+    return song.parent.name if song.stem == "audio" or is_motion(song.parent) else song.stem
 
 
 def _first_there(name: str, folders: Iterable[Path | None]) -> Path | None:
