@@ -157,9 +157,9 @@ def song_of(motion: Path, songs: Sequence[Song]) -> Song | str:
     """The song that a motion's name asks for, by the first rule of the module that fits; else the reason for none."""
     name = motion.name if motion.is_dir() else motion.stem
     seeded = _SEED_AND_SONG.search(name)
-    asked = seeded[1] if seeded and not _same_name(name, songs) else name
+    words = seeded[1] if seeded and not _same_name(name, songs) else name
     for rule in _RULES:
-        matches = rule(asked, songs)
+        matches = rule(words, songs)
         if len(matches) > 1:
             return f"goes with {len(matches)} songs: {', '.join(sorted(one.path.name for one in matches[:4]))}"
         if matches:
