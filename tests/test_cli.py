@@ -230,6 +230,11 @@ def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_
     save_motion(tmp_path / "late.npz", clip.motion, offset=3.0)
     row = json.loads(succeed("data", "check", tmp_path / "late.npz", "--json").stdout)[0]
     assert row["offset"] == 3.0
+    (tmp_path / "take").mkdir()
+    save_motion(tmp_path / "take" / "motion.npz", clip.motion, offset=3.0)
+    (tmp_path / "take" / "beats.json").write_text("damaged")
+    beside = json.loads(run("data", "check", tmp_path / "take" / "motion.npz", "--json").stdout)[0]
+    assert beside["kind"] == "motion" and "beats.json: cannot be read" in beside["odd"][-1]
     said = "it begins at 3 s of the song: pass --offset 3 with it"
     assert said in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
     assert said not in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "copy.npz").output
@@ -574,7 +579,8 @@ def test_options_that_would_do_nothing_are_refused(recording: Path, tmp_path: Pa
     ("levels", "rates", "is_worse"),
     [
         ((3, 1), (0.2, 0.6), True),
-        ((1, 3), (0.6, 0.5), True),
+        ((3, 3), (0.6, 0.5), True),
+        ((1, 3), (0.6, 0.5), False),  # the verdict, which the warp does not aim at, counts first
         ((3, 3), (0.5, 0.5), False),
         ((None, None), (0.2, 0.6), False),
     ],

@@ -188,7 +188,11 @@ def _motion(path: Path) -> FileSummary:
     except MissingFrameRate:
         file, has_rate = read_any_motion(path, fps=25.0), False
     row = _motion_row(path, file.motion)
-    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes, offset=recorded_offset(path))
+    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
+    try:
+        row = replace(row, offset=recorded_offset(path))
+    except ValueError as error:  # of the annotation beside it, which takes nothing from the motion
+        row = replace(row, odd=(*row.odd, str(error)))
     odd = ("holds no frame rate: pass fps", *body_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 

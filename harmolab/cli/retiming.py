@@ -92,10 +92,10 @@ def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion)
 
 
 def _is_worse(retimed: Retimed) -> bool:
-    """True where bending time led to fewer beats with a rest near, or to a lower level of the verdict."""
-    before, after = retimed.before.judgement, retimed.after.judgement
-    is_lower = before is not None and after is not None and after.level < before.level
-    return is_lower or retimed.target_after.hit_rate < retimed.target_before.hit_rate
+    """True where bending time led to a lower level of the verdict, or at the same level to fewer rests near beats."""
+    pairs = ((retimed.before, retimed.target_before), (retimed.after, retimed.target_after))
+    before, after = ((score.judgement.level if score.judgement else 0, target.hit_rate) for score, target in pairs)
+    return after < before
 
 
 def _print(retimed: Retimed, source: Path) -> None:
