@@ -269,7 +269,11 @@ def test_a_list_may_have_quotation_marks_and_leave_the_system_out(tmp_path: Path
     ("motion,music", [f"{'a' * 140_000},b"], "no row of a table"),
     ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
     ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
-)
+    (
+        "motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x", "nowhere.npz,b.wav,y"],
+        "no pair of 'y' that is there .nowhere.npz: no such file",
+    ),
+)  # fmt: skip
 def test_a_wrong_list_is_an_error(tmp_path: Path, planted: Path, header: str, lines: list[str], fault: str) -> None:
     refused(f"pairs.csv.*{fault}", listed, tmp_path, planted, *lines, header=header)
 

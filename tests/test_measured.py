@@ -1,5 +1,6 @@
 """The long table of dances and its summary: planted dancers, and numbers worked out by hand."""
 
+import io
 from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
@@ -113,6 +114,12 @@ def test_seeds_are_averaged_within_a_song_in_a_summary() -> None:
     table = lines(("x", "a", 1, "harmony", 0.0), ("x", "a", 2, "harmony", 2.0), ("x", "b", 1, "harmony", 4.0))
     row = row_of(summary(table), "x")  # songs have 1 and 4; the mean over dances is 2
     assert [row[name] for name in ("mean", "n", "low", "high")] == [2.5, 2, 1, 4]
+
+
+def test_a_table_that_was_read_back_from_a_file_has_the_same_summary() -> None:
+    table = lines(("x", "a", "", "harmony", 1.0), ("x", "b", "", "harmony", 4.0))
+    file = io.StringIO(table.to_csv(index=False))
+    pd.testing.assert_frame_equal(summary(pd.read_csv(file)), summary(table))
 
 
 def test_the_difference_is_over_the_songs_of_both() -> None:

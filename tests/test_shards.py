@@ -149,6 +149,8 @@ def test_a_list_of_pairs_is_read_line_by_line_and_a_shard_keeps_its_own(
     table.write_text("motion,music\n" + "".join(f"{name},song.wav\n" for name in names))
     monkeypatch.setattr(files, "read_text", None)  # nothing reads the text as a whole
     monkeypatch.setattr(files, "MAX_ROWS", 10)  # and there is no bound on it
-    parts = [listed_pairs(table, None, {}, keep=Shard(number, 4).holds).pairs for number in range(1, 5)]
-    assert sorted(pair.motion.name for part in parts for pair in part) == sorted(names)
-    assert max(map(len, parts)) < 25
+    parts = [listed_pairs(table, None, {}, keep=Shard(number, 4).holds) for number in range(1, 5)]
+    assert sorted(pair.motion.name for part in parts for pair in part.pairs) == sorted(names)
+    assert max(len(part.pairs) for part in parts) < 25
+    nothing = listed_pairs(table, None, {}, keep=lambda pair: False)  # --fps NAME= stands in every shard's command
+    assert (nothing.pairs, nothing.systems) == ((), ("generated",))

@@ -263,7 +263,7 @@ def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, pro
     Errors as `evaluate_dances`.
     """
     saved = saved_reference(settings)
-    pairs, unpaired = evaluation_pairs(settings, keep=keep)
+    pairs, unpaired, _ = evaluation_pairs(settings, keep=keep)
     recorded = [pair for pair in pairs if pair.kind == RECORDED]
     if settings.smpl is not None:
         load_body(settings.smpl)  # a damaged file is an error now, not in every row
@@ -382,11 +382,12 @@ def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: 
         parts += [Pairing(tuple(filter(keep, part.pairs)), part.unpaired) for part in folders]
     else:
         default, stride = next(iter(settings.systems), "generated"), settings.slice_stride
-        listed = partial(pairing.listed_pairs, settings.pairs, settings.music, settings.systems)
-        parts.append(listed(default=default, slice_stride=stride, keep=keep))
+        pairs_of = partial(pairing.listed_pairs, settings.pairs, settings.music, settings.systems)
+        parts.append(pairs_of(default=default, slice_stride=stride, keep=keep))
     pairs = tuple(_with_answers(settings, pair) for part in parts for pair in part.pairs)
-    _check_names(settings, {*settings.systems, *(pair.system for pair in pairs)})
-    if taken := {pair.system for part in parts for pair in part.pairs if pair.kind != RECORDED} & set(CONTROLS):
+    listed = {system for part in parts for system in part.systems}
+    _check_names(settings, {*settings.systems, *listed})
+    if taken := listed & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))

@@ -94,10 +94,11 @@ class Unpaired(NamedTuple):
 
 
 class Pairing(NamedTuple):
-    """The pairs of some folders, and the files that are left over."""
+    """The pairs of some folders, and the files that are left over; the systems of a list, with pairs kept or not."""
 
     pairs: tuple[Pair, ...]
     unpaired: tuple[Unpaired, ...]
+    systems: tuple[str, ...] = ()
 
 
 def songs_in(folder: PathLike) -> tuple[Song, ...]:
@@ -293,13 +294,13 @@ def listed_pairs(
     ------
     FileNotFoundError, ValueError
         Both name the file; ValueError also for a column that is not known, an offset that is no time, where none of
-        its pairs is there, and where one stands in it twice.
+        its pairs, or of a system's, is there, and where one stands in it twice.
     """
     folders = {name: Path(folder) for name, folder in systems.items()}
     with reading(table, "a list of pairs", max_bytes=None) as file:
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
-        is_empty = True
+        paired: dict[str, None] = {}
         for motion, music, named, seed, start in _lines(column_lines(file, COLUMNS[:2])):
             system = named or default
             dance = _first_there(motion, (folders.get(system), file.parent))
@@ -311,15 +312,18 @@ def listed_pairs(
             name = _song_name(song)
             offset, begins = (_seconds(start), LISTED) if start else slice_start(dance, Song(name, song), slice_stride)
             pair = Pair(system, seed, name, dance, song, offset=offset, begins=begins)
-            is_empty = False
+            paired[system] = None
             if not keep(pair):
                 continue
             if pair.key in pairs:
                 raise ValueError(f"names {motion} with {music} twice for one system and seed")
             pairs[pair.key] = pair
-        if is_empty:
+        if not paired:
             raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
-    return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), folders)))
+        if lost := next((one for one in unpaired if one.system not in paired), None):
+            raise ValueError(f"names no pair of {lost.system!r} that is there ({lost.reason})")
+    rest = _unlisted(Path(table), pairs.values(), folders)
+    return Pairing(tuple(pairs.values()), (*unpaired, *rest), tuple(paired))
 
 
 def _lines(lines: Iterable[Mapping[str, str]]) -> Iterator[tuple[str, ...]]:

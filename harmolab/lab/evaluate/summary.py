@@ -90,7 +90,7 @@ def summary(
     1  theirs  0.15         NaN     NaN     2
     """
     keys = [*by, "measure"]
-    values = table.groupby(levels := [*keys, row, over, *within], sort=False)["value"].mean()
+    values = table.groupby(levels := [*keys, row, over, *within], sort=False, dropna=False)["value"].mean()
     for _ in within:
         values = values.groupby(levels := levels[:-1], sort=False).mean()
     lines: list[dict[str, Any]] = []
