@@ -3,10 +3,10 @@
 >>> from harmolab import score_clip, synthetic_clip
 >>> score = score_clip(synthetic_clip("jive", seconds=30.0, seed=3))
 >>> score.judgement.verdict
-'You are on the beat: you rest on it (0 ms late).'
+'You are on the beat: slow on it, fastest 195 ms after it.'
 
-The public names stand in ``__init__.pyi``: here, in `harmolab.systems` and in `harmolab.lab`. Each is resolved on first
-use, so that ``import harmolab`` is quick and loads no plotting or training library.
+The public names stand in ``__init__.pyi``: here, in `harmolab.systems`, `harmolab.lab` and `harmolab.musician`. Each is
+resolved on first use, so that ``import harmolab`` is quick and loads no plotting or training library.
 """
 
 import lazy_loader

@@ -210,7 +210,7 @@ class BeatTrack(Display):
 
     @property
     def is_sure(self) -> bool:
-        """False for tracked beats that explain less than `SURE` of the music: nothing should be judged by them."""
+        """False for tracked beats that explain less than `SURE` of the music: not to follow them says nothing."""
         return self.fit is None or self.fit >= SURE
 
     @property

@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import doctest
 import importlib
 import json
 import os
@@ -231,6 +232,16 @@ def test_the_readme_opens_with_a_moving_picture_that_is_there():
 
 
 # What is pasted runs
+
+MODULES = sorted((ROOT / "harmolab").rglob("*.py"))
+EXAMPLES = [path for path in MODULES if re.search(r">>> (?!.*\+SKIP)", path.read_text("utf-8"))]
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_of_docstrings_print_what_they_show(path: Path):
+    name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    results = doctest.testmod(importlib.import_module(name))
+    assert results.failed == 0 < results.attempted
 
 # Installing, the whole project's own work, what is fetched, and what the tutorial tries once more on less.
 NOT_RUN = (

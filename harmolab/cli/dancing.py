@@ -272,8 +272,8 @@ def dance(
     **Without any option** it dances salsa (practice, without the partner), to music in 3/4 ballroom, and writes a page
     that plays it, a video and a BVH file, named after the song, into the folder you are in.
 
-    It says whether the dance moves like recorded dancers, how well its pieces fit together, and how it goes with the
-    music, in the words and with the number of `harmolab score`.
+    It says whether the dance moves like recorded dancers, and how it goes with the music, in the words and with the
+    number of `harmolab score`; with `--verbose` also how well its pieces fit together.
 
     An npz keeps the song time at which the dance begins. For a bvh or a video the offset to pass on is printed.
 

@@ -109,7 +109,7 @@ def train(
     out : Folder of the run: weights, history, split, settings.
     system : harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians);
         package.module:Class.
-    preset : Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper;
+    preset : Size: small (1 M parameters, a laptop) or paper (7 M); music2dance, attributes: recommended, paper;
         audio2body: recommended, tables, section_4.
     params : HarmoGAN's losses and features: paper (Sec. 5.2) or recommended.
     harmony_weight : HarmoGAN's weight of the harmony loss; 0 is the ablation.

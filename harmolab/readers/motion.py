@@ -22,7 +22,8 @@ name            shape and type                      meaning
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
 
->>> numpy.savez("dance.npz", positions=positions, fps=60.0, joints=["hip", "knee"], parents=[-1, 0], units="m")
+>>> about = dict(fps=60.0, joints=["hip", "knee"], parents=[-1, 0], units="m")
+>>> numpy.savez("dance.npz", positions=positions, **about)  # doctest: +SKIP
 
 Other formats
 -------------

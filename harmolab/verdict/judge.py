@@ -206,7 +206,8 @@ def score_clip(
     tracker : function from Audio to BeatTrack
         Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without annotated beats.
     n_rotations : int
-        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
+        Of measure "hits": rotations of the null behind `p_value`, resamplings behind `interval`; 0 leaves both NaN. The
+        measure "shape", the recommended one, has both without.
     seed : int, of the resamplings
 
     Raises

@@ -155,7 +155,7 @@ def _caveats(evidence: Evidence) -> list[str]:
     if signal is None or time is None:
         return lines
     if not evidence.beats.is_sure:
-        lines.append("The beats found in this music are unsure, since its sound does not keep to all of them.")
+        lines.append("The beats found in this music are unsure, since its sound often does not keep to them.")
     if signal.share < MOSTLY_TRAVELS:
         lines.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
     if signal.joints < FEW_JOINTS:

@@ -117,7 +117,7 @@ def explain(score: HarmonyScore) -> Explanation:
     >>> from harmolab import HarmonyParams, score_clip, synthetic_clip
     >>> words = explain(score_clip(synthetic_clip("rumba", seconds=24.0, seed=3), HarmonyParams.recommended()))
     >>> [finding.kind for finding in words.findings]
-    ['score', 'tempo', 'rate', 'lag', 'hits']
+    ['score', 'tempo', 'rate', 'hits']
     """
     judgement = score.judgement
     if judgement is None:

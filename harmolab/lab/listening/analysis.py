@@ -97,7 +97,7 @@ def krippendorff_alpha(marks: FloatArray) -> float:
     Of two kinds of answer, 0 and 1, it is the alpha for nominal data. Trials with one answer do not count.
 
     >>> round(krippendorff_alpha(np.array([[1.0, 2, 3, 3], [1.0, 2, 3, 4]])), 3)
-    0.906
+    0.889
     """
     counts = (~np.isnan(marks)).sum(axis=0)
     shared = marks[:, counts > 1]
