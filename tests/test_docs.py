@@ -243,6 +243,7 @@ def test_examples_of_docstrings_print_what_they_show(path: Path):
     results = doctest.testmod(importlib.import_module(name))
     assert results.failed == 0 < results.attempted
 
+
 # Installing, the whole project's own work, what is fetched, and what the tutorial tries once more on less.
 NOT_RUN = (
     *("pip install .", "make ", "harmolab data pose --install"),
