@@ -153,10 +153,13 @@ def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
     assert order(server, task="judge", style="rumba", offset="1.5") == (200, "")
     now = finished(server)
     assert (now["lines"], now["fault"], now["number"]) == (["x.mp4 rumba 1.5", "more"], "", 1)
+    assert now["offset"] == 1.5
     assert now["views"] == [{"kind": "page", "title": "Why", "name": "why.html", "address": "1/why.html"}]
     assert ask(server.address, "GET", path=f"{server.path}1/why.html") == (200, "because")
     for name in ("2/why.html", "1/other.html", "1/../1/why.html", "x.mp4"):
         assert ask(server.address, "GET", path=f"{server.path}{name}")[0] == 404
+    put(server, "song/y.wav")  # where the dance begins in another song is not known
+    assert state(server)["offset"] is None
 
 
 @pytest.mark.slow

@@ -54,6 +54,14 @@ def clip_folder(corpus: Path) -> Path:
     return sorted(corpus.glob("clip_*_rumba"))[0]
 
 
+def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> None:
+    clip = planted_dance("cha-cha", seconds=12.0)
+    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    assert "song.wav by itself goes at 115" in succeed("score", song, dance, "--dance", "waltz").stderr
+    for name in ("cha-cha", "quickstep"):  # of the same tempo, and of twice that
+        assert "by itself" not in succeed("score", song, dance, "--dance", name).stderr
+
+
 def test_score_json_is_the_dictionary_of_score_clip_of_each_mode_or_of_the_one_asked_for(clip_folder: Path):
     words = ("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
     assert set(json.loads(run(*words, "--mode", "paper").stdout)) == {"clip", "paper"}

@@ -12,6 +12,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.cli import app
 from harmolab.lab.labs import live, one_clip
 from harmolab.score import audio_mask
+from harmolab.verdict.sentences import UNPLACED
 from tests.builders import complaint, done, planted_dance, write_dance, write_song
 
 succeed, refusal = partial(done, app), partial(complaint, app)
@@ -52,6 +53,9 @@ def test_a_lab_opens_with_the_sentence_of_score(pair: tuple[Path, Path]):
 @pytest.mark.slow
 def test_a_dance_of_no_known_start_is_told_so_and_one_with_an_offset_is_not(pair: tuple[Path, Path]):
     assert "nothing says where in the song this dance begins" in succeed("lab", *pair, "--no-open").stderr
+    verdicts = data_of(next(Path().glob("*_lab.html")))["evidence"]["verdicts"]
+    assert {one["sentence"] for one in verdicts if one["level"] == 3} == {UNPLACED}
+    assert all(one["level"] <= 3 and one["late"] is None for one in verdicts)
     assert "begins" not in succeed("lab", *pair, "--offset", 0, "--no-open").stderr
 
 

@@ -110,7 +110,7 @@ def test_rate_and_number_are_those_of_the_judgement():
     assert value_of(words, "rate") == score.judgement.time.rate == 1.0
     assert value_of(words, "score") == score.harmony_above_chance
     assert f"Harmony above chance is {score.harmony_above_chance:.2f} (" in words.sentences[0]
-    assert "from bar to bar" in words.sentences[0]
+    assert "by its bars" in words.sentences[0]
     assert "95 %" not in str(words)
 
 

@@ -80,13 +80,13 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(dancer(every=2.0), pattern=HALF_TIME), 4, ".*you rest on every second one.*"),
     (lambda: judged(dancer(0.5), pattern=HIT), 4, ".*you hit it.*"),
     (lambda: judged(dancer(), pattern=WALTZED), 4, ".*you move as in a waltz.*"),
-    (lambda: judged(dancer(0.5)), 3, r"In time: .* on the beat \(a hit\)\. If you meant to rest .* half a beat late\."),
+    (lambda: judged(dancer(0.5)), 3, r"In time: .* on the beat \(a hit\)\. If you meant to rest .* half a beat off\."),
     (
         lambda: judged(dancer(0.25)),
         3,
         r"In time: .* fastest 3[5-9]\d ms after the beat, and stillest 1[0-4]\d ms after it\.",
     ),
-    (lambda: judged(dancer(), pattern=HIT), 3, r".*for a hit on the beat\."),
+    (lambda: judged(dancer(), pattern=HIT), 3, r"You keep time, steadily half a beat off for a hit on the beat\."),
     (lambda: judged(dancer(0.25), pattern=REST), 3, r"You keep time, steadily \d+ ms late for a rest on the beat\."),
     (lambda: judged(dancer(0.3), pattern=WALTZED), 3, r"You keep time, steadily \d+ ms late for a waltz\."),
     (wandering, 2, r"You keep its tempo, but no steady place in the beat\."),
@@ -107,6 +107,13 @@ def test_each_dancer_is_told_what_was_seen(judgement: Callable[[], Judgement], l
     assert level > 2 or not MILLISECONDS.search(words)
     assert level > 0 or (np.isnan(one.harmony_above_chance) and np.isnan(one.p_time))
     assert (not one.beats.is_sure and level > 0) == ("unsure" in " ".join([*one.remarks, *one.details]))
+
+
+def test_who_rests_on_every_second_beat_is_advised_to_say_so() -> None:
+    once = judged(dancer(every=2.0))
+    assert any('--how "half time"' in remark for remark in once.remarks)
+    assert not any("--dance" in line for line in (*once.remarks, *once.details))
+    assert "half time" not in " ".join(judged(dancer(0.5)).remarks)
 
 
 def test_harmony_is_a_number_where_the_place_is_asked_for() -> None:

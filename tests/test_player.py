@@ -317,10 +317,12 @@ def test_page_says_level_and_verdict_beside_the_number(long_files: Path, tmp_pat
     assert f"<td>{score['harmony_above_chance']:.3f} (p = {score['p_time']:.3f})</td>" in page
 
 
-def test_page_of_a_part_has_the_number_of_that_part(long_files: Path, tmp_path: Path) -> None:
-    page = played(long_files, tmp_path / "x.html", "--start", 3, "--seconds", 14)
-    part = score_clip(load_clip(long_files / "song.wav", long_files / "dance.npz").span(3.0, 14.0))
-    assert number_of(data_of(page)["dancers"][0]) == pytest.approx(part.harmony_above_chance, abs=1e-9)
+def test_page_of_a_part_has_the_number_of_the_whole_dance(long_files: Path, tmp_path: Path) -> None:
+    page = played(long_files, tmp_path / "x.html", "--start", 3, "--seconds", 6)
+    whole = score_clip(load_clip(long_files / "song.wav", long_files / "dance.npz"))
+    assert data_of(page)["duration"] == pytest.approx(6.0)
+    assert data_of(page)["dancers"][0]["number"]["verdict"] == whole.judgement.verdict
+    assert number_of(data_of(page)["dancers"][0]) == pytest.approx(whole.harmony_above_chance, abs=1e-9)
 
 
 def test_a_second_dance_has_a_song_time_of_its_own(long_files: Path, tmp_path: Path) -> None:

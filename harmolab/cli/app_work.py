@@ -9,6 +9,7 @@ from pathlib import Path
 from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
+from harmolab.cli.sources import reading_fault
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -102,7 +103,7 @@ def fit(order: Order, teller: Teller) -> None:
         song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
     )  # fmt: skip
-    teller.lines(_bent(retimed))
+    teller.lines(_bent(retimed, dance))
     if is_video(dance):
         teller.view("film", out, "Your video, in time")
         return
@@ -111,12 +112,12 @@ def fit(order: Order, teller: Teller) -> None:
     teller.view("file", out, "The movement")
 
 
-def _bent(retimed: Retimed) -> list[str]:
+def _bent(retimed: Retimed, dance: Path) -> list[str]:
     """Sentences about the bending, and the verdicts before and after."""
     if retimed.warp.is_identity:
         return ["Nothing was worth bending: your rests are near the beats already."]
     before, after = (
-        "no verdict" if score.judgement is None else score.judgement.verdict
+        reading_fault(score, dance, retimed.motion) or (score.judgement.verdict if score.judgement else "no verdict")
         for score in (retimed.before, retimed.after)
     )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]

@@ -73,9 +73,9 @@ def lab(
 ) -> None:
     """Sliders for λ1, λ2, T_delay, β and lag on your own dance: a page that shows what each does to the score.
 
-    The page opens with the sentence of harmolab score. The paper counts beats that are met instead: its button makes
-    the sliders move, and a mark below each is the paper's value. The page asks for no network and no Python. Without
-    --seconds it shows the first minute.
+    The page opens with the sentence of harmolab score on what it shows: the first minute, without --seconds. The paper
+    counts beats that are met instead: its button makes the sliders move, and a mark below each is the paper's value.
+    The page asks for no network and no Python.
 
     Example: `harmolab lab song.mp3 dance.bvh --offset 12.4 --out lab.html`
 

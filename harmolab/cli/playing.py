@@ -13,7 +13,7 @@ from harmolab.cli import common
 from harmolab.cli.common import FileOptions, PartOptions
 from harmolab.cli.data import is_body_found
 from harmolab.cli.screen import note, plain_errors, progress, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, reading_fault, sources
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -86,12 +86,10 @@ def render(
 
 def _judgement(files: Sources, clip: Clip, score: HarmonyScore | None) -> Judgement | None:
     """The judgement of a score; none, and a note, where a video was read too poorly for one."""
-    if score is None:
+    if score is None or clip.motion is None:
         return None
-    try:
-        check_signs(files, clip, [score])
-    except ValueError as error:  # the video is written all the same
-        note(str(error))
+    if fault := reading_fault(score, files.motion, clip.motion):  # the video is written all the same
+        note(fault)
         return None
     return score.judgement
 
@@ -190,9 +188,7 @@ def _page(
         raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
     clip = clip_of(files, offset=part.offset, sample_rate=None, **read.keywords)
     if files.is_video:
-        begin = clip.offset if part.start is None else part.start
-        excerpt = clip.span(begin, clip.audio.duration - begin if part.seconds is None else part.seconds)
-        check_signs(files, excerpt, [score_clip(excerpt, params)])
+        check_signs(files, clip, [score_clip(clip, params)])
     clips = [clip]
     if other is not None:
         begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)

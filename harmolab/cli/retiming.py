@@ -10,7 +10,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
-from harmolab.cli.sources import sources
+from harmolab.cli.sources import reading_fault, sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -80,13 +80,8 @@ def retime(
 
 def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:
     """The verdict after a name; of a video that was read too poorly for one, the reason."""
-    from harmolab.lab.explain.filmed import check_sign
-
-    try:
-        if score.judgement is not None and score.judgement.level == 1:
-            check_sign(source, motion)
-    except ValueError as error:
-        typer.echo(printable(f"{name}: {error}"))
+    if fault := reading_fault(score, source, motion):
+        typer.echo(printable(f"{name}: {fault}"))
     else:
         common.print_verdict(score.judgement, name)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,6 +25,12 @@ UNPLACED = (
     "find what its movement tells"
 )
 UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
+MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
+SAME_TEMPO = 0.03
+OTHER_TEMPO = (
+    "{song} by itself goes at {own:.0f} beats a minute; a dance called {dance} has {low:g} to {high:g}, so {tempo:.0f} "
+    "are judged: leave the dance out, or pass --beats"
+)
 
 
 class Sources(NamedTuple):
@@ -116,7 +123,7 @@ def _only(folder: Path, suffixes: tuple[str, ...]) -> Path | None:
 def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | None = None, **options: Any) -> Clip:
     """The song and the dance with the music's beats; the movement of a video is that of its dancer.
 
-    A line on the screen says where a good part of the dance has no music.
+    A line on the screen says where a good part of the dance has no music, and where its name bends the music's tempo.
 
     Parameters
     ----------
@@ -141,6 +148,7 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
         )  # fmt: skip
     if clip.motion is not None:
         note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
+    note_tempo(files, clip)
     return clip
 
 
@@ -152,7 +160,9 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     performance = video_performance(files.motion)
     if offset is not None or files.song.resolve() == files.motion.resolve():
         return performance.motion, offset or 0.0
-    place = None if performance.sound is None else find_sound_offset(performance.sound, load_sound(files.song))
+    song, place = load_sound(files.song), None
+    with suppress(ValueError):  # its sound is silent, or shorter than can be compared
+        place = None if performance.sound is None else find_sound_offset(performance.sound, song)
     if place is None or not place.is_clear:
         raise ValueError(UNPLACED.format(files))
     note(f"{files.motion.name} begins at {place.seconds:.2f} s of the song, by its sound")
@@ -171,12 +181,38 @@ def video_performance(video: Path) -> Performance:
 
 
 def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
-    """ValueError where a video was read by flow, and no sign of the beat was seen; that is no verdict."""
-    for judgement in (score.judgement for score in scores):
-        if judgement is not None and judgement.level == 1 and clip.motion is not None:
-            from harmolab.lab.explain.filmed import check_sign
+    """ValueError where a video was read poorly, and no sign of the beat was seen; that is no verdict."""
+    for score in scores:
+        if clip.motion is not None and (fault := reading_fault(score, files.motion, clip.motion)):
+            raise ValueError(fault)
 
-            check_sign(files.motion, clip.motion)
+
+def reading_fault(score: HarmonyScore, dance: Path, motion: Motion) -> str:
+    """The reason why a video was read too poorly for the verdict of a score; "" where it was not."""
+    if score.judgement is not None and score.judgement.level == 1:
+        from harmolab.lab.explain.filmed import check_sign
+
+        try:
+            check_sign(dance, motion)
+        except ValueError as error:
+            return str(error)
+    return ""
+
+
+def note_tempo(files: Sources, clip: Clip) -> None:
+    """A line where a song's beats were sought among the tempi of a dance, and without it are surely of another one."""
+    from harmolab.beats.audio import audio_beats
+    from harmolab.clips import tracked_sound
+    from harmolab.params import DANCES
+
+    if files.beats is not None or clip.beats is None or clip.dance not in DANCES:
+        return
+    with finding_beats():
+        own = audio_beats(tracked_sound(files.song, clip.audio))
+    if own.is_sure and min(abs(own.tempo / clip.beats.tempo / times - 1) for times in MULTIPLES) > SAME_TEMPO:
+        low, high = DANCES[clip.dance].tempo
+        about = {"song": files.song.name, "own": own.tempo, "dance": clip.dance, "tempo": clip.beats.tempo}
+        note(OTHER_TEMPO.format(**about, low=low, high=high))
 
 
 def note_music(seconds: float, duration: float, song: Path) -> None:

@@ -269,6 +269,7 @@ class AppServer(LocalPage):
             before = self._files.pop(slot, None)
             if path is not None:
                 self._files[slot] = path
+            self._state["offset"] = None  # that of the pair before
         if before is not None:
             removed(before.parent)
 

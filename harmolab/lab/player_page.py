@@ -197,7 +197,8 @@ class Dancer:
     motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
     score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
     number : HarmonyScore, optional
-        Of the same dance at its own frame rate, where the motion is shown at another: the number of the page.
+        Of the same dance, whole and at its own frame rate, where the motion is a part or has another: the number of
+        the page.
     instead : str
         Words that stand in place of that number and its verdict, where these mean nothing; "" where they do.
     moving : Motion, optional
@@ -306,7 +307,7 @@ def player_of(
     clips : one Clip with a motion, or two that share their sound; the second is shown at the rate of the first
     start : float, seconds of audio time; where all motions have begun when left out
     seconds : float, length; to the end of the music when left out
-    title, facts, command : as in `Player`; left out, the facts are the verdict on each dance and its number
+    title, facts, command : as in `Player`; left out, the facts are the verdict on each whole dance and its number
     params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
     looks : int, dances among which a clip was picked by its harmony: the page says no verdict that does not hold for so
         many (Bonferroni)
@@ -322,17 +323,19 @@ def player_of(
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     first = clips[0]
     offsets = [clip.offset for clip in clips]
-    begins = max(0.0, *offsets, offsets[0] if start is None else start)
+    begun = max(0.0, *offsets)  # by all, so that two numbers are of the same music
+    begins = begun if start is None else max(begun, start)
     length = first.audio.duration - begins if seconds is None else seconds
     beats = music_beats(first)
     dancers, spans = [], []
     for clip in clips:
-        is_whole = seconds is None and begins == max(0.0, clip.offset)
-        original, picture = (
-            (each if is_whole else each.span(begins, length)).shared()
-            for each in (replace(clip, beats=beats), replace(_alike(clip, first), beats=beats))
-        )
-        dancers.append(_picked(_scored(original, picture, params), looks))
+        whole, picture = (replace(each, beats=beats) for each in (clip, _alike(clip, first)))
+        if begun > max(0.0, clip.offset):
+            whole = whole.span(begun, first.audio.duration - begun)
+        if seconds is not None or begins > max(0.0, clip.offset):
+            picture = picture.span(begins, length)
+        picture = picture.shared()
+        dancers.append(_picked(_scored(whole.shared(), picture, params), looks))
         spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
     if facts is None:
@@ -342,11 +345,11 @@ def player_of(
     return Player(longest.audio, dancers, music=music, title=title, facts=facts, command=command)
 
 
-def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
-    """The dancer of a part as the page shows it; the number is that of the part as it was danced."""
-    motion, score = cast(Motion, picture.motion), score_clip(picture, params)
-    is_same = cast(Motion, original.motion).fps == motion.fps
-    return Dancer(picture.name, motion, score, None if is_same else score_clip(original, params))
+def _scored(whole: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
+    """The dancer of a part as the page shows it; the number is that of the whole dance as it was danced."""
+    motion, danced, score = cast(Motion, picture.motion), cast(Motion, whole.motion), score_clip(picture, params)
+    is_same = (danced.fps, danced.n_frames) == (motion.fps, motion.n_frames)
+    return Dancer(picture.name, motion, score, None if is_same else score_clip(whole, params))
 
 
 def _picked(dancer: Dancer, looks: int) -> Dancer:

@@ -274,8 +274,8 @@ class PlaceTest:
     def spread(self, *, seed: int = 0, level: float = 0.95) -> tuple[tuple[float, float], tuple[float, float]]:
         """Intervals of H and of the lag (beats) from bar to bar: blocks of 4 beats or more are drawn with replacement.
 
-        They say how steady the take is, not how likely its place in the beat is by luck: a take has one phase. Both are
-        NaN with fewer than two blocks.
+        They say how well the bars of the take tell its mean place, not how far each lies from it, nor how likely the
+        place is by luck: a take has one phase. Both are NaN with fewer than two blocks.
         """
         cycle = self.pattern.beats
         starts = np.arange(0, self.ranks.shape[1], cycle * -(-PLACE_BLOCK // cycle))
@@ -423,8 +423,8 @@ class Evidence:
     signal : ShapeSignal, None with fewer than two beats
     time, place : TimeTest and PlaceTest, None at level 0
     interval, lag_interval : (float, float)
-        Spread of the place test's H and of the lag (beats) from bar to bar, 95 %: how steady the take is, no evidence
-        against luck.
+        Spread of the place test's H and of the lag (beats) from bar to bar, 95 %: how well the take's bars tell their
+        mean, no evidence against luck.
     """
 
     level: int
@@ -502,6 +502,17 @@ class Evidence:
     def lag_s(self) -> float:
         """Lag after the reading, seconds."""
         return self.lag * 60 / self.tempo
+
+    @property
+    def is_opposite(self) -> bool:
+        """True where the lag is about half a beat, and no bar says whether that is late or early."""
+        return self.place is not None and self.place.reach <= 0.5 and abs(self.lag) > 0.5 - ON_THE_BEAT
+
+    @property
+    def moves_in_half_time(self) -> bool:
+        """True where a movement of which nothing was told recurs once in two beats only."""
+        in_time = self.level in (2, 3) and self.pattern is None and not self.has_own_rate
+        return in_time and self.time is not None and self.time.rate == Fraction(1, 2)
 
     @property
     def reading(self) -> str:

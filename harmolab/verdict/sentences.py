@@ -25,7 +25,7 @@ UNPLACED = (
     "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
     "the dance begins (--offset), or film with the song playing."
 )
-HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat late."
+HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat off."
 
 
 def verdict(evidence: Evidence) -> str:
@@ -89,6 +89,8 @@ def _moment_of(evidence: Evidence, extreme: Literal["fastest", "stillest"], beat
 
 
 def _late_or_early(evidence: Evidence) -> str:
+    if evidence.is_opposite:
+        return "half a beat off"
     return f"{abs(evidence.lag_s) * 1000:.0f} ms {'early' if evidence.lag < 0 else 'late'}"
 
 
@@ -137,11 +139,11 @@ def _steady(evidence: Evidence) -> str:
     if evidence.level >= 2 and not evidence.has_own_rate:
         return ""
     if evidence.level == 2:
-        return "How steady: your place in the beat moves by more than half a beat."
+        return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
     if evidence.level < 2 or np.isnan(low):
         return ""
     width = max(high - low, 1 / COURSE_MOMENTS) * 60000 / evidence.tempo
-    return f"How steady: from bar to bar your place in the beat moves within {width:.0f} ms."
+    return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
 
 
 def _more(evidence: Evidence) -> list[str]:
@@ -177,6 +179,8 @@ def _advice(evidence: Evidence) -> list[str]:
     lines: list[str] = []
     if evidence.level == 4 or evidence.floor:
         return lines
+    if evidence.moves_in_half_time:
+        lines.append('What would help: say so if you mean to rest on every second beat (--how "half time").')
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
@@ -185,6 +189,6 @@ def _advice(evidence: Evidence) -> list[str]:
         )
     if FEWEST_BEATS <= evidence.n_beats < FEW_BEATS:
         lines.append(f"A longer take would show more: it has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
-    if evidence.pattern is None and evidence.level in (1, 2):
+    if evidence.pattern is None and evidence.level in (1, 2) and not evidence.moves_in_half_time:
         lines.append("What would help: the name of the dance, where its usual course is known (--dance).")
     return lines

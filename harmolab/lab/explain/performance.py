@@ -8,8 +8,8 @@ Findings behind a verdict: the number, the tempo, the lag and its change, beats 
 
 All numbers are those of the judgement, so that no finding can contradict the headline. Early, late and milliseconds
 are spoken of only where the judgement places the movement in the beat (levels 3 and 4), and not at all where the
-dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how steady a take is, and
-are no evidence that its place in the beat is more than luck.
+dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how well a take's mean is
+known, and are no evidence that its place in the beat is more than luck.
 """
 
 from contextlib import suppress
@@ -139,7 +139,7 @@ def _score(judgement: Judgement) -> list[Finding]:
     if not judgement.is_placed:
         return []
     value, (low, high) = judgement.harmony_above_chance, judgement.interval
-    spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} from bar to bar"
+    spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} by its bars"
     sentence = (
         f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
         f"{spread})."
@@ -166,7 +166,7 @@ def _lag(judgement: Judgement) -> list[Finding]:
     if judgement.pattern is None:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
-    spread = "" if np.isnan(low) else f" ({1000 * low:+.0f} to {1000 * high:+.0f} ms from bar to bar)"
+    spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+.0f} to {1000 * high:+.0f} ms)"
     sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
 

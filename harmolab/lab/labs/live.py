@@ -490,12 +490,16 @@ KINDS: Mapping[str, Literal["turns", "direction"]] = MappingProxyType({"joints":
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Data of one clip's lab: music beats and motion on one time line, the dance's pattern if known, the source."""
+    """Data of one clip's lab: music beats and motion on one time line, the dance's pattern if known, the source.
+
+    `has_start` as in `Clip`.
+    """
 
     music: BeatTrack
     motion: Motion
     pattern: BarPattern | None = None
     source: str = ""
+    has_start: bool = True
 
     @classmethod
     def of(cls, clip: Clip, pattern: BarPattern | None = None) -> "Stage":
@@ -506,7 +510,7 @@ class Stage:
         ValueError
             If the clip has no motion.
         """
-        return cls(*music_and_motion(clip), pattern, clip.source)
+        return cls(*music_and_motion(clip), pattern, clip.source, clip.has_start)
 
 
 def last_lambda(heights: FloatArray, slider: Slider) -> Slider:

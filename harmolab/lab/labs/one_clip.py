@@ -26,7 +26,7 @@ from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.verdict.evidence import MOMENTS
-from harmolab.verdict.judge import Judgement, music_and_motion, score_motion
+from harmolab.verdict.judge import Judgement, music_and_motion, score_motion, without_start
 
 # The reader's own song and dance, picked in a notebook
 
@@ -237,7 +237,7 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
     """Numbers of the recommended mode at a lag, and the verdict as their sentence."""
     params = live.lab_params("recommended", pattern=stage.pattern, lag=lag)
     score = score_motion(stage.music, stage.motion, params=params)
-    judgement = score.judgement
+    judgement = (score if stage.has_start else without_start(score)).judgement
     if judgement is None:
         raise ValueError(f"the measure {params.measure!r} gives no verdict")
     place = judgement.place
@@ -246,7 +246,7 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
         "above": judgement.harmony_above_chance,
         "p_time": judgement.p_time,
         "p_place": judgement.p_place,
-        "late": 1000 * judgement.lag_s if judgement.level >= 3 else np.nan,
+        "late": 1000 * judgement.lag_s if judgement.level >= 3 and stage.has_start else np.nan,
         "times": score.music.times,
         "shares": [] if place is None else score.shares,
         "chance": None if place is None else place.chance,
