@@ -787,7 +787,10 @@ def test_training_is_reading_and_saving(tmp_path: Path):
     corpus = write_corpus(tmp_path / "corpus", clips=2, seconds=12.0, fps=30.0)
     made = Choreographer.train([corpus], tmp_path / "run", seed=3)
     assert [take.name for take in Choreographer.load(tmp_path / "run").takes] == [take.name for take in made.takes]
-    refused("holds something else", Choreographer.train, [corpus], corpus)
+    Choreographer.train([corpus], tmp_path / "run")
+    (tmp_path / "run" / "model.safetensors").touch()  # of another system, which the description told of
+    for out in (corpus, tmp_path / "run"):
+        refused("holds something else", Choreographer.train, [corpus], out)
     refused("no setting 'epochs'", Choreographer.train, [corpus], tmp_path / "other", epochs=3)
 
 

@@ -105,6 +105,12 @@ def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path
     assert '"one" known, 4 beats a bar' in result.output
 
 
+def test_beats_of_a_file_take_the_place_of_tracked_ones(song: Path, tmp_path: Path):
+    (tmp_path / "song.beats").write_text("".join(f"{beat:.3f}\n" for beat in np.arange(0.2, 6, 0.3)))
+    words = ("dance", song, "--beats", tmp_path / "song.beats", "--style", "puppet", "--out", tmp_path / "dance.npz")
+    assert "music: annotated, 200.0 bpm" in done(app, "--verbose", *words).stdout
+
+
 def test_bvh_and_npz_of_a_seed_are_the_same_dance(dance: Callable[..., Result], tmp_path: Path):
     for name in ("dance.npz", "dance.bvh"):
         assert dance(tmp_path / name).exit_code == 0
@@ -140,7 +146,7 @@ def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result
     ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 12.00 s), got 60 s"),
     ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
     ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
-    ("dance.mp4", ("--weights", "nowhere"), "nowhere.json: no such file"),
+    ("dance.mp4", ("--weights", "nowhere"), "nowhere: no such folder or file of weights"),
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(
     dance: Callable[..., Result], name: str, options: tuple[object, ...], fault: str

@@ -1,6 +1,7 @@
 """`harmolab train`: help that teaches, a run from folders to weights, one line for a refusal, a bar to watch."""
 
 import csv
+import inspect
 import json
 import os
 import pty
@@ -57,10 +58,10 @@ def run() -> Run:
 def test_help_teaches(run: Run):
     shown = " ".join(run("--help").stdout.split())
     for told in (
-        "16 epochs of pretraining and 16 adversarial ones", "split.json says how", "history.csv has every loss term",
+        "9 adversarial epochs that correct sketches", "split.json says how", "history.csv has every loss term",
         "tensorboard --logdir RUN", "--resume goes on where the run was, after a kill too", "0 is the ablation",
-        "harmolab train DATA --out without --harmony-weight 0 --pretrained with", "harmolab dance SONG --weights RUN",
-        "small (1 M parameters, a laptop) or paper (8 M)", "harmolab data check", "torchrun --nproc-per-node 2",
+        "harmolab train DATA --out without --harmony-weight 0", "harmolab dance SONG --weights RUN",
+        "small (1 M parameters, a laptop) or paper (7 M)", "harmolab data check", "torchrun --nproc-per-node 2",
         "predicts a dance frame by frame", "harmolab train DATA --system music2dance --out RUN",
         "harmolab train DATA --system feet --out RUN/feet",
         "harmolab train DATA --system attributes --out RUN/attributes",
@@ -172,6 +173,13 @@ def test_resuming_with_another_seed_of_the_split_names_its_file(trained: tuple[P
 
 
 @pytest.mark.slow
+def test_defaults_of_the_help_are_those_of_the_settings():
+    for name in ("harmony_weight", "pretrain_epochs", "adversarial_epochs"):
+        usual, paper = (getattr(params, name) for params in (TrainParams.recommended(), TrainParams.paper()))
+        option = inspect.get_annotations(train)[name].__metadata__[0]
+        assert option.show_default == (f"{usual:g}" if usual == paper else f"{usual:g}; {paper:g} in paper")
+
+
 def test_pretraining_of_a_run_that_is_none_is_told(run: Run, corpus: Path, tmp_path: Path):
     line = told(run(corpus, "--out", tmp_path / "run", "--pretrained", tmp_path / "nowhere"))
     assert line == f"harmolab: {tmp_path / 'nowhere' / 'settings.json'}: no such file"
@@ -185,6 +193,9 @@ def test_the_ablation_takes_over_pretraining(trained: tuple[Path, Result], run: 
     assert result.exit_code == 0, result.output
     header, *rows = (out / "history.csv").read_text().splitlines()
     assert len(rows) == 1 and "harmony" not in header.split(",")
+    line = told(run(corpus, "--out", tmp_path / "third", "--pretrained", out))  # which took its own from another run
+    assert line == f"harmolab: {out}: has no pretraining to take over; leave --pretrained out"
+    assert not (tmp_path / "third").exists()
 
 
 def test_without_the_libraries_training_says_what_to_install(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):

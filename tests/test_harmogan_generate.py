@@ -428,3 +428,5 @@ def test_recordings_of_others_and_an_incomplete_run_are_not_shipped(tmp_path: Pa
     HarmoGAN(generator, sketches=PUPPETS).save(tmp_path / "run")
     refused("sketches are of recordings that are not ours", ship, tmp_path / "run", tmp_path / "out")
     assert not (tmp_path / "out").exists()
+    for file in ("model.json", "model.safetensors"):
+        assert HarmoGAN.load(tmp_path / "run" / file).sketches.takes[0].name == PUPPETS.takes[0].name

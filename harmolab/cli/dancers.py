@@ -191,7 +191,7 @@ def _not_asked(dance: str | None, *, knows_bars: bool) -> tuple[str, ...]:
 
 
 def _check_choice(options: DancerOptions) -> None:
-    """ValueError for options that exclude each other."""
+    """ValueError for options that exclude each other, FileNotFoundError for weights that are not there."""
     corpus, style, system, weights = options.corpus, options.style, options.system, options.weights
     if options.scale is not None and corpus is None:
         raise ValueError("--scale is for the files of --from")
@@ -201,8 +201,11 @@ def _check_choice(options: DancerOptions) -> None:
         if value is not None and (weights is not None or system not in (None, CHOREOGRAPHER)):
             other = "--weights" if weights is not None else f"--system {system}"
             raise ValueError(f"{name} is for the choreographer, which dances with recorded movement; leave out {other}")
-    if weights is not None and system == CHOREOGRAPHER and not weights.exists():
-        raise FileNotFoundError(f"{weights}: no such folder")
+    if weights is not None and not weights.exists():
+        from harmolab.systems.training.about import json_file, weights_stem
+
+        if not json_file(weights_stem(weights)).exists():
+            raise FileNotFoundError(f"{weights}: no such folder or file of weights")
 
 
 def _choreographer(context: typer.Context, options: DancerOptions) -> Dancer:

@@ -253,6 +253,7 @@ def dance(
     context: typer.Context,
     song: common.Song,
     out: Path | None = None,
+    beats: common.Beats = None,
     one: common.One = None,
     seconds: float | None = None,
     offset: Annotated[float, typer.Option("--offset", "--start")] = 0.0,
@@ -310,7 +311,7 @@ def dance(
 
         sound, audio = _sound(song)
         with finding_beats():
-            tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", one=one))
+            tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", beats=beats, one=one))
             dancer, dance = dancer.for_music(audio, dance, tracks)
             track = tracks(dance)
         params = common.recommended(pattern, dance if dancer.knows_bars else "")

@@ -22,7 +22,20 @@ TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors 
 VALIDATED = ("beat_align_motion", "beat_align_music", "mir_eval_f", "foot_skating", "freezing", "jerk")
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
-ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
+ANY_SYSTEM = {
+    "data",
+    "out",
+    "system",
+    "song",
+    "weights",
+    "offset",
+    "start",
+    "seconds",
+    "samples",
+    "pattern",
+    "one",
+    "beats",
+}
 ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 
@@ -33,9 +46,9 @@ def train(
     system: Annotated[str, typer.Option(autocompletion=completed(*LEARNERS))] = "harmogan",
     preset: Annotated[str, typer.Option(show_default="small; recommended")] = "small",
     params: Literal["recommended", "paper"] = "recommended",
-    harmony_weight: Annotated[float | None, typer.Option(show_default="0.5; 1 in paper")] = None,
-    pretrain_epochs: Annotated[int | None, typer.Option(min=0, show_default="16; 225 in paper")] = None,
-    adversarial_epochs: Annotated[int | None, typer.Option(min=0, show_default="16; 45 in paper")] = None,
+    harmony_weight: Annotated[float | None, typer.Option(show_default="1")] = None,
+    pretrain_epochs: Annotated[int | None, typer.Option(min=0, show_default="0; 225 in paper")] = None,
+    adversarial_epochs: Annotated[int | None, typer.Option(min=0, show_default="9; 45 in paper")] = None,
     pretrained: Path | None = None,
     representation: Annotated[
         Literal["positions", "rotations"] | None, typer.Option(show_default="positions; rotations in paper")
@@ -51,20 +64,20 @@ def train(
     resume: Annotated[bool, typer.Option("--resume")] = False,
     accelerator: Literal["auto", "cpu", "cuda"] = "auto",
 ) -> None:
-    """Train a system, or a part of one. Without --system: HarmoGAN, 16 epochs of pretraining and 16 adversarial ones.
+    """Train a system, or a part of one. Without --system: HarmoGAN, 9 adversarial epochs that correct sketches.
 
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
-    generator (the paper's epochs: 225 and 45). history.csv has every loss term and the scores on the validation units,
+    generator (with --params paper 225 epochs of pretraining and 45 after it). history.csv has every loss term and the scores on the validation units,
     with measures of `harmolab evaluate`, epoch by epoch; so has `tensorboard --logdir RUN`.
 
     **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
 
-    **With and without the harmony loss**, sharing the pretraining:
+    **With and without the harmony loss**; with --params paper, `--pretrained with` takes over the pretraining:
 
         harmolab train DATA --out with
 
-        harmolab train DATA --out without --harmony-weight 0 --pretrained with
+        harmolab train DATA --out without --harmony-weight 0
 
     **Several processes** share each batch: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`. One
     process with `--shards 2` has the same result to the last bit; without it they differ: by rounding, which

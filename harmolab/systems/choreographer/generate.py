@@ -192,6 +192,7 @@ def _bar_warning(moves: Moves, music: lay.MusicBeats, is_own_pulse: bool) -> tup
 # Mirrored takes double the time that a choice takes. Of five minutes they make no seam smaller; of two they do.
 FEW_SECONDS, ENOUGH_SHARE = 180.0, 1.5  # of recordings, and of the length of a dance
 LEAST_FPS, MOST_FPS = 25.0, 120.0
+OWN_FILES = {"model.json", "model.npz"}  # of a choreographer that was saved
 STILL = 1e-9  # beats from one frame to the next
 DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any; usual for the latter
 
@@ -298,7 +299,7 @@ class Choreographer(DanceSystem):
         """
         if unknown := sorted(more.keys() - {"report", "notice"}):
             raise ValueError(f"a choreographer has no setting {unknown[0]!r}: it learns nothing but bar patterns")
-        if Path(out).is_dir() and any(Path(out).iterdir()) and not json_file(weights_stem(out)).is_file():
+        if {path.name for path in Path(out).glob("*")} - OWN_FILES:
             raise ValueError(f"{out}: holds something else; name a new or empty folder")
         choreographer = cls.read(data, progress=progress)
         choreographer.save(out)

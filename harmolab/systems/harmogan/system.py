@@ -16,6 +16,7 @@ from harmolab.systems.choreographer.generate import Choreographer, Choreography
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES, sketched
+from harmolab.systems.training.about import weights_stem
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import FeatureParams, audio_features, check_choice
 from harmolab.systems.training.feet import grounded
@@ -108,7 +109,7 @@ class HarmoGAN(NetworkSystem):
         """The system in the folder of a run, or of a weights file; errors name the file."""
         system = super().load(folder)
         if system.generator.params.bounded:
-            place, style = Path(folder) / SKETCHES, system.meta.get(SKETCHES)
+            place, style = weights_stem(folder).parent / SKETCHES, system.meta.get(SKETCHES)
             system.sketches = shipped_bank(style) if style in STYLES else Choreographer.load(place)
         return system
 

@@ -32,6 +32,7 @@ from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan.networks import Generator, Networks, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES
+from harmolab.systems.training.about import json_file
 from harmolab.systems.training.checkpoints import Measure, Report, TrainOptions, check_pretrained
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, make_fabric
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
@@ -68,7 +69,7 @@ def train_harmogan(
     Raises
     ------
     ValueError
-        As `open_run`; if `pretrained` is a run on other data.
+        As `open_run`; if `pretrained` is a run on other data, or without pretraining.
     """
     before, model = None if pretrained is None else Path(pretrained), replace(model, bounded=params.sketches > 0)
     if before is not None:
@@ -78,6 +79,8 @@ def train_harmogan(
     settings = plain(records | {"pretrained": before is not None})
     if before is not None:
         check_pretrained(before, settings, split)
+        if not json_file(before / PRETRAINED).is_file():
+            raise ValueError(f"{before}: has no pretraining to take over; leave --pretrained out")
     batching = Batching(params.batch_size, params.shards, params.seed)
     with open_run(fabric, options, split, settings, batching, len(units)) as run:
         if choreographer is None:
