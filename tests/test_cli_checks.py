@@ -346,9 +346,9 @@ def test_no_control_code_of_a_name_reaches_the_screen():
 def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setenv("COLUMNS", "110")
+    monkeypatch.setenv("COLUMNS", "80")
     row = {"auc": 0.7, "interval": (0.6, 0.8), "chance_band": (0.4, 0.6)}
-    row |= {"by_dance": {key: {"auc": 0.7} for key in "CJQRSTW"}}
+    row |= {"by_dance": {key: {"auc": 0.123} for key in ("cha-cha", "quickstep", "tango", "rumba", "waltz", "samba")}}
     names = ("recommended", "paper_above_chance", "beat_align_motion")
     about = {"corpus": "corpus", "n": 70, "beats": "annotated", "null": "lagged", "fitted_on": "x", "unfitted_parts": 0}
     about["levels"] = {"true": [0, 1, 0, 0, 6]}
@@ -357,6 +357,7 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     print_comparison({**about, "n_sequences": 23, "scores": dict.fromkeys(names, row)})
     table = capsys.readouterr().out
     assert all(name in table for name in names)
+    assert "0.600 to 0.800" in table and table.count("0.123") == 18 and "…" not in table
     assert "AUC +0.081 [-0.050 to 0.110] over the learnt curve" in table
     assert "within 1/8 beat in 10 of 23 recordings, the learnt curve in 21 of 23" in table
 

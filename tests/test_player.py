@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +181,7 @@ def test_crowds_hours_and_sounds_that_no_browser_plays_are_refused() -> None:
         refused(f"one dancer or two, got {count}", shown_of, *[dancer_of(short)] * count)
     refused("one dancer or two, got 3", blind_page, SILENCE, [short] * 3)
     refused("start must be a finite number of seconds, got nan", player_of, [planted_dance()], start=float("nan"))
+    refused("nothing to show from 100 s on: the music ends at 6 s", player_of, [planted_dance()], start=100.0)
     refused(r"600 s at most, got 3600\.0 s; cut", shown_of, dancer_of(still(3600, fps=1.0)))
     for rate in (100, 384_000):
         refused(f"got {rate}; load it at 44100 Hz", shown_of, dancer_of(short), audio=Audio(np.zeros(rate), rate))
@@ -325,6 +327,15 @@ def test_page_of_a_part_has_the_number_of_the_whole_dance(long_files: Path, tmp_
     assert number_of(data_of(page)["dancers"][0]) == pytest.approx(whole.harmony_above_chance, abs=1e-9)
 
 
+def test_page_names_the_command_of_the_same_dance_as_a_video(long_files: Path, tmp_path: Path) -> None:
+    page = html.unescape(played(long_files, tmp_path / "x.html", "--how", "half time", "--offset", 0.123456789))
+    assert f"dance.npz --offset 0.123456789 --how 'half time' --out {tmp_path / 'x.mp4'}" in page
+    dance, song = tmp_path / "dance.npy", long_files / "song.wav"  # nothing tells when it begins, nor its rate
+    np.save(dance, planted_dance(seconds=20.0).motion.positions)
+    done(app, "play", song, dance, "--fps", 60, "--start", 1, "--out", tmp_path / "y.html")
+    assert "dance.npy --start 1 --fps 60 --out" in (tmp_path / "y.html").read_text("utf-8")
+
+
 def test_a_second_dance_has_a_song_time_of_its_own(long_files: Path, tmp_path: Path) -> None:
     command = (long_files, tmp_path / "x.html", "--other", long_files / "late.npz", "--how", "rest", "--other-offset")
     data = data_of(played(*command[:-1]))
@@ -335,6 +346,18 @@ def test_a_second_dance_has_a_song_time_of_its_own(long_files: Path, tmp_path: P
     assert data_of(played(*command, 2))["dancers"] == data["dancers"]
     away = data_of(played(*command, 2.12))
     assert number_of(away["dancers"][1]) < number_of(other) - 0.2
+
+
+def test_two_dances_whose_frames_lie_between_each_others_keep_their_moments() -> None:
+    whole = planted_dance(seconds=20.0, fps=30.0)
+    slow = replace(whole, motion=Motion(whole.motion.positions[::2], 15.0, whole.motion.skeleton))
+    later = replace(whole, motion=whole.motion.span(16 / 30, 19.0), offset=16 / 30 + 0.007)
+    data = data_of(player_of([slow, later]).page)
+    one, other = (np.array(dancer["visual"][1:20]) for dancer in data["dancers"])
+    assert other - one == pytest.approx(0.007, abs=0.015)
+    marks = [[mark["time"] for mark in dancer["marks"]][:20] for dancer in data["dancers"]]
+    salient = [beat["time"] for beat in data["music"] if beat["salient"]][:20]
+    assert marks[0] == marks[1] == salient != []
 
 
 def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, files: Path, tmp_path: Path) -> None:
@@ -348,7 +371,7 @@ def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, f
     "options, out, fault",
     ((), "x.avi", "x.avi: a dance with its music is written as .html, .htm, .mp4, .webm, .gif; choose a name"),
     ((), "none/x.html", "none: no such folder"),
-    (("--start", 60), "x.html", "no audio from 60.0 s"),
+    (("--start", 60), "x.html", "nothing to show from 60 s on"),
     (("--offset", 60), "x.html", "song.wav"),
     (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
     (("--seconds", "inf"), "x.html", "--seconds must be a finite number, got inf"),

@@ -555,12 +555,12 @@ def dance_title(motion: Path, song: Path) -> str:
     return " to ".join(dict.fromkeys((plain_name(motion), plain_name(song))))
 
 
-def video_command(song: Path, motion: Path, out: Path, dance: str, **seconds: float | None) -> str:
-    """The line that writes the same as a video beside the page `out`; `seconds` are options that hold seconds.
+def video_command(song: Path, motion: Path, out: Path, **options: object) -> str:
+    """The line that writes the same as a video beside the page `out`; options that are None or "" are left out.
 
-    >>> video_command(Path("a song.mp3"), Path("x.bvh"), Path("x.html"), "waltz", offset=12.4, start=None)
+    >>> video_command(Path("a song.mp3"), Path("x.bvh"), Path("x.html"), offset=12.4, start=None, dance="waltz")
     "harmolab play 'a song.mp3' x.bvh --offset 12.4 --dance waltz --out x.mp4"
     """
-    words = [word for name, value in seconds.items() if value is not None for word in (f"--{name}", f"{value:g}")]
-    words += ["--dance", dance] if dance else []
+    texts = {name: f"{value:.9g}" if isinstance(value, float) else str(value or "") for name, value in options.items()}
+    words = [word for name, text in texts.items() if text for word in (f"--{name}", text)]
     return shlex.join(["harmolab", "play", str(song), str(motion), *words, "--out", str(out.with_suffix(".mp4"))])

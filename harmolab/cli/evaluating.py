@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -341,7 +342,7 @@ def compare(
 
 
 def print_comparison(summary: dict[str, Any]) -> None:
-    """Two tables: one row a score, and how many recordings reach each level of the verdict."""
+    """Tables: one row a score, the same by dance, and how many recordings reach each level of the verdict."""
     from rich.table import Column
 
     from harmolab.verdict.judge import LEVELS
@@ -351,12 +352,17 @@ def print_comparison(summary: dict[str, Any]) -> None:
     def cells(name: str, row: dict[str, Any]) -> list[str]:
         low, high = row["chance_band"]
         tells = "yes" if row["auc"] > high else "below" if row["auc"] < low else "no"
-        own = [common.show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances]
-        return [name, *(common.show(row[column]) for column in ("auc", "interval", "chance_band")), tells, *own]
+        return [name, *(common.show(row[column]) for column in ("auc", "interval", "chance_band")), tells]
 
-    headings = [Column("score", no_wrap=True), "AUC", "interval", "chance band", "tells?", *dances]
+    def own(name: str, row: dict[str, Any]) -> list[str]:
+        return [name, *(common.show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances)]
+
+    headings = [Column("score", no_wrap=True), *map(Column, ("AUC", "interval", "chance band", "tells?"))]
     title = f"{summary['corpus']}: {summary['n']} windows, {summary['beats']} beats, {summary['null']} music"
-    common.print_table(headings, (cells(name, row) for name, row in summary["scores"].items()), title)
+    common.print_table(headings, starmap(cells, summary["scores"].items()), title)
+    if len(dances) > 1:  # their headings are folded where the terminal is narrow, their numbers are not
+        headings = [Column("AUC by dance", no_wrap=True), *(Column(dance, min_width=5) for dance in dances)]
+        common.print_table(headings, starmap(own, summary["scores"].items()), box=None)
     typer.echo(f"fitted on: {summary['fitted_on']}")
     if summary["unfitted_parts"]:
         typer.echo(f"{summary['unfitted_parts']} of {summary['n_parts']} clips had nothing to fit a pattern on")
@@ -367,9 +373,9 @@ def print_comparison(summary: dict[str, Any]) -> None:
         f"verdict; AUC {beside['auc_difference']:+.3f} [{common.show(beside['interval'])}] over the learnt curve "
         f"(recommended); finds the lag within 1/8 beat in {counts[1]} recordings, the learnt curve in {counts[0]}"
     )
-    headings = ["music", *(f"{level} {name}" for level, name in enumerate(LEVELS))]
+    levels = ["music", *(f"{level} {name}" for level, name in enumerate(LEVELS))]
     rows = ([music, *map(str, counts)] for music, counts in summary["levels"].items())
-    common.print_table(headings, rows, "recordings by verdict")
+    common.print_table(levels, rows, "recordings by verdict")
     typer.echo("lagged: the music 0.3-0.7 beat late; learnt: by a curve of other figures, for recordings that have one")
 
 

@@ -100,6 +100,8 @@ def lab(
         length = common.OF_LAB if part.seconds is None else part.seconds
         if length <= 0:
             raise ValueError(f"--seconds must be positive, got {length:g}")
+        if begin >= clip.audio.duration:
+            raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
         clip = clip.span(begin, min(length, clip.audio.duration - begin))
         if files.is_video:
             check_signs(files, clip, [score_clip(clip, params)])

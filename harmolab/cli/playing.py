@@ -161,18 +161,17 @@ def play(
         if other_offset is not None and other is None:
             raise ValueError("--other-offset is of --other; name a second motion")
         files = sources(context, song, motion, judged)
-        params = judged.params(files.dance)
         if is_page:
-            _page(files, out, params, read, part, other=other, other_offset=other_offset)
+            _page(files, out, judged, read, part, other=other, other_offset=other_offset)
         else:
-            render(files, out, video, params, read, part)
+            render(files, out, video, judged.params(files.dance), read, part)
     wrote(out)
 
 
 def _page(
     files: Sources,
     out: Path,
-    params: HarmonyParams,
+    judged: common.JudgeOptions,
     read: common.FileOptions,
     part: common.PartOptions,
     *,
@@ -186,6 +185,7 @@ def _page(
 
     if files.is_video and not is_body_found(files.motion):
         raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
+    params = judged.params(files.dance)
     clip = clip_of(files, offset=part.offset, sample_rate=None, **read.keywords)
     if files.is_video:
         check_signs(files, clip, [score_clip(clip, params)])
@@ -194,8 +194,10 @@ def _page(
         begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
         movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
         clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
-    where = vars(part) | {"offset": clip.offset}
-    command = common.video_command(files.song, files.motion, out, files.dance, **where)
+    where = vars(part) | {"offset": clip.offset if clip.has_start else None}
+    where |= {"start": None if part.start is None else max(part.start, clip.offset)}
+    options = where | vars(judged) | {name: getattr(files, name) for name in ("dance", "beats", "one")} | vars(read)
+    command = common.video_command(files.song, files.motion, out, **options)
     title = common.dance_title(files.motion, files.song)
     player_of(clips, start=part.start, seconds=part.seconds, title=title, params=params, command=command).save(out)
 

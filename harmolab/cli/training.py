@@ -22,21 +22,8 @@ TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors 
 VALIDATED = ("beat_align_motion", "beat_align_music", "mir_eval_f", "foot_skating", "freezing", "jerk")
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
-ANY_SYSTEM = {
-    "data",
-    "out",
-    "system",
-    "song",
-    "weights",
-    "offset",
-    "start",
-    "seconds",
-    "samples",
-    "pattern",
-    "one",
-    "beats",
-}
-ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
+ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
+ANY_SYSTEM |= {"beats", "corpus", "style", "scale", "harmonise", "as_json"}
 
 
 def train(
@@ -68,8 +55,9 @@ def train(
 
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
-    generator (with --params paper 225 epochs of pretraining and 45 after it). history.csv has every loss term and the scores on the validation units,
-    with measures of `harmolab evaluate`, epoch by epoch; so has `tensorboard --logdir RUN`.
+    generator (with --params paper 225 epochs of pretraining and 45 after it). history.csv has every loss term and the
+    scores on the validation units, with measures of `harmolab evaluate`, epoch by epoch; so has `tensorboard --logdir
+    RUN`.
 
     **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
 

@@ -26,7 +26,7 @@ from harmolab.lab.report.templates import framed, rendered
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.systems.choreographer.banks import shipped_bank
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
 
@@ -325,6 +325,10 @@ def player_of(
     offsets = [clip.offset for clip in clips]
     begun = max(0.0, *offsets)  # by all, so that two numbers are of the same music
     begins = begun if start is None else max(begun, start)
+    if begins >= first.audio.duration:
+        raise ValueError(f"there is nothing to show from {begins:g} s on: the music ends at {first.audio.duration:g} s")
+    frame = 1 / _motion_of(first).fps  # one of the first is the moment at which all begin
+    begins = first.offset + math.ceil((begins - first.offset) / frame - FRAME_EDGE) * frame
     length = first.audio.duration - begins if seconds is None else seconds
     beats = music_beats(first)
     dancers, spans = [], []
@@ -333,7 +337,7 @@ def player_of(
         if begun > max(0.0, clip.offset):
             whole = whole.span(begun, first.audio.duration - begun)
         if seconds is not None or begins > max(0.0, clip.offset):
-            picture = picture.span(begins, length)
+            picture = _with_frame_at(picture, begins).span(begins, length)
         picture = picture.shared()
         dancers.append(_picked(_scored(whole.shared(), picture, params), looks))
         spans.append(picture)
@@ -347,7 +351,7 @@ def player_of(
 
 def _scored(whole: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
     """The dancer of a part as the page shows it; the number is that of the whole dance as it was danced."""
-    motion, danced, score = cast(Motion, picture.motion), cast(Motion, whole.motion), score_clip(picture, params)
+    motion, danced, score = _motion_of(picture), _motion_of(whole), score_clip(picture, params)
     is_same = (danced.fps, danced.n_frames) == (motion.fps, motion.n_frames)
     return Dancer(picture.name, motion, score, None if is_same else score_clip(whole, params))
 
@@ -369,10 +373,26 @@ def _picked(dancer: Dancer, looks: int) -> Dancer:
 
 def _alike(clip: Clip, other: Clip) -> Clip:
     """The clip with its motion at the frame rate of the other, so that one frame of each is one moment."""
-    if clip.motion is None or other.motion is None:
+    fps = _motion_of(other).fps
+    return replace(clip, motion=resample_motion(upsample_motion(_motion_of(clip), fps), fps))
+
+
+def _motion_of(clip: Clip) -> Motion:
+    """The motion of a clip; ValueError without one."""
+    if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to play")
-    fps = other.motion.fps
-    return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
+    return clip.motion
+
+
+def _with_frame_at(clip: Clip, time: float) -> Clip:
+    """The clip with its motion interpolated between its frames, so that one falls on a time of the audio."""
+    motion = _motion_of(clip)
+    part = (time - clip.offset) * motion.fps % 1.0
+    if min(part, 1.0 - part) < FRAME_EDGE:
+        return clip
+    positions = motion.positions[:-1] + part * np.diff(motion.positions, axis=0)
+    motion = replace(motion, positions=positions, valid=motion.valid[:-1] & motion.valid[1:])
+    return replace(clip, motion=motion, offset=clip.offset + part / motion.fps)
 
 
 def _facts(dancer: Dancer) -> dict[str, str]:
@@ -427,15 +447,15 @@ def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
 
     Count and number are 0 where no bars are known; beats before the first whole bar are of bar 0.
     """
-    salient = set(score.music.times)
+    salient = np.any(np.abs(music.times[:, None] - score.music.times) < 1e-6, axis=1)
     places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
     bars = np.cumsum(places == 0)
     return [
         {
-            "time": _seconds(time), "salient": time in salient, "first": bool(place == 0), "count": int(place) + 1,
+            "time": _seconds(time), "salient": bool(is_salient), "first": bool(place == 0), "count": int(place) + 1,
             "bar": int(bar),
         }
-        for time, place, bar in zip(music.times, places, bars, strict=True)
+        for time, is_salient, place, bar in zip(music.times, salient, places, bars, strict=True)
     ]  # fmt: skip
 
 
