@@ -11,13 +11,17 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import urlencode
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from harmolab.cli import app
+from harmolab.data.recordings import recorded_offset
 from harmolab.data.synthetic import write_corpus
 from harmolab.lab.listening import answers as study_files
 from harmolab.lab.listening.answers import answer_log, read_key, read_page, read_scores, read_trials
+from harmolab.lab.listening.corpus_study import study_pieces
+from harmolab.readers.motion import load_motion, save_motion
 from tests.builders import called, cases, complaint, done
 
 N = 8
@@ -105,6 +109,15 @@ def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_
     tables = json.loads(result.stdout)
     assert "raters" not in tables
     assert [(row["version"], row["rate"]) for row in tables["versions"]] == [("dances over late", 0.0)]
+
+
+def test_dance_of_another_folder_begins_in_its_song_where_its_file_says(corpus: Path, tmp_path: Path):
+    own = next(corpus.glob("clip_*"))
+    later = load_motion(own / "motion.npz").span(2.1, 4.9)
+    save_motion(tmp_path / f"{own.name}.npz", later, offset=recorded_offset(own) + 2.1)
+    (piece,) = study_pieces(corpus, tmp_path, seconds=4.0, seed=1).pieces
+    first, second = (motion.positions for motion in piece.motions.values())
+    np.testing.assert_allclose(first, second, atol=1e-3)
 
 
 def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path):

@@ -754,7 +754,7 @@ def test_same_seed_gives_the_same_pieces_whatever_other_clips_there_are(clips: l
 def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rate(clips: list[Clip]):
     slow = clips[2].motion
     other = replace(slow, positions=slow.positions[::2], fps=30.0, valid=slow.valid[::2])
-    made = corpus.paired_pieces([(clips[0], other)], ("ours", "theirs"), seconds=SECONDS, seed=2)
+    made = corpus.paired_pieces([(clips[0], other, 0.0)], ("ours", "theirs"), seconds=SECONDS, seed=2)
     motions = made.pieces[0].motions
     assert list(motions) == ["ours", "theirs"]
     assert {motion.n_frames for motion in motions.values()} == {round(SECONDS * corpus.FPS)}
@@ -764,6 +764,17 @@ def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rat
     items = [*made.items, replace(made.items[0], name="x", versions={"ours": "1", "theirs": "2"})]
     key = make_key(items, kind="choice", n=2, seed=0, truth="")
     assert {asked.right for asked in key.trials.values()} == {None}
+
+
+@cases("own, others", (0.0, 2.1), (2.1, 0.0), (0.5, 0.5))
+def test_two_dances_are_shown_at_one_moment_of_the_music_wherever_their_files_begin(
+    clips: list[Clip], own: float, others: float
+):
+    whole = clips[0].motion
+    clip = replace(clips[0], motion=whole.span(own, 9.0), offset=own)
+    made = corpus.paired_pieces([(clip, whole.span(others, 9.0), others)], ("a", "b"), seconds=SECONDS, seed=2)
+    motions = made.pieces[0].motions
+    np.testing.assert_array_equal(motions["a"].positions, motions["b"].positions)
 
 
 @cases(

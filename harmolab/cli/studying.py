@@ -60,7 +60,8 @@ def make(
     seconds : Length of a trial's music and dances.
     wrong : The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial).
     against : choice, rate: a folder with another dance to the same music for each sequence, under the same name (a
-        sequence folder, NAME.npz or NAME.bvh). No answer is right then; it is told which is preferred.
+        sequence folder, NAME.npz or NAME.bvh), from where its file says that it begins in the song, else from the
+        sequence's begin. No answer is right then; it is told which is preferred.
     seed : Same seed, same study. Raters should not know it.
     """
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE

@@ -18,7 +18,7 @@ from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.clips import corpus_recordings
-from harmolab.data.recordings import Problem, load_any_motion
+from harmolab.data.recordings import Problem, load_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
 from harmolab.metrics.beats import kinematic_params, other_scores
@@ -147,13 +147,13 @@ def swapped_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Piece
 
 
 def paired_pieces(
-    pairs: Iterable[tuple[Clip, Motion]], versions: tuple[str, str], *, seconds: float, seed: int
+    pairs: Iterable[tuple[Clip, Motion, float]], versions: tuple[str, str], *, seconds: float, seed: int
 ) -> Pieces:
-    """A piece of each clip with two dances to its one music, for "choice": its own, and another on the same time line.
+    """A piece of each clip with two dances to its one music, for "choice": its own, and another.
 
     Parameters
     ----------
-    pairs : iterable of (Clip with a motion, Motion whose frame 0 falls on the same audio time)
+    pairs : iterable of (Clip with a motion, the other Motion, audio time of its frame 0 in seconds)
     versions : names of the two, such as ("HarmoGAN", "LSTM")
     seconds, seed
         As in `lagged_pieces`.
@@ -165,7 +165,8 @@ def paired_pieces(
     """
     if versions[0] == versions[1]:
         raise ValueError(f"two versions need two names, got {versions[0]!r} twice")
-    return _pieces(((clip, partial(_pair, other, versions)) for clip, other in pairs), seconds, seed)
+    lates = ((clip, other, round((offset - clip.offset) * FPS)) for clip, other, offset in pairs)
+    return _pieces(((clip, partial(_pair, other, late, versions)) for clip, other, late in lates), seconds, seed)
 
 
 def study_pieces(
@@ -184,6 +185,7 @@ def study_pieces(
     ----------
     corpus : folder of recordings
     against : folder with another dance for each recording, under the same name (a recording's folder, npz or bvh)
+        It begins at the audio time that its files say; where they say none, with the recording's motion.
     wrong : "lagged" or "swapped", the wrong dances without `against`
     report : function(Problem), called for each recording that cannot be read, has no other dance or gives no piece
 
@@ -208,8 +210,8 @@ def study_pieces(
 
 def _counterparts(
     clips: Iterable[Clip], against: Path, report: Callable[[Problem], object]
-) -> Iterator[tuple[Clip, Motion]]:
-    """Each clip with the motion of the same name in another folder."""
+) -> Iterator[tuple[Clip, Motion, float]]:
+    """Each clip with the motion of the same name in another folder, and the audio time at which that begins."""
     if not against.is_dir():
         raise ValueError(f"{against}: no such folder")
     for clip in clips:
@@ -218,7 +220,8 @@ def _counterparts(
         if path is None:
             report(Problem(against, f"{against} holds no dance called {clip.name}"))
         else:
-            yield clip, load_any_motion(path)
+            offset = recorded_offset(path)
+            yield clip, load_any_motion(path), clip.offset if offset is None else offset
 
 
 def clip_scores(clip: Clip) -> dict[str, float]:
@@ -239,8 +242,8 @@ def _true_and_lagged(motion: Motion, beats: BeatTrack) -> Dances:
     return {"true": (motion, 0), "lagged": (motion, late)}
 
 
-def _pair(other: Motion, versions: tuple[str, str], motion: Motion, _: BeatTrack) -> Dances:
-    return {versions[0]: (motion, 0), versions[1]: (_at_rate(other), 0)}
+def _pair(other: Motion, late: int, versions: tuple[str, str], motion: Motion, _: BeatTrack) -> Dances:
+    return {versions[0]: (motion, 0), versions[1]: (_at_rate(other), late)}
 
 
 def _pieces(clips: Iterable[tuple[Clip, Callable[[Motion, BeatTrack], Dances]]], seconds: float, seed: int) -> Pieces:
