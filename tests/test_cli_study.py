@@ -19,6 +19,7 @@ from harmolab.cli import app
 from harmolab.data.recordings import recorded_offset
 from harmolab.data.synthetic import write_corpus
 from harmolab.lab.listening import answers as study_files
+from harmolab.lab.listening.analysis import TABLES
 from harmolab.lab.listening.answers import answer_log, read_key, read_page, read_scores, read_trials
 from harmolab.lab.listening.corpus_study import study_pieces
 from harmolab.readers.motion import load_motion, save_motion
@@ -237,6 +238,17 @@ def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
     assert people["simulated"] is False
     assert [row["rater"] for row in people["raters"]] == ["Ada", "all"]
     assert people["raters"][0]["rate"] == 0.5
+
+
+def test_tables_of_an_earlier_analysis_do_not_stay_beside_new_ones(study: Path, tmp_path: Path):
+    folder = answered(shutil.copytree(study, tmp_path / "study"), 1.0, 0.0)
+    command = ("data", "study", "analyse", folder, "--out", tmp_path / "results")
+    succeed(*command)
+    assert (tmp_path / "results" / "agreement.csv").exists()
+    answer_log(folder, "simulated-1").path.unlink()
+    succeed(*command)
+    names = {path.stem for path in (tmp_path / "results").glob("*.csv")}
+    assert names == {"raters", "versions", "scores"} < set(TABLES)
 
 
 def test_study_without_answers_says_so(study: Path):

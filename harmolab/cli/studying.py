@@ -157,7 +157,7 @@ def analyse(
     raters : Whose answers count; people and simulated raters never mix.
     seed : Seed of the bootstrap.
     """
-    from harmolab.lab.listening.analysis import study_tables
+    from harmolab.lab.listening.analysis import TABLES, study_tables
     from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
     with plain_errors():
@@ -171,7 +171,7 @@ def analyse(
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
         text = json.dumps(plain(summary), indent=2)
         if out is not None:
-            common.check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in tables)))
+            common.check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in TABLES)))
             _save(out, tables, text)
     for note in answers.notes:
         typer.echo(f"harmolab: {note}", err=True)
@@ -184,9 +184,15 @@ def analyse(
 
 
 def _save(out: Path, tables: Tables, text: str) -> None:
+    """Write all tables and the summary; tables of an earlier run that this one does not have are removed."""
     import pandas as pd
 
+    from harmolab.lab.listening.analysis import TABLES
+
     out.mkdir(parents=True, exist_ok=True)
+    for name in TABLES:
+        if name not in tables:
+            (out / f"{name}.csv").unlink(missing_ok=True)
     for name, rows in tables.items():
         write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False))
     write_text(out / SUMMARY, f"{text}\n")

@@ -27,6 +27,7 @@ from harmolab.types import BoolArray, FloatArray
 WEIGHTS: Mapping[str, float] = MappingProxyType(dict(zip(MARKED, (0.25, 0.25, 0.4, 0.1), strict=True)))
 MARK = "mark"
 Row = dict[str, Any]
+TABLES = ("raters", "versions", "marks", "agreement", "scores")  # all that `study_tables` may return
 
 
 def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
