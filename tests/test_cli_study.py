@@ -251,5 +251,9 @@ def test_tables_of_an_earlier_analysis_do_not_stay_beside_new_ones(study: Path, 
     assert names == {"raters", "versions", "scores"} < set(TABLES)
 
 
+def test_help_says_that_scores_are_not_compared_with_marks():
+    assert "not with marks (--kind rate)" in " ".join(succeed("data", "study", "analyse", "--help").stdout.split())
+
+
 def test_study_without_answers_says_so(study: Path):
     assert "nobody has answered yet" in refusal("data", "study", "analyse", study)

@@ -148,6 +148,8 @@ def analyse(
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 
+    Scores are compared with the answers of --kind pick and choice, not with marks (--kind rate).
+
     Example: `harmolab data study analyse my_study --out results`
 
     Parameters
