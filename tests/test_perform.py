@@ -125,6 +125,11 @@ def test_npz_keeps_the_points_of_the_network_and_where_they_come_from(song: Path
     assert np.load(tmp_path / "p.npz")["about"] == NOTICE
 
 
+def test_a_start_between_two_frames_is_that_of_the_frame_which_is_written(song: Path, tmp_path: Path):
+    result = perform(song, "--start", 3.3125, "--seconds", 1, "--out", tmp_path / "p.npz")
+    assert load_offset(tmp_path / "p.npz") == 80 / 24 and "from 3.33 s of" in result.stdout
+
+
 def test_npz_and_bvh_keep_the_avatar(song: Path, tmp_path: Path):
     for name, options in (("a.npz", ["--avatar"]), ("a.bvh", []), ("p.npz", [])):
         perform(song, "--seconds", 1, *options, "--out", tmp_path / name)

@@ -248,7 +248,7 @@ def performed(
     ----------
     system : Audio2Body
     audio : Audio, the whole recording
-    start, seconds : float, seconds of it; to the end when left out
+    start, seconds : float, seconds of it, from the frame nearest to `start` on; to the end when left out
     is_avatar : bool, whether an avatar is drawn, or the points
     truth : Performance, optional
         Playing that was filmed, with `audio` as its sound. The performance is cut to its time, and made from there.
@@ -261,7 +261,8 @@ def performed(
     instrument, notice = system.network.instrument, system.trained_on
     if truth is None:
         points = system.generate(audio, start=start, seconds=seconds)
-        return Performed(instrument, points, audio.span(start, points.duration), start, notice, is_avatar)
+        begin = round(start * points.fps) / points.fps
+        return Performed(instrument, points, audio.span(begin, points.duration), begin, notice, is_avatar)
     from harmolab.musician.train import compared
 
     playing = explain.explain_playing(performance_span(truth, start, seconds))
