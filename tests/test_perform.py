@@ -279,7 +279,8 @@ def test_any_sound_gives_a_performance(kind: str, rate: int, tmp_path: Path):
     if samples is None:
         samples = planted_performance("piano", seconds=2.0, sample_rate=rate).performance.audio.samples
     soundfile.write(tmp_path / "song.wav", samples, rate)
-    perform(tmp_path / "song.wav", "--out", tmp_path / "p.html")
+    result = perform(tmp_path / "song.wav", "--out", tmp_path / "p.html")
+    assert ("no note is heard in these 2.00 s of" in result.stderr) == (kind == "silence")
     perform(tmp_path / "song.wav", "--avatar", "--out", tmp_path / "p.npz")
     motion = load_motion(tmp_path / "p.npz")
     assert motion.n_frames == 48 and np.isfinite(motion.positions).all()

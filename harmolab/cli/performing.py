@@ -92,6 +92,8 @@ def perform(
             paths, lambda path: _write(path, result, title=f"{song.name}: {result.instrument}", used=used),
             is_asked=out is not None,
         )  # fmt: skip
+    if not len(result.sound):
+        note(f"no note is heard in these {length:.2f} s of {song}: what moves is only the player at rest")
     say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s", result.notice)
     say(*_beside(result))
     wrote(*done)
