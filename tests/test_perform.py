@@ -6,6 +6,7 @@ The shipped players make most of what is tested here; no number of theirs is ask
 import html
 import json
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -428,6 +429,17 @@ def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_
     about = read_about(run)["meta"]
     assert about["settings"]["audio2body"] | {"epochs": 3, "seed": 2} == about["settings"]["audio2body"]
     assert about["errors"]["mean pose"]["full"] > 0
+
+
+def test_a_performance_without_sound_is_left_out_of_the_training_and_named(corpus: Path, tmp_path: Path):
+    takes = shutil.copytree(corpus, tmp_path / "takes")
+    (takes / "take_3" / "audio.wav").unlink()
+    command = ("train", takes, "--system", "audio2body", "--out", tmp_path / "run", "--epochs", 1)
+    assert f"left out: {takes / 'take_3'}: has no sound; render its notes" in done(app, *command).stderr
+    for path in takes.glob("*/audio.wav"):
+        path.unlink()
+    alone = called(app, *command[:-4], "--out", tmp_path / "none")
+    assert f"no performance to train on below {takes}: " in alone.stderr and alone.exit_code == 2
 
 
 def test_options_that_a_training_does_not_take_are_named(corpus: Path, tmp_path: Path):

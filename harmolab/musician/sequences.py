@@ -20,6 +20,8 @@ from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
 from harmolab.types import BoolArray, FloatArray, Motion
 
+NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
+
 # Principal components of the points (Sec. 3.4), steps between the frames, and the delay from sound to movement.
 
 LEAST_SCALE = 1e-6
@@ -396,5 +398,5 @@ def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -
             raise ValueError(f"{performance.name}: its notes are not known; hear the sound")
         return note_features(performance.notes, params.fps, motion.n_frames, start=performance.offset)
     if performance.audio is None:
-        raise ValueError(f"{performance.name}: has no sound; render its notes, or hear them")
+        raise ValueError(f"{performance.name}: {NO_SOUND}")
     return sound_features(performance.audio, params, motion.n_frames, start=performance.offset)

@@ -5,14 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-from harmolab.files import PathLike, Progress
+from harmolab.files import PathLike
 from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, find_performances, load_performance, split_by_piece
-from harmolab.musician.sequences import PlayedSplit, played_set
+from harmolab.musician.sequences import NO_SOUND, PlayedSplit, played_set
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
-from harmolab.systems.training.checkpoints import Notice, TrainOptions
+from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.network_system import Learner, changed
 from harmolab.systems.training.splits import SIDES
@@ -114,7 +114,8 @@ class Audio2Body(Learner):
         from harmolab.musician.train import train_audio2body
 
         check_choice("preset", preset, PRESETS)
-        performances = _performances(data, instrument, fps, options.notice, options.progress)
+        hears_sound = changes.get("hears", "sound") == "sound"
+        performances = _performances(data, instrument, fps, hears_sound, options)
         params = changed(getattr(Audio2BodyParams, preset)(performances[0].instrument), changes)
         split = piece_split(performances, params, seed=split_seed)
         counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
@@ -123,24 +124,26 @@ class Audio2Body(Learner):
 
 
 def _performances(
-    data: Sequence[PathLike], instrument: str | None, fps: float | None, notice: Notice, progress: Progress
+    data: Sequence[PathLike], instrument: str | None, fps: float | None, hears_sound: bool, options: TrainOptions
 ) -> list[Performance]:
-    """All performances in folders, named by their paths; `notice` hears of those that are left out."""
+    """All performances in folders, named by their paths; a notice tells of each that is left out."""
     performances: list[Performance] = []
     left_out: list[str] = []
     for root in map(Path, data):
         folders, problems = find_performances(root)
         left_out += [problem.message for problem in problems]
-        for folder in progress(folders, "loading performances"):
+        for folder in options.progress(folders, "loading performances"):
             try:
                 own = load_performance(folder, instrument=instrument, fps=fps)
+                if hears_sound and own.audio is None:
+                    raise ValueError(f"{folder}: {NO_SOUND}")
             except (ValueError, FileNotFoundError) as error:
                 left_out.append(str(error))
                 continue
             name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
             performances.append(replace(own, name=name))
     for reason in left_out:
-        notice(f"left out: {reason}")
+        options.notice(f"left out: {reason}")
     if not performances:
         reason = left_out[0] if left_out else "there is none"
         raise ValueError(f"no performance to train on below {', '.join(map(str, data))}: {reason}")
