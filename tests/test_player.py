@@ -323,6 +323,7 @@ def test_page_of_a_part_has_the_number_of_the_whole_dance(long_files: Path, tmp_
     page = played(long_files, tmp_path / "x.html", "--start", 3, "--seconds", 6)
     whole = score_clip(load_clip(long_files / "song.wav", long_files / "dance.npz"))
     assert data_of(page)["duration"] == pytest.approx(6.0)
+    assert "the whole dance, of which this is a part" in page and "a part" not in played(long_files, tmp_path / "y.html")
     assert data_of(page)["dancers"][0]["number"]["verdict"] == whole.judgement.verdict
     assert number_of(data_of(page)["dancers"][0]) == pytest.approx(whole.harmony_above_chance, abs=1e-9)
 

@@ -345,6 +345,8 @@ def player_of(
     if facts is None:
         facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
         facts["music"] = describe_beats(cast(BeatTrack, longest.beats))
+        if any(one.number and one.number.music.duration > one.score.music.duration + frame for one in dancers):
+            facts["judged"] = "the whole dance, of which this is a part"
     music = cast(BeatTrack, longest.beats)
     return Player(longest.audio, dancers, music=music, title=title, facts=facts, command=command)
 
