@@ -59,10 +59,14 @@ def ranks(values: ArrayLike) -> FloatArray:
 def p_value(observed: float, null: ArrayLike) -> float:
     """Share of null values at least as large as `observed`, counting the observation itself: never zero.
 
+    NaN where one of the numbers is.
+
     >>> p_value(3.0, [1.0, 2.0, 4.0])
     0.5
     """
     values = np.asarray(null, dtype=np.float64)
+    if np.isnan(observed) or np.isnan(values).any():
+        return math.nan
     return float((1 + np.count_nonzero(values >= observed - 1e-12)) / (1 + values.size))
 
 
@@ -162,13 +166,13 @@ def _percentiles(values: FloatArray, level: float) -> tuple[float, float]:
 
 
 def auc(positives: ArrayLike, negatives: ArrayLike) -> float:
-    """Probability that a positive ranks above a negative, ties counted half; NaN when either is empty.
+    """Probability that a positive ranks above a negative, ties counted half; NaN when either is empty or holds NaN.
 
     >>> auc([2.0, 3.0], [1.0, 2.0])
     0.875
     """
     high, low = np.ravel(positives), np.sort(np.ravel(negatives))
-    if high.size == 0 or low.size == 0:
-        return float("nan")
+    if high.size == 0 or low.size == 0 or np.isnan(high).any() or np.isnan(low).any():
+        return math.nan
     below = np.searchsorted(low, high, side="left") + np.searchsorted(low, high, side="right")
     return float(below.sum() / (2 * high.size * low.size))

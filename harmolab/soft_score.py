@@ -323,18 +323,19 @@ def soft_place(
     Parameters
     ----------
     shape : SoftShape
-    beats : (N, B) tensor, seconds, ascending
+    beats : (N, B) tensor, seconds; those that count ascend where `places` are passed
     counted : (N, B) bool tensor
     pattern : BarPattern
     tau : float
     places : (N,) tensor of int, the place in the bar of the first of all B beats; None tries every place
     """
-    order = (~counted).to(torch.int8).argsort(dim=1, stable=True)  # the beats that count come first
-    beats, total = beats.gather(1, order), counted.sum(dim=1, keepdim=True)
-    speed = _on_the_beats(shape, beats, total)[:, : (beats.shape[1] - 1) // pattern.beats * pattern.beats * MOMENTS]
-    if speed.shape[1] == 0:
+    cycles = (beats.shape[1] - 1) // pattern.beats
+    if cycles < 1:
         zero = shape.speed.sum(dim=1) * 0
         return SoftPlace(zero + 0.5, zero + 0.5, zero)
+    order = beats.masked_fill(~counted, torch.inf).argsort(dim=1, stable=True)  # the beats that count come first
+    beats, total = beats.gather(1, order), counted.sum(dim=1, keepdim=True)
+    speed = _on_the_beats(shape, beats, total)[:, : cycles * pattern.beats * MOMENTS]
     size = MOMENTS * pattern.beats * ((total - 1).clamp(min=0) // pattern.beats)  # moments of whole cycles
     fits = soft_fits(speed, size, pattern)
     fits = fits / _spread(fits, size[..., None])
@@ -506,7 +507,8 @@ def soft_harmony(
         interpolation to 120 hertz of the hard score is not done here. The measure "shape" asks for the pattern, or
         for rests where there is none, and is 0 where the shape hardly changes.
     span : (N, 2) tensor, seconds, optional
-        Only music beats, visual beats and chance in [start, end) count; the whole clip if None.
+        Only music beats, visual beats and chance in [start, end) count; the whole clip if None, whose end is that of
+        its mask: beats of the whole song may be passed.
     bar_places : (N,) tensor of int, optional
         Place in its bar of each clip's first beat, for patterns of several beats; the best place is taken if None.
 
@@ -532,12 +534,14 @@ def soft_harmony(
     if params.measure == "shape":
         with torch.autocast(positions.device.type, enabled=False):
             return _of_shape(positions, beats, counted, mask, bar_places, fps=fps, tau=tau, params=params)
+    duration = frames_before_end(mask.to(positions.dtype)).sum(dim=1) / fps
+    limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span
+    if span is None:  # a beat on the last frame may be rounded past it
+        counted = counted & (beats >= 0) & (beats < limits[:, 1:] + 0.5 / fps)
     curve = positions if positions.ndim == 2 else soft_speed(positions, fps, reading=params.speed)
     mask = mask.to(curve.dtype)
     with torch.autocast(curve.device.type, enabled=False):
         curve = smoothed(curve, mask, params.smoothing * fps)
-    duration = frames_before_end(mask).sum(dim=1) / fps
-    limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span
     track = _visual_track(curve, mask, limits, fps=fps, tau=tau, params=params)
     return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), counted, params), counted, params)
 

@@ -788,7 +788,8 @@ def test_training_is_reading_and_saving(tmp_path: Path):
     made = Choreographer.train([corpus], tmp_path / "run", seed=3)
     assert [take.name for take in Choreographer.load(tmp_path / "run").takes] == [take.name for take in made.takes]
     Choreographer.train([corpus], tmp_path / "run")
-    (tmp_path / "run" / "model.safetensors").touch()  # of another system, which the description told of
+    about = json.loads((tmp_path / "run" / "model.json").read_text())
+    (tmp_path / "run" / "model.json").write_text(json.dumps(about | {"system": "harmogan"}))
     for out in (corpus, tmp_path / "run"):
         refused("holds something else", Choreographer.train, [corpus], out)
     refused("no setting 'epochs'", Choreographer.train, [corpus], tmp_path / "other", epochs=3)

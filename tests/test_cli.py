@@ -58,6 +58,13 @@ def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> No
     clip = planted_dance("cha-cha", seconds=12.0)
     song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
     assert "song.wav by itself goes at 115" in succeed("score", song, dance, "--dance", "waltz").stderr
+    others = {"score": ("--why", tmp_path / "w.html"), "retime": ("--out", tmp_path / "r.npz")}
+    for command, out in others.items():
+        assert (
+            "its beats were sought there, and 76 are" in succeed(command, song, dance, "--dance", "waltz", *out).stderr
+        )
+    dancing = succeed("dance", song, "--dance", "waltz", "--style", "puppet", "--out", tmp_path / "d.npz")
+    assert "song.wav by itself goes at 115" in dancing.stderr
     for name in ("cha-cha", "quickstep"):  # of the same tempo, and of twice that
         assert "by itself" not in succeed("score", song, dance, "--dance", name).stderr
 

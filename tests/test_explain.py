@@ -114,6 +114,12 @@ def test_rate_and_number_are_those_of_the_judgement():
     assert "95 %" not in str(words)
 
 
+def test_half_a_beat_is_neither_late_nor_early():
+    words = explain(score_of(MUSIC.times + 30 / MUSIC.tempo))
+    (finding,) = (one for one in words.findings if one.kind == "lag")
+    assert re.fullmatch(r"You are \d+ ms off, about half a beat: neither late nor early\.", finding.sentence)
+
+
 def test_an_expected_lag_is_no_lateness():
     late = synthetic_motion(MUSIC.times + 0.08, seconds=SECONDS, fps=60, seed=5, dance="cha-cha")
     score = score_motion(MUSIC, late, params=replace(HarmonyParams.recommended(HOW_PATTERNS["rest"]), lag=0.08))

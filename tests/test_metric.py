@@ -5,11 +5,12 @@ import math
 import multiprocessing
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from harmolab import DanceMetric, Skeleton, evaluate, synthetic_clip
@@ -278,6 +279,26 @@ def test_beats_beyond_the_motion_are_left_out():
     (motion,), (track,) = short(1)
     motion = motion.span(0.0, 3.0)
     assert evaluate([motion], [track])["paper_hit_rate"] == evaluate([motion], [track.span(0.0, 3.0)])["paper_hit_rate"]
+
+
+def test_a_body_on_its_side_or_in_centimetres_is_remarked_and_columns_of_a_table_will_do():
+    (motion, other), beats = short(2)
+    lying, large = replace(motion, positions=motion.positions[..., [0, 2, 1]]), 100 * other.positions
+    numbers = evaluate([lying, replace(other, positions=large)], beats, songs=pd.Series(["a", "b"]))
+    assert says(numbers["remarks"], "The numbers of 1 of 2 dances mean little: z up.")
+    assert says(numbers["remarks"], "The numbers of 1 of 2 dances mean little: a body of another size.")
+    refused(r"motions\[1\]: a motion of 0.067 s has no two frames", evaluate, [motion, motion.span(0.0, 0.05)], beats)
+
+
+def test_a_process_without_a_dance_gathers_those_of_others():
+    pytest.importorskip("torchmetrics")
+    theirs = DanceMetric().torchmetrics()
+    ours = type(theirs)(DanceMetric(), sync_on_compute=False)
+    theirs.update(*short(2))
+    (lines,) = theirs.lines
+    ours.sync(dist_sync_fn=lambda part, group: [part, lines], should_sync=True, distributed_available=lambda: True)
+    with pytest.warns(UserWarning, match="before the ``update``"):
+        np.testing.assert_equal(ours.compute(), theirs.compute())
 
 
 def test_without_torchmetrics_it_is_named(monkeypatch: pytest.MonkeyPatch):

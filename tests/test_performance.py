@@ -154,6 +154,7 @@ def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(fold
     other = synthetic_clip("waltz", seconds=SECONDS, seed=9)
     for recording, song in ((silent, clip), (film, other)):
         assert own.place_performance(recording, song.audio, song.beats).source == "movement"
+    assert not own.explain_performance(folder / "song.wav", silent, params=RESTING).clip.has_start
 
 
 @pytest.mark.slow

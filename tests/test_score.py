@@ -391,10 +391,11 @@ def test_a_rotated_beat_exactly_at_the_delay_is_a_hit_and_none_hit_none(music, m
 @cases(
     "observed, null, expected",
     *((5.0, [1.0, 2.0, 3.0], 0.25), (2.0, [1.0, 2.0, 3.0], 0.75), (0.0, [1.0, 2.0, 3.0], 1.0), (1.0, [], 1.0)),
+    *((np.nan, [0.0, 1.0], np.nan), (1.0, [0.0, np.nan], np.nan)),
     *((0.1 + 0.2, [0.3], 1.0), (0.3 + 1e-9, [0.3], 0.5)),  # rounding put .3 below the observation
 )
 def test_p_value_counts_the_observation_itself(observed, null, expected):
-    assert significance.p_value(observed, null) == expected
+    np.testing.assert_equal(significance.p_value(observed, null), expected)
 
 
 @cases(
@@ -430,7 +431,7 @@ def test_an_interval_is_the_same_for_the_same_seed():
     ([1.0, 3.0], [2.0, 2.0], 0.5),
     ([1.0, 3.0], [0.0, 2.0], 0.75),  # 1 beats 0; 3 beats both
     ([2.0], [[1.0, 3.0], [0.0, 4.0]], 0.5),  # every value of a table
-    *(([], [1.0], np.nan), ([1.0], [], np.nan)),
+    *(([], [1.0], np.nan), ([1.0], [], np.nan), ([np.nan], [1.0], np.nan), ([1.0, 2.0], [np.nan, 0.0], np.nan)),
 )
 def test_auc_counts_pairs_and_ties_half(positives, negatives, expected):
     np.testing.assert_equal(significance.auc(positives, negatives), expected)

@@ -541,6 +541,19 @@ def test_only_beats_in_the_span_count_and_keep_their_place_in_the_bar():
     assert float(whole) == pytest.approx(hard_of(DANCER, WALTZ, place=place, beats=kept), abs=0.03)
 
 
+@pytest.mark.parametrize("params", [replace(PAPER, fps=None), VALLEYS, HarmonyParams.recommended()])
+def test_beats_of_the_whole_song_and_in_any_order_are_those_of_the_clip(params: HarmonyParams):
+    part, beats = DANCER.span(0.0, 12.0).positions.copy(), BEATS[BEATS < 12.0]
+    expected = softly(part, beats, tau=SOFTNESS, params=params).above_chance
+    mixed = np.random.default_rng(0).permutation(np.append(BEATS, -1.0))
+    torch.testing.assert_close(softly(part, mixed, tau=SOFTNESS, params=params).above_chance, expected)
+
+
+def test_a_song_without_beats_scores_nothing():
+    soft = softly(DANCER.positions.copy(), np.zeros(0), tau=SOFTNESS, params=HarmonyParams.recommended())
+    assert not float(soft.above_chance) and not float(soft.harmony)
+
+
 def test_a_later_dance_is_expected_with_a_lag():
     params, late = replace(HarmonyParams.recommended(), lag=0.1), dancer(BEATS + 0.1, 15.0)
     soft = softly(late.positions.copy(), BEATS, tau=SOFTNESS, params=params)

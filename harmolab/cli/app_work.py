@@ -9,7 +9,7 @@ from pathlib import Path
 from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
-from harmolab.cli.sources import reading_fault
+from harmolab.cli.sources import reading_fault, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -22,6 +22,7 @@ from harmolab.lab.player_page import LONGEST, player_of
 from harmolab.lab.render.video import retime_files, write_dance
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
+from harmolab.types import BeatTrack
 
 NO_DANCE = "Choose a dance first: a video, or a file of movement."
 NO_SONG = "{}: a file of movement has no sound; choose its song too."
@@ -53,7 +54,8 @@ def judge(order: Order, teller: Teller) -> None:
     teller.step("listening to the music")
     params = recommended(None, order.style)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
-    notes = map(sentence, performance.notes) if performance.has_body else (BY_FLOW,)
+    notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
+    notes += _tempo(song, order.style, result.music)
     lines, offset = [without_options(line) for line in (*result.summary, *notes)], result.placement.seconds
     teller.lines(lines, is_good=result.is_together, offset=offset)
     if not performance.is_video and result.motion.duration <= LONGEST:
@@ -103,13 +105,18 @@ def fit(order: Order, teller: Teller) -> None:
         song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
     )  # fmt: skip
-    teller.lines(_bent(retimed, dance))
+    teller.lines([*_bent(retimed, dance), *_tempo(song, order.style, retimed.before.music)])
     if is_video(dance):
         teller.view("film", out, "Your video, in time")
         return
     clip = load_clip(song, out, offset=order.offset, dance=order.style, sample_rate=None)
     _view(order, teller, "in_time.html", "Your dance, in time", player_of([clip]).save)
     teller.view("file", out, "The movement")
+
+
+def _tempo(song: Path, style: str, music: BeatTrack) -> list[str]:
+    """A sentence where the name of the dance bends the tempo of the music."""
+    return [without_options(sentence(remark))] if (remark := tempo_remark(song, style, music)) else []
 
 
 def _bent(retimed: Retimed, dance: Path) -> list[str]:

@@ -15,6 +15,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
+from harmolab.cli.sources import note_tempo
 from harmolab.cli.training import TRAIN_HINT
 from harmolab.files import plain
 
@@ -314,6 +315,7 @@ def dance(
             tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", beats=beats, one=one))
             dancer, dance = dancer.for_music(audio, dance, tracks)
             track = tracks(dance)
+        note_tempo(song, dance, track, beats)
         params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:

@@ -195,7 +195,8 @@ def _page(
         movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
         clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
     where = vars(part) | {"offset": clip.offset if clip.has_start else None}
-    where |= {"start": None if part.start is None else max(part.start, clip.offset)}
+    if part.start is not None or other is not None:  # the page begins where all have
+        where |= {"start": max(part.start or 0.0, *(one.offset for one in clips))}
     options = where | vars(judged) | {name: getattr(files, name) for name in ("dance", "beats", "one")} | vars(read)
     command = common.video_command(files.song, files.motion, out, **options)
     title = common.dance_title(files.motion, files.song)

@@ -10,7 +10,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
-from harmolab.cli.sources import reading_fault, sources
+from harmolab.cli.sources import note_tempo, reading_fault, sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -72,6 +72,7 @@ def retime(
             fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
             progress=progress, params=judged.params(files.dance), **read.keywords,
         )  # fmt: skip
+    note_tempo(files.song, files.dance, retimed.before.music, files.beats)
     _print(retimed, files.motion)
     wrote(out)
     if out.suffix.lower() == ".bvh":

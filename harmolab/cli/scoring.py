@@ -14,7 +14,7 @@ from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, first_told
 from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, sources, video_performance
+from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, note_tempo, sources, video_performance
 
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import OwnDance
@@ -97,6 +97,7 @@ def _dance(files: Sources, params: HarmonyParams, read: FileOptions, **place: An
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
         )
     note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
+    note_tempo(files.song, files.dance, result.music, files.beats)
     return result
 
 

@@ -16,7 +16,7 @@ from harmolab.cli.screen import detail, finding_beats, note, progress
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import Performance
     from harmolab.score import HarmonyScore
-    from harmolab.types import Clip, Motion
+    from harmolab.types import BeatTrack, Clip, Motion
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
@@ -28,8 +28,8 @@ UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
 MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
 SAME_TEMPO = 0.03
 OTHER_TEMPO = (
-    "{song} by itself goes at {own:.0f} beats a minute; a dance called {dance} has {low:g} to {high:g}, so {tempo:.0f} "
-    "are judged: leave the dance out, or pass --beats"
+    "{song} by itself goes at {own:.0f} beats a minute; a dance called {dance} has some {low:g} to {high:g}, so its "
+    "beats were sought there, and {tempo:.0f} are taken: leave the dance out, or say its beats (--beats)"
 )
 
 
@@ -148,7 +148,7 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
         )  # fmt: skip
     if clip.motion is not None:
         note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
-    note_tempo(files, clip)
+    note_tempo(files.song, files.dance, clip.beats, files.beats)
     return clip
 
 
@@ -199,20 +199,27 @@ def reading_fault(score: HarmonyScore, dance: Path, motion: Motion) -> str:
     return ""
 
 
-def note_tempo(files: Sources, clip: Clip) -> None:
-    """A line where a song's beats were sought among the tempi of a dance, and without it are surely of another one."""
-    from harmolab.beats.audio import audio_beats
-    from harmolab.clips import tracked_sound
-    from harmolab.params import DANCES
-
-    if files.beats is not None or clip.beats is None or clip.dance not in DANCES:
-        return
+def note_tempo(song: Path, dance: str, beats: BeatTrack | None, annotated: Path | None) -> None:
+    """A line with the `tempo_remark`."""
     with finding_beats():
-        own = audio_beats(tracked_sound(files.song, clip.audio))
-    if own.is_sure and min(abs(own.tempo / clip.beats.tempo / times - 1) for times in MULTIPLES) > SAME_TEMPO:
-        low, high = DANCES[clip.dance].tempo
-        about = {"song": files.song.name, "own": own.tempo, "dance": clip.dance, "tempo": clip.beats.tempo}
-        note(OTHER_TEMPO.format(**about, low=low, high=high))
+        remark = tempo_remark(song, dance, beats, annotated)
+    if remark:
+        note(remark)
+
+
+def tempo_remark(song: Path, dance: str, beats: BeatTrack | None, annotated: Path | None = None) -> str:
+    """A sentence where beats were sought among the tempi of a dance, and the song without it surely has another; ""."""
+    from harmolab.beats.audio import audio_beats
+    from harmolab.params import DANCES
+    from harmolab.readers.audio import load_sound
+
+    if annotated is not None or beats is None or len(beats) < 2 or dance not in DANCES:
+        return ""
+    own = audio_beats(load_sound(song))
+    if not own.is_sure or min(abs(own.tempo / beats.tempo / times - 1) for times in MULTIPLES) <= SAME_TEMPO:
+        return ""
+    low, high = DANCES[dance].tempo
+    return OTHER_TEMPO.format(song=song.name, own=own.tempo, dance=dance, low=low, high=high, tempo=beats.tempo)
 
 
 def note_music(seconds: float, duration: float, song: Path) -> None:

@@ -416,7 +416,7 @@ def likeness(
     limits, windows = limits or LikenessLimits.recorded(), window_measures(motion)
     if not windows:
         needed, seconds = f"{SHORTEST:g} s of movement are needed", motion.valid.sum() / motion.fps
-        rest = "" if held is None or not held.any() else f", without {held.sum() / motion.fps:.2g} s of a held pose"
+        rest = "" if held is None or not held.any() else f", without {held.sum() / motion.fps:.3g} s of a held pose"
         return Likeness(cannot=f"too short to be judged: {needed}, these are {seconds:.3g} s{rest}")
     measured = {name: [window[name] for window in windows if name in window] for name in MEASURES}
     recorded = {name: reference for name in MEASURES if measured[name] and (reference := limits.reference(name, dance))}

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from copy import copy
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.body.skeletons import Skeleton
+from harmolab.data.oddities import brief_text, faults_of
 from harmolab.files import PathLike, named_faults
 from harmolab.lab.evaluate.measured import MEASURES, Dance, dance_numbers, motion_features, shipped_pose_net
 from harmolab.lab.evaluate.pairing import GENERATED, RECORDED
@@ -64,7 +66,8 @@ def evaluate(
     Raises
     ------
     ValueError
-        A motion has a gradient, no frame rate, or a wrong shape, or beats are not on its time line; names which.
+        A motion has a gradient, no frame rate, a wrong shape, or no two frames at 15 a second, or beats are not on its
+        time line; names which.
 
     Examples
     --------
@@ -127,15 +130,17 @@ class DanceMetric:
         bodies = _motions(motions, self.fps, self.skeleton)
         tracks = _tracks(beats, bodies)
         unnamed = [""] * len(bodies)
-        named = {"songs": songs or unnamed, "seeds": seeds or unnamed, "dances": dances or unnamed}
+        columns = {"songs": songs, "seeds": seeds, "dances": dances}
+        named = {name: list(words) if words is not None and len(words) else unnamed for name, words in columns.items()}
         for name, words in named.items():
             if len(words) != len(bodies):
                 raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(words)}")
         limits = None if self.reference is None else self.reference.limits
-        self.rows += [
-            self._row(Dance(GENERATED, str(song), motion, music, str(seed), dance, limits))
-            for motion, music, song, seed, dance in zip(bodies, tracks, *named.values(), strict=True)
-        ]
+        rows = []
+        for place, (motion, music, song, seed, dance) in enumerate(zip(bodies, tracks, *named.values(), strict=True)):
+            with named_faults(f"motions[{place}]"):
+                rows.append(self._row(Dance(GENERATED, str(song), motion, music, str(seed), str(dance), limits)))
+        self.rows += rows
 
     def _row(self, dance: Dance) -> Row:
         """A dance as a row of the table of clips; its features only where there are some to compare them with."""
@@ -143,6 +148,7 @@ class DanceMetric:
         return {
             "system": GENERATED, "seed": str(dance.seed), "song": dance.song, "kind": GENERATED, "error": "",
             "skeleton": skeleton_digest(dance.motion.skeleton), "music_beats": len(dance.music),
+            "odd": brief_text(faults_of(dance.motion)),
             **dance_numbers(dance, NUMBERS), **feature_cells(motion_features(dance.motion, self.pose_net, kinds)),
         }  # fmt: skip
 
@@ -178,7 +184,10 @@ class DanceMetric:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """The reasons for numbers that are NaN or missing, a sentence each; none where all could be measured."""
+        """Sentences on dances whose numbers mean little, as a body on its side, and on what is NaN or missing.
+
+        Of the numbers of single dances harmony, likeness and foot_skating are named.
+        """
         return tuple(_remarks(self.rows, self.reference))
 
     def reset(self) -> None:
@@ -280,7 +289,9 @@ def _track(value: Any, name: str, motion: Motion) -> BeatTrack:
 
 
 def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
-    """Sentences on what is NaN in rows, and on the numbers of sets that are missing."""
+    """Sentences on faults of dances, on what is NaN in rows, and on the numbers of sets that are missing."""
+    for fault, count in Counter(row["odd"] for row in rows if row["odd"]).items():
+        yield f"The numbers of {count} of {len(rows)} dances mean little: {fault}. Places are in metres, y up."
     beats = max((int(row["music_beats"]) for row in rows), default=0)
     reasons = {
         "harmony": f"it needs {FEWEST_BEATS} beats of the music, some 8 s, and a body that moves; the most beats of a "

@@ -90,7 +90,10 @@ def summary(
     1  theirs  0.15         NaN     NaN     2
     """
     keys = [*by, "measure"]
-    values = table.groupby(levels := [*keys, row, over, *within], sort=False, dropna=False)["value"].mean()
+    levels = [*keys, row, over, *within]
+    # Names that are "" are NaN where the table was read back from a file, and those of sets of dances have no song.
+    table = table.assign(**{name: table[name].astype(object).where(table[name].notna(), "") for name in levels})
+    values = table.groupby(levels, sort=False)["value"].mean()
     for _ in within:
         values = values.groupby(levels := levels[:-1], sort=False).mean()
     lines: list[dict[str, Any]] = []

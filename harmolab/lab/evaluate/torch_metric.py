@@ -45,6 +45,11 @@ class TorchDanceMetric(Metric):
         self.metric.merge_state(json.loads(line) for line in content.splitlines())
         return self.metric.compute()
 
+    def sync(self, *args: Any, **options: Any) -> None:
+        """As `torchmetrics.Metric.sync`, which a process without any dance would leave out, and the others wait for."""
+        self.lines = [*self._parts(), torch.empty(0, dtype=torch.uint8, device=self.device)]
+        super().sync(*args, **options)
+
     def _parts(self) -> list[Tensor]:
         return list(self.lines) if isinstance(self.lines, list | tuple) else [self.lines]
 

@@ -166,6 +166,9 @@ def _lag(judgement: Judgement) -> list[Finding]:
     if judgement.pattern is None:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
+    if judgement.is_opposite:
+        sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
+        return [Finding("lag", judgement.lag_s, sentence, (low, high))]
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+.0f} to {1000 * high:+.0f} ms)"
     sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
@@ -407,7 +410,8 @@ class OwnDance:
     @property
     def clip(self) -> Clip:
         """The part of the dance that has music, with it, as labs and players take it."""
-        return Clip(self.name, self.audio, self.motion, beats=self.music, source=f"{self.song}, {self.name}")
+        source, has_start = f"{self.song}, {self.name}", self.placement.is_absolute
+        return Clip(self.name, self.audio, self.motion, source=source, beats=self.music, has_start=has_start)
 
     @property
     def judgement(self) -> Judgement:

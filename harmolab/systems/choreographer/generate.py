@@ -31,7 +31,7 @@ from harmolab.systems.choreographer.takes import (
     save_takes,
     take_of,
 )
-from harmolab.systems.training.about import json_file, weights_stem
+from harmolab.systems.training.about import json_file, read_about, weights_stem
 from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
 from harmolab.types import Audio, BeatTrack, BoolArray, IntArray, Motion
 
@@ -192,9 +192,16 @@ def _bar_warning(moves: Moves, music: lay.MusicBeats, is_own_pulse: bool) -> tup
 # Mirrored takes double the time that a choice takes. Of five minutes they make no seam smaller; of two they do.
 FEW_SECONDS, ENOUGH_SHARE = 180.0, 1.5  # of recordings, and of the length of a dance
 LEAST_FPS, MOST_FPS = 25.0, 120.0
-OWN_FILES = {"model.json", "model.npz"}  # of a choreographer that was saved
 STILL = 1e-9  # beats from one frame to the next
 DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any; usual for the latter
+
+
+def _is_choreographer(folder: PathLike) -> bool:
+    """True for the folder of a choreographer that was saved."""
+    try:
+        return bool(read_about(folder).get("system") == "choreographer")
+    except (ValueError, OSError):
+        return False
 
 
 class Choreographer(DanceSystem):
@@ -299,7 +306,7 @@ class Choreographer(DanceSystem):
         """
         if unknown := sorted(more.keys() - {"report", "notice"}):
             raise ValueError(f"a choreographer has no setting {unknown[0]!r}: it learns nothing but bar patterns")
-        if {path.name for path in Path(out).glob("*")} - OWN_FILES:
+        if Path(out).is_dir() and any(Path(out).iterdir()) and not _is_choreographer(out):
             raise ValueError(f"{out}: holds something else; name a new or empty folder")
         choreographer = cls.read(data, progress=progress)
         choreographer.save(out)
