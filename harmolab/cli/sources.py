@@ -148,7 +148,8 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
         )  # fmt: skip
     if clip.motion is not None:
         note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
-    note_tempo(files.song, files.dance, clip.beats, files.beats)
+    if files.dance:
+        note_tempo(files.song, files.dance, clip.beats, files.beats)
     return clip
 
 
