@@ -315,7 +315,7 @@ def dance(
             tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", beats=beats, one=one))
             dancer, dance = dancer.for_music(audio, dance, tracks)
             track = tracks(dance)
-        note_tempo(song, dance, track, beats)
+        note_tempo(song, dance, track)
         params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:

@@ -72,7 +72,7 @@ def retime(
             fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
             progress=progress, params=judged.params(files.dance), **read.keywords,
         )  # fmt: skip
-    note_tempo(files.song, files.dance, retimed.before.music, files.beats)
+    note_tempo(files.song, files.dance, retimed.before.music)
     _print(retimed, files.motion)
     wrote(out)
     if out.suffix.lower() == ".bvh":

@@ -97,7 +97,7 @@ def _dance(files: Sources, params: HarmonyParams, read: FileOptions, **place: An
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
         )
     note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
-    note_tempo(files.song, files.dance, result.music, files.beats)
+    note_tempo(files.song, files.dance, result.music)
     return result
 
 

@@ -148,8 +148,8 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
         )  # fmt: skip
     if clip.motion is not None:
         note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
-    if files.dance:
-        note_tempo(files.song, files.dance, clip.beats, files.beats)
+    if files.dance and clip.beats is not None:
+        note_tempo(files.song, files.dance, clip.beats)
     return clip
 
 
@@ -200,21 +200,21 @@ def reading_fault(score: HarmonyScore, dance: Path, motion: Motion) -> str:
     return ""
 
 
-def note_tempo(song: Path, dance: str, beats: BeatTrack | None, annotated: Path | None) -> None:
+def note_tempo(song: Path, dance: str, beats: BeatTrack) -> None:
     """A line with the `tempo_remark`."""
     with finding_beats():
-        remark = tempo_remark(song, dance, beats, annotated)
+        remark = tempo_remark(song, dance, beats)
     if remark:
         note(remark)
 
 
-def tempo_remark(song: Path, dance: str, beats: BeatTrack | None, annotated: Path | None = None) -> str:
-    """A sentence where beats were sought among the tempi of a dance, and the song without it surely has another; ""."""
+def tempo_remark(song: Path, dance: str, beats: BeatTrack) -> str:
+    """A sentence where beats were tracked among the tempi of a dance, and the song surely has another one; else ""."""
     from harmolab.beats.audio import audio_beats
     from harmolab.params import DANCES
     from harmolab.readers.audio import load_sound
 
-    if annotated is not None or beats is None or len(beats) < 2 or dance not in DANCES:
+    if beats.fit is None or len(beats) < 2 or dance not in DANCES:
         return ""
     own = audio_beats(load_sound(song))
     if not own.is_sure or min(abs(own.tempo / beats.tempo / times - 1) for times in MULTIPLES) <= SAME_TEMPO:
