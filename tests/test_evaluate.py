@@ -246,6 +246,18 @@ def test_songs_that_are_all_called_audio_have_the_names_of_their_folders(tmp_pat
     assert [pair.song for pair in pairs] == [song.name for song in songs_in(tmp_path / "songs")] == ["mBR0", "mBR1"]
 
 
+def test_songs_of_one_name_in_a_list_are_not_averaged_as_one(tmp_path: Path, planted: Path) -> None:
+    songs = [tmp_path / "album" / disc / folder / "track.wav" for disc, folder in ("1a", "1b", "2b")]
+    for song in songs:
+        song.parent.mkdir(parents=True)
+        song.touch()
+    (tmp_path / "a.npz").touch()
+    lines = [f"a.npz,{song},{seed}" for seed, song in enumerate((*songs, songs[0]))]
+    (tmp_path / "pairs.csv").write_text("\n".join(["motion,music,seed", *lines]))
+    names = [pair.song for pair in pairing.listed_pairs(tmp_path / "pairs.csv", None, {}).pairs]
+    assert names == ["track", "track (b)", f"track ({songs[2]})", "track"]
+
+
 def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
     line = "clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x,3"
     found = listed(tmp_path, planted, line, "nowhere.npz,clip_0002_jive/audio.wav,x,3")

@@ -195,6 +195,13 @@ def test_rates_and_seeds_are_those_of_their_system(field: Path, tmp_path: Path) 
         assert result.exit_code == 2 and fault in result.stderr
 
 
+def test_a_system_whose_folder_was_passed_and_that_no_line_names_is_an_error(field: Path, tmp_path: Path) -> None:
+    dance = next((field / "edge").iterdir())
+    (tmp_path / "pairs.csv").write_text(f"motion,music,system,offset\n{dance.name},mBR0.wav,edge,3.5\n")
+    passed = settings(field, "edge", "fact", pairs=tmp_path / "pairs.csv")
+    refused(r"pairs\.csv: names no dance of 'fact', whose folder was passed", evaluation_pairs, passed)
+
+
 def test_the_seed_of_fact_is_remarked_on_until_it_is_left_out(field: Path, tmp_path: Path) -> None:
     pair = evaluation_pairs(settings(field, "fact")).pairs[-1]
     save_motion(tmp_path / "gBR_sBM_cAll_d04_mBR0_ch01_mHO1.npz", load_motion(pair.motion, fps=60.0))  # by its name

@@ -281,6 +281,14 @@ def test_beats_beyond_the_motion_are_left_out():
     assert evaluate([motion], [track])["paper_hit_rate"] == evaluate([motion], [track.span(0.0, 3.0)])["paper_hit_rate"]
 
 
+def test_a_dance_without_a_bar_pattern_is_remarked():
+    clips = [synthetic_clip("jive", seconds=10.0, seed=seed) for seed in (1, 2, 3)]
+    inputs = [clip.motion for clip in clips], [clip.beats for clip in clips]
+    remarks = evaluate(*inputs, dances=["walz", "waltz", ""])["remarks"]
+    of_dances = [one for one in remarks if one.startswith("harmony_dance")]
+    assert len(of_dances) == 1 and "of 1 of 3 dances is NaN" in of_dances[0] and "none of 'walz'" in of_dances[0]
+
+
 def test_a_body_on_its_side_or_in_centimetres_is_remarked_and_columns_of_a_table_will_do():
     (motion, other), beats = short(2)
     lying, large = replace(motion, positions=motion.positions[..., [0, 2, 1]]), 100 * other.positions

@@ -9,8 +9,8 @@
 ==============  ==============================================================================================
 
 Lines that start with ``#`` are comments. `save_beats` writes ``.beats``. In ``.csv .txt`` a second column that repeats
-the times (Audacity's labels) is none, and one that counts bars of three beats or more holds the places. A comma may be
-that of a decimal: ``0,250``.
+the times (Audacity's labels, whose text is passed over) is none, and one that counts bars of three beats or more holds
+the places. A comma may be that of a decimal: ``0,250``.
 
 Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
 
@@ -40,6 +40,7 @@ ANNOTATION_RATE = 1000.0
 
 _MAX_BEATS = 100_000
 _SUFFIXES = (".beats", ".csv", ".txt", ".json")
+_LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # a moment in Audacity's labels: its time twice, and a text
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,8 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]
+    if header:
+        lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
     rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines]
     rows = [(number, words) for number, words in rows if words]
     if header and rows and all(_number(word) is None for word in rows[0][1]):

@@ -389,6 +389,8 @@ def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: 
     _check_names(settings, {*settings.systems, *listed})
     if taken := listed & set(CONTROLS):
         raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
+    if settings.pairs is not None and (unlisted := [name for name in settings.systems if name not in listed]):
+        raise ValueError(f"{settings.pairs}: names no dance of {unlisted[0]!r}, whose folder was passed; leave it out")
     unpaired = tuple(one for part in parts for one in part.unpaired)
     return Pairing(pairs, (*unpaired, *pairing.unused_songs(songs, pairs)))
 

@@ -21,6 +21,7 @@ from harmolab.lab.evaluate.reference import Reference, load_reference, weights_d
 from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
+from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
@@ -148,7 +149,7 @@ class DanceMetric:
         return {
             "system": GENERATED, "seed": str(dance.seed), "song": dance.song, "kind": GENERATED, "error": "",
             "skeleton": skeleton_digest(dance.motion.skeleton), "music_beats": len(dance.music),
-            "odd": brief_text(faults_of(dance.motion)),
+            "odd": brief_text(faults_of(dance.motion)), "dance": dance.dance,
             **dance_numbers(dance, NUMBERS), **feature_cells(motion_features(dance.motion, self.pose_net, kinds)),
         }  # fmt: skip
 
@@ -302,6 +303,9 @@ def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
     for name, reason in reasons.items():
         if count := sum(math.isnan(float(row[name])) for row in rows):
             yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
+    for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCE_PATTERNS)).items():
+        known = f"there are patterns of {', '.join(DANCE_PATTERNS)}, and none of {dance!r}"
+        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {known}."
     if reference is None:
         return
     recorded = reference.features

@@ -301,6 +301,7 @@ def listed_pairs(
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
         paired: dict[str, None] = {}
+        songs: dict[str, Path] = {}
         for motion, music, named, seed, start in _lines(column_lines(file, COLUMNS[:2])):
             system = named or default
             dance = _first_there(motion, (folders.get(system), file.parent))
@@ -309,7 +310,7 @@ def listed_pairs(
                 missing = motion if dance is None else music
                 unpaired.append(Unpaired(Path(motion), f"{missing}: no such file", system))
                 continue
-            name = _song_name(song)
+            name = next(name for name in _song_names(song) if songs.setdefault(name, song) == song)
             offset, begins = (_seconds(start), LISTED) if start else slice_start(dance, Song(name, song), slice_stride)
             pair = Pair(system, seed, name, dance, song, offset=offset, begins=begins)
             paired[system] = None
@@ -346,9 +347,13 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-def _song_name(song: Path) -> str:
-    """The name of a song's file, of the recording's folder where it lies in one, as in `songs_in`."""
-    return song.parent.name if song.stem == "audio" or is_motion(song.parent) else song.stem
+def _song_names(song: Path) -> tuple[str, ...]:
+    """The name of a song's file, of the recording's folder where it lies in one, as in `songs_in`; then longer ones.
+
+    Another song of the same name has one of those: dances to two songs are not averaged as dances to one.
+    """
+    name = song.parent.name if song.stem == "audio" or is_motion(song.parent) else song.stem
+    return name, f"{name} ({song.parent.name})", f"{name} ({song})"
 
 
 def _first_there(name: str, folders: Iterable[Path | None]) -> Path | None:
