@@ -42,6 +42,7 @@ from harmolab.readers.player_points import HANDS_12, PLAYER_50
 from harmolab.readers.video import write_video
 from harmolab.systems.training import loop as training_loop
 from harmolab.systems.training.about import read_about
+from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.types import Audio, Motion
 from tests.builders import called, cases, done, refused, save_performance
 from tests.test_player import data_of
@@ -440,6 +441,14 @@ def test_a_performance_without_sound_is_left_out_of_the_training_and_named(corpu
         path.unlink()
     alone = called(app, *command[:-4], "--out", tmp_path / "none")
     assert f"no performance to train on below {takes}: " in alone.stderr and alone.exit_code == 2
+
+
+def test_a_performance_without_notes_is_left_out_where_notes_are_learnt_from(corpus: Path, tmp_path: Path):
+    takes = shutil.copytree(corpus, tmp_path / "takes")
+    (takes / "take_3" / "notes.csv").unlink()
+    notices: list[str] = []
+    Audio2Body.learn([takes], TrainOptions(tmp_path / "run", notice=notices.append), hears="notes", epochs=1)
+    assert notices[0] == f"left out: {takes / 'take_3'}: has no notes.csv, from which this network learns"
 
 
 def test_options_that_a_training_does_not_take_are_named(corpus: Path, tmp_path: Path):

@@ -21,6 +21,7 @@ from harmolab.systems.training.layers import channel_statistics
 from harmolab.types import BoolArray, FloatArray, Motion
 
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
+NO_NOTES = "has no notes.csv, from which this network learns"
 
 # Principal components of the points (Sec. 3.4), steps between the frames, and the delay from sound to movement.
 

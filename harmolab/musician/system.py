@@ -9,7 +9,7 @@ from harmolab.files import PathLike
 from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, find_performances, load_performance, split_by_piece
-from harmolab.musician.sequences import NO_SOUND, PlayedSplit, played_set
+from harmolab.musician.sequences import NO_NOTES, NO_SOUND, PlayedSplit, played_set
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -135,8 +135,8 @@ def _performances(
         for folder in options.progress(folders, "loading performances"):
             try:
                 own = load_performance(folder, instrument=instrument, fps=fps)
-                if hears_sound and own.audio is None:
-                    raise ValueError(f"{folder}: {NO_SOUND}")
+                if (own.audio if hears_sound else own.notes) is None:
+                    raise ValueError(f"{folder}: {NO_SOUND if hears_sound else NO_NOTES}")
             except (ValueError, FileNotFoundError) as error:
                 left_out.append(str(error))
                 continue
