@@ -1,4 +1,4 @@
-"""Damaged files to every reader: `python -m benchmarks.fuzz --count 100000 --seed 1 [--only motion,sound]`.
+"""Damaged files to every reader: `PYTHONPATH=notebooks python -m benchmarks.fuzz --count 100000 [--only motion,sound]`.
 
 Each input is a valid file (`benchmarks.fuzz_targets`) after one to three kinds of damage. It must give finite arrays,
 or a ValueError or FileNotFoundError in one line that names the file. Anything else is a finding: another exception, a

@@ -171,7 +171,10 @@ def ship(run: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "--bank":
-        train_on_bank(Path(sys.argv[2]), TrainOptions(Path(sys.argv[3])), seed=int(sys.argv[4]))
-    else:
-        ship(Path(sys.argv[1]), Path(sys.argv[2]))
+    match sys.argv[1:]:
+        case ["--bank", data, run, seed]:
+            train_on_bank(Path(data), TrainOptions(Path(run)), seed=int(seed))
+        case [run, out]:
+            ship(Path(run), Path(out))
+        case _:
+            sys.exit(__doc__)

@@ -304,8 +304,8 @@ def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
         if count := sum(math.isnan(float(row[name])) for row in rows):
             yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
     for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCE_PATTERNS)).items():
-        known = f"there are patterns of {', '.join(DANCE_PATTERNS)}, and none of {dance!r}"
-        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {known}."
+        reason = f"there are patterns of {', '.join(DANCE_PATTERNS)}, and none of {dance!r}"
+        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {reason}."
     if reference is None:
         return
     recorded = reference.features

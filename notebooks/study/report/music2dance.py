@@ -120,7 +120,7 @@ MUSIC2DANCE = (
         "not reproduced", lambda tables: _hears(tables)[0] < 0.5 * _hears(tables)[1], "16_music2dance", "test_music2dance_dancing.py", TENTH,
     ),
     Claim(
-        "Fig. 6", "people mark the WaveNet's dances above the LSTM's", "8.5 and 8.2 of 10",
+        "Fig. 6", "people mark the WaveNet's dances above the LSTM's", "bars; 8.5 (modern), 8.2 (curtilage) for its own",
         lambda tables: f"not asked; measures in their place mark it {_mark(tables, 'Music2Dance'):.1f}",
         lambda tables: f"recorded dancers {_mark(tables, 'recorded, right song'):.0f}, a statue {_mark(tables, 'statue of the recorded'):.0f}",
         "cannot be tested", None, "16_music2dance", "test_music2dance.py", PEOPLE,
