@@ -19,6 +19,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import soundfile
 import yaml
@@ -36,6 +37,7 @@ from harmolab import load_motion, save_motion, synthetic_clip, write_corpus, wri
 from harmolab.cli import app
 from harmolab.lab.render.video import write_dance
 from harmolab.params import HarmonyParams
+from tests.builders import cases
 from tests.tiny_run import Numbers, square
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -189,6 +191,50 @@ def commands_in(text: str) -> list[tuple[str, list[str]]]:
     calls = re.findall(r"(?:^|&& |do |\$ )harmolab ([a-z][^;&\n]*)", "\n".join(lines), flags=re.MULTILINE)
     calls += re.findall(r"`harmolab ([a-z][^`\n]+)`", "".join(blocks[::2]))
     return [(call.split()[0], re.findall(r"(?<!\S)--[\w-]+", call)) for call in calls]
+
+
+RESULTS = {row[0]: row[1:] for row in rows(ROOT / "docs" / "results.md")}
+FORM = {
+    "recorded ballroom dancers, their own 22 songs": "recorded, right song",
+    "the same, to these songs": "recorded, another song",
+    "choreographer, of those recordings": "choreographer",
+    "choreographer, salsa": "choreographer, shipped bank",
+    "HarmoGAN, our loss": "HarmoGAN, recommended loss",
+    "HarmoGAN, the paper's loss": "HarmoGAN",
+    "Ren et al. 2020": "Ren et al. 2020",
+    "Music2Dance, recommended": "Music2Dance, recommended",
+}
+
+
+def brief(value: float) -> str:
+    """A number as the results print it: two digits, no zero before the point."""
+    return f"{round(value, 2) + 0.0:.2f}".replace("0.", ".", 1) if abs(value) < 1 else f"{value:.2f}"
+
+
+def published(table: str, **keys: str) -> pd.DataFrame:
+    """The rows of a published table that have these words in these columns."""
+    frame = pd.read_csv(ROOT / "figures" / f"{table}.csv")
+    return frame[(frame[list(keys)] == list(keys.values())).all(axis=1)]
+
+
+@cases("row", *FORM)
+def test_results_on_the_form_of_songs_are_the_published_ones(row: str) -> None:
+    of_row = {"corpus": "beatlocked", "system": FORM[row]}
+    form = published("table12d_form", **of_row).iloc[0].drop(["corpus", "system", "songs"]).map(brief)
+    beats = published("table12c_beat_alignment", **of_row).iloc[0].drop(["corpus", "system", "music"]).map(brief)
+    loudness = f"{form['loudness']} ({form['loudness, standard error']})"
+    others = form[["loudness, other songs", "silence", "ending"]]
+    assert RESULTS[row] == [loudness, *others, " / ".join(beats[:3]), " / ".join(beats[3:])]
+
+
+@cases("row", *(f"{corpus}, {loss}" for corpus in ("recordings", "synthetic") for loss in ("paper's", "recommended")))
+def test_results_on_the_harmony_loss_are_the_published_ones(row: str) -> None:
+    corpus, loss = row.replace("recordings", "beatlocked").replace("'s", "").split(", ")
+    gains = published("table11b_gains", corpus=corpus, loss=loss).set_index("measure")[["without", "with"]]
+    means = published("table11_ablation", corpus=corpus, variant=loss).set_index("measure")["mean"].map(brief)
+    ends = gains.map(brief).agg(" to ".join, axis=1)[["paper_harmony", "paper_hit_rate", "above_chance"]]
+    assert all(map(str.startswith, RESULTS[row], ends))
+    assert RESULTS[row][3:6] == means[["body_above_chance", "statue_above_chance", "count_ratio"]].tolist()
 
 
 def test_the_readme_is_one_page_of_words_that_it_explains_with_a_command_for_each_task():
