@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from harmolab.files import plain
 from harmolab.params import HarmonyParams
-from harmolab.significance import bootstrap_interval, p_value, rotated_shares
+from harmolab.significance import bootstrap_interval, p_value, rotated_shares, rotations
 from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
 
 # Keeps the beats that a viewer or listener would notice (paper Sec. 3.3.1, Eq. 11-13).
@@ -124,13 +124,15 @@ class HarmonyScore(Display):
     shares : (N,) array
         Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or in the measure "shape" its
         percentile rank among all moments.
-    mean_share : float, their mean, weighted by the strengths of the beats: what `chance` is taken off
+    mean_share : float
+        Their mean, weighted by the strengths of the beats: what `chance` is taken off. `chance` itself where none is.
     null : (R,) array, that mean after each rotation in time, or at each lag; empty when not computed
     harmony, audio_harmony, visual_harmony : float
         h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
     hitting_score : float, h_s of Eq. 19
     hit_rate : float
-        Share of all music beats with an attentional visual beat within the delay.
+        Share of all music beats with an attentional visual beat within the delay; in the measure "shape" of those whose
+        rank is above 1/2.
     chance : float, the share that a random shift in time would reach
     harmony_above_chance : float
         0 is what chance reaches, 1 is every beat hit. The recommended score's is H of its `judgement`: in [-1, 1], and
@@ -204,6 +206,8 @@ class HarmonyScore(Display):
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
+CHANCE_ROTATIONS = 200  # of visual beats of which each serves one music beat only
+GOLDEN = (5**0.5 - 1) / 2
 
 
 def position_matrix(visual_times: FloatArray, n_audio: int) -> FloatArray:
@@ -301,11 +305,15 @@ def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) ->
 
 
 def chance_level(visual_times: FloatArray, *, delay: float, duration: float) -> float:
-    """c: share of the clip within the delay of a visual beat, which is what a random music beat would score."""
+    """c: share of the clip within the delay of a visual beat, which is what a random music beat would score.
+
+    That holds where one visual beat may serve many music beats (``matching="many"``).
+    """
     if visual_times.size == 0:
         return 0.0
-    starts = np.maximum(visual_times - delay, 0.0)
-    ends = np.minimum(visual_times + delay, duration)
+    times = np.sort(visual_times)
+    starts = np.maximum(times - delay, 0.0)
+    ends = np.minimum(times + delay, duration)
     # Sorted beats: each adds what lies beyond the end of all before it.
     reached = np.concatenate([[0.0], np.maximum.accumulate(ends)[:-1]])
     return float(np.maximum(ends - np.maximum(starts, reached), 0.0).sum() / duration)
@@ -329,14 +337,14 @@ def score_harmony(
     Parameters
     ----------
     audio_track, visual_track : BeatTrack
-        All detected beats; saliency (Eq. 11-13) is applied inside.
+        All detected beats; saliency (Eq. 11-13) is applied inside. Visual beats after the music are left out.
     params : HarmonyParams, default ``HarmonyParams.paper()``
     n_rotations : int
         Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
 
     Returns
     -------
-    HarmonyScore; with no beats on one side everything is 0, and nothing fails.
+    HarmonyScore; with no beats on one side nothing is hit, harmony is 0, and nothing fails.
 
     Examples
     --------
@@ -345,10 +353,12 @@ def score_harmony(
     1.0
     """
     params = params or HarmonyParams.paper()
+    # A frame of movement more than of music is rounding.
+    visual_track = visual_track.select(visual_track.times <= audio_track.duration + 1 / visual_track.fps)
     music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)
     times, delay = visual.times - params.lag, params.reaction_delay
     pairs = hit_pairs(music.times, times, delay=delay, matching=params.matching)
-    chance, total = chance_level(times, delay=delay, duration=music.duration), float(music.strengths.sum())
+    chance, total = _chance(music, times, params), float(music.strengths.sum())
     share = hitting_score(pairs >= 0, music.strengths) / total if total > 0 else chance
     score = score_of_shares(params, music, visual, pairs, (pairs >= 0).astype(np.float64), share, chance)
     every = hit_mask(audio_track.times, times, delay=delay, matching=params.matching)
@@ -388,13 +398,36 @@ def score_of_shares(
     )
 
 
+def _chance(music: BeatTrack, times: FloatArray, params: HarmonyParams) -> float:
+    """The share of music beats that visual beats at random moments would hit: that of all moments, or of rotations."""
+    if params.matching == "many" or times.size == 0 or not music.strengths.any():
+        return chance_level(times, delay=params.reaction_delay, duration=music.duration)
+    # By the golden section: even steps would fall into step with a steady beat.
+    shifts = np.mod(np.arange(CHANCE_ROTATIONS) * GOLDEN, 1.0) * music.duration
+    return float(_matched_shares(music, times, params, shifts).mean())
+
+
+def _matched_shares(music: BeatTrack, times: FloatArray, params: HarmonyParams, shifts: FloatArray) -> FloatArray:
+    """(S,) share of the music beats that is hit after each rotation, where a visual beat serves one music beat only."""
+    moved = np.sort(np.mod(times + shifts[:, None], music.duration), axis=1)
+    hits = [hit_mask(music.times, row, delay=params.reaction_delay, matching=params.matching) for row in moved]
+    return np.asarray(hits) @ music.strengths / music.strengths.sum()
+
+
+def _null(music: BeatTrack, times: FloatArray, params: HarmonyParams, count: int) -> FloatArray:
+    """(count,) share of the music beats that is hit after each rotation of the visual beats."""
+    delay, duration = params.reaction_delay, music.duration
+    if params.matching != "many":
+        return _matched_shares(music, times, params, rotations(duration, count))
+    around = np.sort(np.mod(times, duration))
+    shares = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
+    return shares / music.strengths.sum()
+
+
 def _with_null(score: HarmonyScore, count: int, seed: int) -> HarmonyScore:
     """The score with its null distribution, p-value and bootstrap interval."""
     music, params = score.music, score.params
-    around = np.sort(np.mod(score.visual.times - params.lag, music.duration))
-    delay, duration = params.reaction_delay, music.duration
-    null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
-    null = null / music.strengths.sum()
+    null = _null(music, score.visual.times - params.lag, params, count)
     low, high = bootstrap_interval(score.shares, music.strengths, count=count, seed=seed)
     p = p_value(score.mean_share, null)
     interval = above_chance(low, score.chance), above_chance(high, score.chance)

@@ -52,7 +52,17 @@ def _positive(value: float, name: str) -> float:
     return number
 
 
-class Display:
+class Record:
+    """Arrays of a record stay read-only when it is copied or sent to another process."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        self.__dict__.update(state)
+
+
+class Display(Record):
     """A record that is one line as text, and a picture or a player in Jupyter, which the laboratory then makes."""
 
     def _repr_html_(self) -> str:
@@ -232,7 +242,7 @@ class BeatTrack(Display):
 
 
 @dataclass(frozen=True, eq=False)
-class Notes:
+class Notes(Record):
     """Notes of a piece, by onset.
 
     Parameters

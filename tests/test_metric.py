@@ -286,7 +286,7 @@ def test_a_dance_without_a_bar_pattern_is_remarked():
     inputs = [clip.motion for clip in clips], [clip.beats for clip in clips]
     remarks = evaluate(*inputs, dances=["walz", "waltz", ""])["remarks"]
     of_dances = [one for one in remarks if one.startswith("harmony_dance")]
-    assert len(of_dances) == 1 and "of 1 of 3 dances is NaN" in of_dances[0] and "none of 'walz'" in of_dances[0]
+    assert len(of_dances) == 1 and "of 1 of 3 dances is NaN" in of_dances[0] and "'walz' is none of" in of_dances[0]
 
 
 def test_a_body_on_its_side_or_in_centimetres_is_remarked_and_columns_of_a_table_will_do():

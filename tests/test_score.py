@@ -12,6 +12,7 @@ from harmolab import score as scoring
 from harmolab import significance
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
@@ -477,3 +478,43 @@ def test_bootstrap_of_a_statistic_is_that_of_the_mean_for_the_mean(rng: np.rando
 def test_bootstrap_of_what_is_rarely_defined_is_nan(value: float, n: int):
     interval = significance.bootstrap_interval_of(lambda places: np.full(len(places), value), n)
     np.testing.assert_equal(interval, (np.nan, np.nan))
+
+
+# One visual beat for one music beat; movement beyond the music; a dance of which no start is known
+
+
+@cases("matching", "nearest", "max")
+def test_where_a_visual_beat_serves_one_music_beat_chance_is_what_rotations_reach(matching: str):
+    """Music beats twice as many as visual beats: one to one no more than half of them can be met, by luck or not."""
+    music, visual = track(np.arange(1, 40) / 2, duration=20.0), track(np.arange(1.0, 20.0), duration=20.0)
+    params = replace(HarmonyParams.valleys(), matching=matching, reaction_delay=0.24)
+    score = scoring.score_harmony(music, visual, params=params)
+    moved = [np.sort((visual.times + shift) % 20) for shift in significance.rotations(20.0, 50)]
+    reached = [scoring.hit_mask(music.times, times, delay=0.24, matching=matching).mean() for times in moved]
+    assert score.chance == pytest.approx(np.mean(reached), abs=0.02) and score.chance <= 20 / 39
+    assert abs(score.harmony_above_chance) < 0.1 and score.p_value > 0.5
+
+
+def test_movement_after_the_end_of_the_music_counts_for_nothing():
+    rng = np.random.default_rng(4)
+    music = track(np.arange(0.5, 20.0, 0.5), duration=20.0)
+    late = np.sort(np.r_[rng.uniform(0, 19.9, 35), rng.uniform(21, 40, 35)])
+    params = HarmonyParams.valleys()
+    tracks = (track(late, duration=40.0), track(late[late < 20], duration=20.0))
+    whole, cut = (scoring.score_harmony(music, visual, params=params) for visual in tracks)
+    assert (whole.p_value, whole.harmony, whole.n_visual) == (cut.p_value, cut.harmony, cut.n_visual)
+
+
+def test_chance_does_not_ask_for_sorted_beats():
+    assert scoring.chance_level(np.array([1.0, 2.0, 1.1]), delay=0.2, duration=4.0) == pytest.approx(0.225)
+
+
+def test_a_dance_of_which_no_start_is_known_has_no_number_on_its_place():
+    clip = synthetic_clip("jive", seconds=30.0, seed=3)
+    placed, free = (score_clip(replace(clip, has_start=has_start)) for has_start in (True, False))
+    assert placed.harmony_above_chance > 0.5 and free.place_harmony == placed.place_harmony
+    assert np.isnan([free.harmony_above_chance, free.p_value, *free.interval]).all()
+    content = free.to_dict()
+    assert content["has_start"] is False and content["p_time"] == placed.to_dict()["p_time"]
+    places = ("harmony_above_chance", "p_value", "p_place", "lag_s", "fastest_after_beat_s")
+    assert [content[name] for name in places] == [None] * 5

@@ -1,8 +1,12 @@
 """Records and settings check themselves once, so that everything behind them may trust what it gets."""
 
+import copy
 import json
+import pickle
 import re
+from collections.abc import Callable
 from dataclasses import FrozenInstanceError, asdict, fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +17,7 @@ from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
 from study.profile import RunProfile
 from tests.builders import cases, refused, track
 
@@ -312,3 +316,11 @@ def test_a_setting_out_of_range_is_refused_by_name(
 
 def test_a_unit_must_be_longer_than_the_longest_meter():
     refused("unit_beats must leave at least one beat before a meter of six, got 6", FeatureParams, unit_beats=6)
+
+
+@cases("copied", copy.deepcopy, lambda record: pickle.loads(pickle.dumps(record)))
+def test_arrays_of_a_copy_stay_read_only(copied: Callable[[Any], Any]):
+    records = (track([1.0, 2.0]), Motion(np.zeros((3, 2, 3)), 30.0, Skeleton.unnamed(2)), Notes([0.0], [1.0], [60]))
+    for record in map(copied, records):
+        arrays = [value for value in vars(record).values() if isinstance(value, np.ndarray)]
+        assert arrays and not any(array.flags.writeable for array in arrays)

@@ -81,13 +81,15 @@ class Judgement(evidence.Evidence, Display):
         return replace(self, level=min(self.level, 3), pattern=None, has_start=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers and sentences, for JSON."""
+        """The numbers and sentences, for JSON; none on places in the beat where nothing tells when the dance begins."""
         names = ("level", "verdict", "remarks", "details", "p_time", "p_place", "lag_s", "tempo", "own_tempo")
-        numbers = {name: getattr(self, name) for name in (*names, "reading")}
-        interval = tuple(edge * 60 / self.tempo for edge in self.lag_interval)
+        numbers = {name: getattr(self, name) for name in (*names, "reading", "has_start")}
+        places: dict[str, Any] = {"lag_interval_s": tuple(edge * 60 / self.tempo for edge in self.lag_interval)}
+        places |= sentences.moments_after_beat(self)
+        if not self.has_start:
+            places = dict.fromkeys((*places, "p_place", "lag_s"), evidence.NAN)
         parts = {name: getattr(self.signal, name, evidence.NAN) for name in ("pulse", "share", "joints")}
-        rate = {"rate": float(self.time.rate) if self.time else evidence.NAN} | sentences.moments_after_beat(self)
-        return numbers | {"lag_interval_s": interval} | rate | parts
+        return numbers | {"rate": float(self.time.rate) if self.time else evidence.NAN} | places | parts
 
 
 def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = None, seed: int = 0) -> Judgement:
@@ -157,7 +159,7 @@ def score_motion(
 ) -> HarmonyScore:
     """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
 
-    Cut the beats to the motion first (`Clip.shared` does it for a clip): all of them count. `params` are
+    Cut beats and motion to what they share first (`Clip.shared` does it for a clip): all beats count. `params` are
     ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
     """
     params = params or HarmonyParams.recommended()
@@ -181,8 +183,13 @@ def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: Bea
     else:
         shares, share, chance, null = np.full(len(music), np.nan), np.nan, np.nan, np.zeros(0)
     score = score_of_shares(params, music, visual, pairs, shares, share, chance)
+    return _with_judgement(replace(score, null=null), judgement)
+
+
+def _with_judgement(score: HarmonyScore, judgement: Judgement) -> HarmonyScore:
+    """The score with a judgement and with its numbers."""
     return replace(
-        score, null=null, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
+        score, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
         harmony_above_chance=judgement.harmony_above_chance,
     )  # fmt: skip
 
@@ -233,8 +240,8 @@ def score_clip(
 
 
 def without_start(score: HarmonyScore) -> HarmonyScore:
-    """The score with a verdict that says nothing of places in the beat: it is not known when the dance begins."""
-    return replace(score, judgement=score.judgement and score.judgement.without_start())
+    """The score without a verdict or a number on places in the beat: it is not known when the dance begins."""
+    return _with_judgement(score, score.judgement.without_start()) if score.judgement else score
 
 
 def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:

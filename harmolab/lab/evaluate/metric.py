@@ -21,7 +21,7 @@ from harmolab.lab.evaluate.reference import Reference, load_reference, weights_d
 from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
-from harmolab.params import DANCE_PATTERNS
+from harmolab.params import DANCES
 from harmolab.readers.array_files import SKELETONS
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
@@ -50,7 +50,8 @@ def evaluate(
     Parameters
     ----------
     motions : N Motions, or (T, J, 3) arrays or tensors of joint positions, metres, y up: a batch (N, T, J, 3) will do
-    beats : N BeatTracks on the time line of each motion, or arrays of the seconds of the music's beats
+    beats : N BeatTracks on the time line of each motion, or arrays of the seconds of the music's beats, which count
+        alike then: paper_harmony, which weighs them by their strengths, is another number with tracked beats
     reference : recorded dances, for Fréchet distances and likeness: a list of motions, a file that `harmolab evaluate`
         has saved (--save-reference), or "synthetic", the file that comes with harmolab; None leaves these out
     fps : float, frames per second; arrays need it
@@ -303,9 +304,8 @@ def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
     for name, reason in reasons.items():
         if count := sum(math.isnan(float(row[name])) for row in rows):
             yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
-    for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCE_PATTERNS)).items():
-        reason = f"there are patterns of {', '.join(DANCE_PATTERNS)}, and none of {dance!r}"
-        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {reason}."
+    for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCES)).items():
+        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {dance!r} is none of {', '.join(DANCES)}."
     if reference is None:
         return
     recorded = reference.features
