@@ -591,17 +591,22 @@ def test_options_that_would_do_nothing_are_refused(recording: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("levels", "rates", "is_worse"),
+    ("levels", "rates", "numbers", "is_worse"),
     [
-        ((3, 1), (0.2, 0.6), True),
-        ((3, 3), (0.6, 0.5), True),
-        ((1, 3), (0.6, 0.5), False),  # the verdict, which the warp does not aim at, counts first
-        ((3, 3), (0.5, 0.5), False),
-        ((None, None), (0.2, 0.6), False),
+        ((3, 1), (0.2, 0.6), (0.5, 0.5), True),
+        ((3, 3), (0.6, 0.5), (0.5, 0.5), True),
+        ((1, 3), (0.6, 0.5), (0.5, 0.2), False),  # the verdict, which the warp does not aim at, counts first
+        ((3, 3), (0.5, 0.5), (0.5, 0.5), False),
+        ((3, 3), (0.0, 0.9), (0.45, -0.81), True),  # rests on the beats of a dance that is told to hit them
+        ((3, 3), (0.0, 0.9), (0.45, 0.41), False),
+        ((None, None), (0.2, 0.6), (np.nan, np.nan), False),
     ],
 )
-def test_a_warp_that_did_no_good_is_called_so(levels: tuple, rates: tuple[float, float], is_worse: bool):
-    before, after = (SimpleNamespace(judgement=level and SimpleNamespace(level=level)) for level in levels)
+def test_a_warp_that_did_no_good_is_called_so(levels: tuple, rates: tuple, numbers: tuple, is_worse: bool):
+    before, after = (
+        SimpleNamespace(judgement=level and SimpleNamespace(level=level), above_chance=number)
+        for level, number in zip(levels, numbers, strict=True)
+    )
     bent = (SimpleNamespace(hit_rate=rate) for rate in rates)
     retimed = SimpleNamespace(before=before, after=after, target_before=next(bent), target_after=next(bent))
     assert retiming._is_worse(retimed) == is_worse

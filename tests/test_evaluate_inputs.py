@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from harmolab.cli import app
 from harmolab.cli.data_check import check
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances, evaluation_pairs
-from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs
+from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs, song_of
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import Motion
@@ -434,3 +434,27 @@ def test_a_table_with_missing_dances_is_no_row(sound: Path, tmp_path: Path) -> N
     result = run("evaluate", "submit", folder, "--out", tmp_path / "row")
     assert "1 dances could not be measured; a row is of whole sets" in result.stderr
     assert not (tmp_path / "row").exists()
+
+
+# Names
+
+
+@cases(
+    "dance, songs, song",
+    ("\u0915\u093e_take1", ["\u0915\u0940"], None),
+    ("\u0e2a\u0e35_1", ["\u0e2a\u0e32", "\u0e2a\u0e39"], None),
+    ("Cafe\u0301_2", ["Caf\u00e9", "Cafe"], "Caf\u00e9"),
+    ids=["Hindi", "Thai", "an accent in two ways"],
+)
+def test_marks_are_parts_of_the_words_of_a_name(dance: str, songs: list[str], song: str | None):
+    paired = song_of(Path(f"{dance}.npz"), [Song(name, Path(f"{name}.wav")) for name in songs])
+    assert getattr(paired, "name", None) == song
+
+
+def test_recorded_dances_may_have_a_frame_rate_of_their_own(field: Path):
+    some = settings(field, "fact", fps={"fact": 60.0, "recorded": 30.0})
+    rates = {(pair.kind, pair.fps) for pair in evaluation_pairs(some).pairs}
+    assert rates == {("generated", 60.0), ("recorded", 30.0)}
+    refused(
+        "--seed-frames recorded=3: no system", evaluation_pairs, settings(field, "fact", seed_frames={"recorded": 3})
+    )

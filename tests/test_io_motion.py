@@ -728,3 +728,30 @@ def test_recorded_aist_key_points_are_upright_in_image_coordinates(data_root: Pa
     assert (motion.positions.shape, motion.fps) == ((1279, 17, 2), 60)
     height = motion.positions[:, :, 1].mean(axis=0)
     assert height[COCO_17.joints.index("nose")] < height[COCO_17.joints.index("left_ankle")]
+
+
+# What estimators write where they do not see
+
+
+@cases("columns", 2, 3)
+def test_points_at_the_corner_of_a_picture_were_not_seen(tmp_path: Path, columns: int):
+    points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
+    points[..., 2] = 0.9
+    points[10:15, 9] = [0, 0, 0.4]  # as Ultralytics does below a confidence of .5
+    np.save(tmp_path / "points.npy", points[..., :columns])
+    motion = load_motion(tmp_path / "points.npy", fps=30)
+    assert (~motion.valid).nonzero()[0].tolist() == [10, 11, 12, 13, 14]
+    assert (np.abs(motion.positions[10:15, 9]) > 90).all()
+
+
+def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):
+    points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
+    points[..., 2] = 0.9
+    points[3, 3, 2] = 1.03
+    np.save(tmp_path / "points.npy", points)
+    assert load_motion(tmp_path / "points.npy", fps=30).positions.shape == (40, 17, 2)
+
+
+def test_columns_of_which_each_third_is_no_confidence_are_not_read_as_a_picture(tmp_path: Path):
+    np.save(tmp_path / "kinect.npy", np.random.default_rng(1).uniform(-1, 2, (40, 75)))
+    refused(r"has 75 columns.*\(T, 25, 3\)", load_motion, tmp_path / "kinect.npy", fps=30)

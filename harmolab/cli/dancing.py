@@ -176,7 +176,7 @@ class DanceReport:
     @cached_property
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
-        judgement = self.score.judgement if self.has_harmony else None
+        judgement = self.score.judgement if self.has_harmony and len(self.music) else None
         is_sure = judgement is None or judgement.beats.is_sure
         harmony = () if judgement is None else (judgement.verdict if is_sure else UNSURE,)
         return tuple(map(sentence, (self.likeness.verdict, *harmony)))

@@ -248,7 +248,9 @@ def _print_table(records: list[dict[str, Any]], measures: Sequence[str], measure
     for name in measures:
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
         rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])
-    common.print_table([Column(no_wrap=True), *systems], rows, "means over songs (rank), by columns of table.csv")
+    published = "; those of published codes over dances" if any(" " in name for name in measures) else ""
+    about = f"means over songs (rank), by columns of table.csv{published}"
+    common.print_table([Column(no_wrap=True), *systems], rows, about)
 
 
 def submit(folder: Path, out: Path | None = None) -> None:

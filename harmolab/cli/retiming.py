@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from harmolab.types import Motion
 
 MEANINGS = (
-    "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of the beats, and knows nothing "
+    "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of {place}, and knows nothing "
     "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
 )
+LOSS = 0.1  # of the number above chance, which moves by less with nothing but chance
 WORSE = "The dance goes less well with the music than before: keep it as it was, or try a smaller --strength."
 
 
@@ -31,7 +32,7 @@ def retime(
     out: Annotated[Path, typer.Option()],
     motion: Dance = None,
     strength: float = 1.0,
-    phase: float = 0.0,
+    phase: float | None = None,
     offset: Offset = None,
     slowest: float = 0.7,
     fastest: float = 1.4,
@@ -53,7 +54,7 @@ def retime(
     ----------
     out : npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.
     strength : Share of every shift that is made, 0 to 1.
-    phase : Where in the beat to land: 0 on it, 0.5 half way to the next.
+    phase : Where in the beat rests land: 0 on it, 0.5 half way to the next. Default 0, with --how hit 0.5.
     slowest : Lowest local speed, above 0 to 1.
     fastest : Highest local speed, 1 or more.
     method : dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.
@@ -61,6 +62,7 @@ def retime(
     from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files
 
+    place = (0.5 if judged.how == "hit" else 0.0) if phase is None else phase
     with plain_errors():
         common.check_place(out)
         files = sources(context, song, motion, judged)
@@ -68,12 +70,12 @@ def retime(
         if files.is_video and files.song != files.motion and offset is None:
             note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
         retimed = retime_files(
-            files.song, files.motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest,
+            files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
             fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
             progress=progress, params=judged.params(files.dance), **read.keywords,
         )  # fmt: skip
     note_tempo(files.song, files.dance, retimed.before.music)
-    _print(retimed, files.motion)
+    _print(retimed, files.motion, place)
     wrote(out)
     if out.suffix.lower() == ".bvh":
         common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
@@ -88,14 +90,28 @@ def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion)
 
 
 def _is_worse(retimed: Retimed) -> bool:
-    """True where bending time led to a lower level of the verdict, or at the same level to fewer rests near beats."""
+    """True where bending time led to a lower level of the verdict, at the same level to a lower number or fewer rests.
+
+    A number above chance is lower where it falls by more than `LOSS`; rests are those near beats.
+    """
     pairs = ((retimed.before, retimed.target_before), (retimed.after, retimed.target_after))
     before, after = ((score.judgement.level if score.judgement else 0, target.hit_rate) for score, target in pairs)
-    return after < before
+    has_lost = retimed.before.above_chance - retimed.after.above_chance > LOSS
+    return after < before or (after[0] == before[0] and has_lost)
 
 
-def _print(retimed: Retimed, source: Path) -> None:
-    """A table of scores before and after, and of the bending between; `source` is the file of the motion."""
+def _meaning(retimed: Retimed, phase: float) -> str:
+    """The sentence below the table."""
+    if len(retimed.before.music) == 0:
+        return "No beats were found in the music: nothing could be bent."
+    if retimed.warp.is_identity:
+        return "Nothing was worth bending."
+    place = "the beats" if phase == 0 else f"the moments that lie {phase:g} of a beat after the beats"
+    return WORSE if _is_worse(retimed) else MEANINGS.format(place=place)
+
+
+def _print(retimed: Retimed, source: Path, phase: float) -> None:
+    """A table of scores before and after, and of the bending to a place in the beat; `source`: file of the motion."""
     import numpy as np
 
     before, after, warp = retimed.before, retimed.after, retimed.warp
@@ -110,5 +126,4 @@ def _print(retimed: Retimed, source: Path) -> None:
         ("time bent, largest, ms", "0", f"{1000 * np.abs(warp.shifts()).max():.0f}"),
         ("local speed", "1", show(warp.speed_range())),
     )
-    meaning = "Nothing was worth bending." if warp.is_identity else WORSE if _is_worse(retimed) else MEANINGS
-    common.print_table(("", "before", "after"), rows, "the motion and its music", meaning)
+    common.print_table(("", "before", "after"), rows, "the motion and its music", _meaning(retimed, phase))

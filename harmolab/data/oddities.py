@@ -83,6 +83,13 @@ def _size(motion: Motion) -> Iterator[Oddity]:
         yield Oddity(sentence, "a body of another size", is_fault)
 
 
+CURES = {
+    "z": "turn it by harmolab data convert A B --up z",
+    "-z": "if it was read as z up, harmolab data convert A B --up y reads it as it is",
+    "-y": "it stands on its head: turn it by half a turn about x (y and z with the other sign) before it is read",
+}
+
+
 def _axis(motion: Motion) -> Iterator[Oddity]:
     """One sentence where y does not point up: by head and feet, else by the extent of the body."""
     if motion.positions.shape[2] != 3:
@@ -97,10 +104,7 @@ def _axis(motion: Motion) -> Iterator[Oddity]:
         lengths = np.linalg.norm(way, axis=1)
         if (sign * way[:, "xyz".index(axis)] > UPRIGHT * lengths).mean() >= ALWAYS:
             up = f"{'-' if sign < 0 else ''}{axis}"
-            sentence = (
-                f"the head is above the feet along {up}, and not along y; turn it by harmolab data convert A B --up z"
-            )
-            yield Oddity(sentence, f"{up} up", True)
+            yield Oddity(f"the head is above the feet along {up}, and not along y; {CURES[up]}", f"{up} up", True)
 
 
 def _rate(motion: Motion) -> Iterator[Oddity]:

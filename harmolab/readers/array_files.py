@@ -293,4 +293,5 @@ def _has_confidence(values: NDArray[Any]) -> bool:
     is_named = keypoints.named_skeleton(points.shape[1]) is not None
     are_shares = is_named and places.min() >= 0 and places.max() <= 1
     are_pixels = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > 20
-    return bool(confidence.min() >= 0 and confidence.max() <= 1 and (are_pixels or are_shares))
+    most = keypoints.MOST_CONFIDENCE if are_pixels else 1.0
+    return bool(confidence.min() >= 0 and confidence.max() <= most and (are_pixels or are_shares))

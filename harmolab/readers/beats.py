@@ -77,6 +77,7 @@ class BeatAnnotation:
         Audio time of motion frame 0; None where it does not say.
     source : str, origin of the recording; "" when unknown
     strengths : (B,) array or None (all 1)
+    places : (B,) array of int or None, each beat's place in its bar, 0 for the first, where the file names it
     """
 
     times: FloatArray
@@ -88,6 +89,7 @@ class BeatAnnotation:
     offset: float | None = None
     source: str = ""
     strengths: FloatArray | None = None
+    places: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", _times(self.times, "beat times"))
@@ -101,11 +103,13 @@ class BeatAnnotation:
             raise ValueError(f"motion_offset_s must be finite, got {self.offset}")
 
     def bar_places(self) -> NDArray[np.int64] | None:
-        """Place of each beat in its bar, (B,), 0 for the downbeat; None without downbeats and units.
+        """Place of each beat in its bar, (B,), 0 for the downbeat; None without places, downbeats and units.
 
-        Units of choreography begin with a bar, or half way through one, so without downbeats the first unit's start
-        stands in for one.
+        Places that the file names stay as they are; without them, beats are counted in bars of one length. Units of
+        choreography begin with a bar, or half way through one, so without downbeats the first unit's start stands in.
         """
+        if self.places is not None:
+            return self.places
         anchors = self.downbeats
         if anchors is None or anchors.size == 0:
             anchors = np.array([unit.start for unit in self.units[:1]])
@@ -290,7 +294,7 @@ def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
         return BeatAnnotation(times, bpm=bpm)
     if ((places != places.round()) | (places < 1) | (places > 32)).any():
         raise ValueError("the second column must be the beat's place in its bar: 1, 2, ...")
-    return BeatAnnotation(times, times[places == 1], int(places.max()), bpm)
+    return BeatAnnotation(times, times[places == 1], int(places.max()), bpm, places=places.astype(np.int64) - 1)
 
 
 def _from_json(path: Path) -> BeatAnnotation:

@@ -21,6 +21,7 @@ an empty list where the picture is empty.
 import itertools
 import json
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -289,6 +290,7 @@ SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
 BAILANDO_END = "_kps.json"
+MOST_CONFIDENCE = 2.0  # some estimators go a little beyond 1
 FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
 
 
@@ -393,17 +395,38 @@ def keypoints_motion(
         places, valid = _seen_landmarks(points)
         return checked_motion(places[:, keep, : scale.size] * scale, fps, part, valid)
     points = points[:, keep]
-    if points.shape[2] == 2:
-        return checked_motion(points, fps, part)
-    visible = np.asarray(points[..., 2] > 0)
+    visible = np.ones(points.shape[:2], dtype=bool) if points.shape[2] == 2 else np.asarray(points[..., 2] > 0)
+    visible &= ~_at_the_corner(points[..., :2])
+    if visible.all():
+        return checked_motion(points[..., :2], fps, part)
     return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
+
+
+def _at_the_corner(places: NDArray[Any]) -> BoolArray:
+    """(T, J) True for joints of a picture (T, J, 2) at (0, 0), where Ultralytics puts what it did not see.
+
+    Not for a joint whose other places are as near to that corner as half the body is large, or that is always there.
+    """
+    corner = np.asarray(~places.any(axis=2))
+    if not corner.any() or (places < 0).any():
+        return np.zeros_like(corner)
+    places = np.where(corner[..., None], np.nan, places)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a frame, or a joint, of which nothing was seen
+        size = np.nanmedian((np.nanmax(places, axis=1) - np.nanmin(places, axis=1)).max(axis=1))
+        usual = np.linalg.norm(np.nanmedian(places, axis=0), axis=1)
+    return np.asarray(corner & (usual > size / 2))
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
     """(T, J, 2 or 3) from flat or full key points."""
     flat = {joints * size: size for joints in (17, 18, 25) for size in (2, 3)}
     if values.ndim == 2 and values.shape[1] in flat:
-        return values.reshape(len(values), -1, flat[values.shape[1]])
+        points = values.reshape(len(values), -1, flat[values.shape[1]])
+        if points.shape[2] == 3 and not ((points[..., 2] >= 0) & (points[..., 2] <= MOST_CONFIDENCE)).all():
+            count = points.shape[1]
+            raise ValueError(f"has {3 * count} columns, each third no confidence; joints in space are (T, {count}, 3)")
+        return points
     if values.ndim == 3 and values.shape[2] in (2, 3):
         return values
     raise ValueError(

@@ -186,6 +186,10 @@ class Evaluation:
         """The names of all rows of the table."""
         return (*self.systems, *self.controls)
 
+    def over_songs(self, system: str) -> str:
+        """Words behind a share of a system's dances, which is a mean over songs; "" where each song has one dance."""
+        return "" if self.counts[system].dances == self.counts[system].songs else ", in the mean over songs"
+
     @property
     def missing(self) -> int:
         """Number of dances of the systems, and of recorded ones, that were not measured."""
@@ -403,8 +407,8 @@ def _with_answers(settings: EvaluationSettings, pair: Pair) -> Pair:
 
 def _check_names(settings: EvaluationSettings, systems: Collection[str]) -> None:
     """ValueError for a rate or a seed of a system that is not there."""
-    for option, value in (("fps", settings.fps), ("seed-frames", settings.seed_frames)):
-        if isinstance(value, Mapping) and (unknown := [name for name in value if name not in systems]):
+    for option, value, others in (("fps", settings.fps, (RECORDED,)), ("seed-frames", settings.seed_frames, ())):
+        if isinstance(value, Mapping) and (unknown := [name for name in value if name not in (*systems, *others)]):
             raise ValueError(f"--{option} {unknown[0]}={value[unknown[0]]:g}: no system is called {unknown[0]!r}")
 
 

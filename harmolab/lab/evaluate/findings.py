@@ -38,7 +38,7 @@ def _likeness(evaluation: Evaluation, system: str) -> str:
         return ""
     songs = evaluation.counts[system].songs
     judged = "" if mean.songs == songs else f" to the {mean.songs} of {songs} songs where that can be judged"
-    return f" {mean.mean:.0%} of its dances{judged} move like recorded dancers."
+    return f" {mean.mean:.0%} of its dances{judged} move like recorded dancers{evaluation.over_songs(system)}."
 
 
 def harmony_doubt(evaluation: Evaluation) -> str:

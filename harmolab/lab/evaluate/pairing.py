@@ -15,6 +15,7 @@ The published codes name their dances so, and the rules above pair them:
 import hashlib
 import math
 import re
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,6 @@ SONGS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 GENERATED, RECORDED = "generated", "recorded"
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
-_WORD = re.compile(r"[^\W_]+")
 _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
 _SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a recording's name, then the song
 _SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
@@ -196,7 +196,12 @@ def slice_start(motion: Path, song: Song, stride: float | None) -> tuple[float |
 
 
 def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
-    return [song for song in songs if song.name.casefold() == name.casefold()]
+    return [song for song in songs if _folded(song.name) == _folded(name)]
+
+
+def _folded(name: str) -> str:
+    """A name that does not depend on case, nor on how a letter with an accent is written."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def is_named_by_seed(motion: Path) -> bool:
@@ -220,7 +225,10 @@ _RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (*(_same_name,
 
 def _words(name: str) -> str:
     """The words of a name with a blank before and behind each."""
-    return f" {' '.join(_WORD.findall(name.casefold()))} "
+    # The vowels of many scripts are marks, which are parts of words as letters are.
+    is_inside = (one.isalnum() or unicodedata.category(one).startswith("M") for one in _folded(name))
+    letters = (one if inside else " " for one, inside in zip(_folded(name), is_inside, strict=True))
+    return f" {' '.join(''.join(letters).split())} "
 
 
 def _motions(folder: Path, unpaired: list[Unpaired], system: str = "") -> Iterator[tuple[str, Path]]:

@@ -28,7 +28,14 @@ from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
 from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.sets import collect
-from harmolab.lab.evaluate.summary import measure_of, ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.summary import (
+    dance_means,
+    measure_of,
+    ranks,
+    song_interval,
+    system_differences,
+    system_means,
+)
 from harmolab.lab.evaluate.tables import MUSICAL, number_text
 
 ROW, EVIDENCE, FILES, README = "row.json", "evidence.csv", "files.csv", "README.md"
@@ -41,7 +48,8 @@ TABLE_MEASURES = (
     *("beat_align_music", "mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness"),
 )
 # Settings of an evaluation that its numbers depend on, beside the folders.
-OPTIONS = ("protocol", "fps", "scale", "up", "slice_stride", "seed_frames", "resamples", "seed")
+OPTIONS = ("protocols", "fps", "scale", "up", "slice_stride", "seed_frames", "resamples", "seed")
+_OPTION = {"protocols": "protocol"}  # settings whose option is called otherwise
 LARGEST = 100_000  # bytes of the evidence
 MOST_RESAMPLES = 100_000  # of the intervals of a row that others send
 _PLACE = re.compile(r"(?:^|[\s\"',=])(?:/|~/|[A-Za-z]:\\)\S")  # a path of somebody's disk
@@ -56,7 +64,9 @@ class Submission(NamedTuple):
 
 
 def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Mean over songs, interval and rank of each measure of each system, from the evidence.
+    """Mean, interval and rank of each measure of each system, from the evidence, as the table has them.
+
+    Means are over songs, those of the columns of a protocol over dances.
 
     Parameters
     ----------
@@ -69,12 +79,14 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
         of music by which recorded dances are not better than the same with another song
     """
     part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
-    songs = collect([part]).song_means
+    collected = collect([part])
+    songs = collected.song_means
     interval = partial(song_interval, count=settings["resamples"], seed=settings["seed"])
     present = dict.fromkeys(dances["system"])
     systems = [name for name in present if name not in CONTROLS]
     names = [*systems, *(name for name in CONTROLS if name in present)]
-    means = system_means(songs, interval=interval)
+    published = dance_means(collected.sums, collected.counts, _published(dances), interval=interval)
+    means = system_means(songs, interval=interval) | published
     differences = system_differences(songs, names, interval=interval)
     numbers: dict[str, dict[str, Any]] = {}
     for name in names:
@@ -108,8 +120,8 @@ def submission_of(table: PathLike) -> Submission:
     with reading(table / MARK, "an evaluation") as path:
         settings = read_json(path)["settings"]
     with reading(table / CLIPS, "the dances of an evaluation") as path:
-        clips = pd.read_csv(path, dtype={"seed": str, "dance": str})
-    if failed := int(clips["error"].notna().sum()) + _unmatched(table):
+        clips = _dances(path.read_bytes())
+    if failed := _failed(table, clips):
         raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
     dances = clips[[name for name in (*NAMES, *MEASURES, *_published(clips)) if name in clips]]
     files = file_hashes([*clips["motion"], *clips["music"]])
@@ -122,13 +134,23 @@ def submission_of(table: PathLike) -> Submission:
     return Submission(dances, files, measured)
 
 
-def _unmatched(table: Path) -> int:
-    """The number of dances in a table's folder that go with no song."""
+def _dances(content: bytes) -> pd.DataFrame:
+    """A table of dances; whatever is no number is a text: songs may be called 001 or None."""
+    text = dict.fromkeys((*NAMES, "recording", "motion", "music", "error"), str)
+    for name in ("fps", "joints", "offset"):
+        del text[name]
+    dances = pd.read_csv(io.BytesIO(content), dtype=text, keep_default_na=False, na_values=[""])
+    return dances.fillna(dict.fromkeys(dances.select_dtypes(exclude="number"), ""))
+
+
+def _failed(table: Path, clips: pd.DataFrame) -> int:
+    """The number of dances of an evaluation that were not measured, of the systems also those that go with no song."""
+    errors = clips["error"] != ""
     if not (table / "table.csv").is_file():
-        return 0
+        return int(errors.sum())
     counts = pd.read_csv(table / "table.csv")
-    measured = 0 if "total" not in counts else (counts["total"] - counts["dances"])[~counts["control"]].sum()
-    return int(measured)
+    missing = (counts["total"] - counts["dances"])[~counts["control"]].sum() if "total" in counts else 0
+    return int(missing + (errors & clips["system"].isin([RECORDED, *CONTROLS])).sum())
 
 
 def _command(settings: Mapping[str, Any]) -> str:
@@ -142,7 +164,7 @@ def _command(settings: Mapping[str, Any]) -> str:
         several = [f"{key}={one}" for key, one in value.items()] if isinstance(value, dict) else value
         values = several if isinstance(several, list) else [value]
         words += [(name, one) for one in values if one not in (None, "") and (one != 0 or name == "seed")]
-    options = (f"--{name.replace('_', '-')} {word}" for name, word in words)
+    options = (f"--{_OPTION.get(name, name).replace('_', '-')} {word}" for name, word in words)
     return " ".join(["harmolab evaluate", *options, "--out table"])
 
 
@@ -215,16 +237,15 @@ def row_content(folder: Path) -> dict[str, Any]:
 def read_evidence(folder: Path) -> pd.DataFrame:
     """The evidence of a row; what stands for no seed or no dance is an empty text."""
     with reading(folder / EVIDENCE, "the evidence of a row") as path:
-        text = dict.fromkeys(("seed", "dance", "recording", "song"), str)
-        evidence = pd.read_csv(io.BytesIO(path.read_bytes()), dtype=text)
-    return evidence.fillna(dict.fromkeys(evidence.select_dtypes(exclude="number"), ""))
+        return _dances(path.read_bytes())
 
 
 def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[str]:
     """The lines of a row for people: a table of means, and what the files are."""
     systems = measured["numbers"]["systems"]
     yield f"# {about['title'] or 'A row for the leaderboard of harmolab'}\n"
-    yield f"Means over songs, by harmolab {measured['harmolab']['version']}; intervals and ranks are in {ROW}.\n"
+    over = "; of published codes over dances" if measured["settings"].get("protocols") else ""
+    yield f"Means over songs{over}, by harmolab {measured['harmolab']['version']}; intervals and ranks are in {ROW}.\n"
     yield f"| | {' | '.join(systems)} |"
     yield f"|---|{'---|' * len(systems)}"
     for count in ("dances", "songs"):

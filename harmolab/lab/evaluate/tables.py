@@ -67,7 +67,8 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     for row in evaluation.systems:
         if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
             yield Note(
-                f"Only {likely:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
+                f"Only {likely:.0%} of the dances of {row} move like the recorded dancers"
+                f"{evaluation.over_songs(row)}: its harmony means little, "
                 "as that of a statue on a turntable does.",
                 row,
             )
