@@ -672,3 +672,16 @@ def test_a_body_that_was_followed_poorly_is_told_no_sign_by_no_command(
         assert "limbs of the body that was found change their length by 20%" in said.replace("\n", " "), command
         assert "No sign that you follow" not in said.partition("after: ")[0], command
     assert not (tmp_path / "x.html").exists()
+
+
+def test_a_dance_that_hits_is_retimed_to_hit_and_the_text_says_where_its_rests_lie(tmp_path: Path):
+    planted = planted_dance("jive", seconds=30.0, seed=3)
+    half = 30.0 / planted.beats.tempo  # the body is fastest on the beats, and a little early
+    frames = round((half - 0.06) * planted.motion.fps)
+    moved = replace(planted.motion, positions=np.roll(planted.motion.positions, frames, axis=0))
+    soundfile.write(tmp_path / "song.wav", planted.audio.samples, int(planted.audio.sample_rate))
+    save_motion(tmp_path / "dance.npz", moved, offset=0.0)
+    words = ("retime", tmp_path / "song.wav", tmp_path / "dance.npz", "--how", "hit")
+    output = " ".join(succeed(*words, "--out", tmp_path / "mended.npz").output.split())
+    assert "0.5 of a beat after the beats" in output
+    assert "after: You hit the beat" in output or "after: You are on the beat" in output

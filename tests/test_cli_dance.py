@@ -237,6 +237,9 @@ def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them():
         music = replace(clip.beats, quality=fit, fit=fit)
         report = DanceReport(0, clip.motion, 0.0, music, score_motion(music, clip.motion), Likeness())
         assert report.verdict[1].startswith(words)
+    silent = replace(music, times=[], strengths=[], bar_places=None)
+    report = DanceReport(0, clip.motion, 0.0, silent, score_motion(silent, clip.motion), Likeness())
+    assert unsure not in report.verdict
 
 
 SALSA = "Salsa steps on the beat, practised without the partner."

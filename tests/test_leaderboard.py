@@ -14,6 +14,8 @@ import pytest
 from benchmarks.leaderboard import __main__ as leaderboard
 from benchmarks.leaderboard.page import SCORES, page
 from harmolab.data.synthetic import write_corpus
+from harmolab.lab.evaluate import submission
+from harmolab.lab.evaluate.measured import MEASURES
 from tests.builders import cases, refused
 
 FOLDERS = sorted(path.parent for path in leaderboard.ROWS.glob("*/row.json"))
@@ -184,3 +186,27 @@ def test_the_synthetic_row_can_be_measured_again_by_anybody(tmp_path: Path, monk
         assert again["numbers"][name]["auc"] == pytest.approx(committed["numbers"][name]["auc"], abs=0.002)
         assert again["numbers"][name]["interval"] == pytest.approx(committed["numbers"][name]["interval"], abs=0.005)
         assert again["chance_band"][name] == pytest.approx(committed["chance_band"][name], abs=0.005)
+
+
+def test_names_of_songs_that_look_like_numbers_or_like_nothing_stay_what_they_are(tmp_path: Path):
+    lines = ["system,seed,song,kind,dance,fps,harmony", "7,,001,generated,,30,0.5", "7,02,None,generated,NA,30,"]
+    (tmp_path / "evidence.csv").write_text("\n".join(lines) + "\n")
+    evidence = submission.read_evidence(tmp_path)
+    assert evidence["song"].tolist() == ["001", "None"] and evidence["system"].tolist() == ["7", "7"]
+    assert (evidence["seed"].tolist(), evidence["dance"].tolist()) == (["", "02"], ["", "NA"])
+    assert evidence["fps"].mean() == 30 and evidence["harmony"].isna().tolist() == [False, True]
+
+
+def test_columns_of_a_protocol_are_means_over_dances_as_in_the_table():
+    songs = ["a", "a", "a", "b"]
+    names = {"system": "x", "seed": "", "kind": "generated", "dance": "", "song": songs}
+    dances = pd.DataFrame(
+        {
+            **dict.fromkeys(MEASURES, float("nan")),
+            **names,
+            "edge PFC": [1.0, 1.0, 1.0, 3.0],
+            "jerk": [1.0, 1.0, 1.0, 3.0],
+        }
+    )
+    numbers = submission.evaluate_numbers(dances, {"resamples": 100, "seed": 0})["systems"]["x"]
+    assert (numbers["edge PFC"]["mean"], numbers["jerk"]["mean"]) == (1.5, 2.0)
