@@ -20,7 +20,7 @@ import pytest
 
 from harmolab.cli.app_work import without_options
 from harmolab.lab.app import LOCK, AppServer, sweep
-from tests.builders import cases, planted_dance, write_pair
+from tests.builders import cases, planted_dance, refused, write_pair
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
 from tests.test_listening_presenting import ask
@@ -158,8 +158,8 @@ def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
     assert ask(server.address, "GET", path=f"{server.path}1/why.html") == (200, "because")
     for name in ("2/why.html", "1/other.html", "1/../1/why.html", "x.mp4"):
         assert ask(server.address, "GET", path=f"{server.path}{name}")[0] == 404
-    put(server, "song/y.wav")  # where the dance begins in another song is not known
-    assert state(server)["offset"] is None
+    put(server, "song/y.wav")  # where the dance begins in another song is not known, nor what was said true of it
+    assert (state(server)["offset"], state(server)["lines"], state(server)["number"]) == (None, [], 0)
 
 
 @pytest.mark.slow
@@ -168,6 +168,20 @@ def test_a_fault_or_the_end_of_the_worker_is_a_sentence_and_the_app_lives_on(ser
     assert after(server, "fit")["fault"] == "x.mp4: cannot be read"
     assert after(server, "dance")["fault"].startswith("The work broke off")
     assert after(server, "judge")["lines"][0] == "x.mp4  None"
+
+
+@pytest.mark.slow
+def test_a_file_that_comes_in_after_work_has_begun_takes_nothing_from_it(server: AppServer):
+    put(server, "dance/x.mp4")
+
+    def chunks() -> Iterator[bytes]:
+        yield b"half"
+        order(server, task="judge", style="waltz")
+        yield b"whole"
+
+    refused("worked on", server.put, "dance/z.mp4", chunks())
+    assert state(server)["files"]["dance"] == "x.mp4" and not list(server.folder.rglob("z.mp4"))
+    order(server, task="stop")
 
 
 @pytest.mark.slow

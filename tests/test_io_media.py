@@ -4,6 +4,7 @@ import json
 import struct
 import wave
 from collections.abc import Callable, Iterable
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -723,3 +724,21 @@ def test_places_that_a_file_names_stay_as_they_are(tmp_path: Path, bars: list[in
     for kept in (lines, lines[:10] + lines[11:]):  # whole, and with a beat that was missed
         found = load_beats(write(tmp_path, "song.beats", "\n".join(kept))).bar_places
         assert [f"{place + 1}" for place in found] == [line.split()[1] for line in kept]
+
+
+@cases("suffix", ".mkv", ".mp4")
+def test_a_gap_in_the_sound_of_a_video_is_silence_of_its_length(tmp_path: Path, suffix: str):
+    click = np.zeros((1, 1024), np.float32)
+    click[0, 0] = 0.9
+    with av.open(str(tmp_path / f"gap{suffix}"), "w") as container:
+        stream = container.add_stream("aac", rate=48000, layout="mono")
+        for number in (*range(100), *range(170, 250)):  # some 1.5 s are missing
+            frame = av.AudioFrame.from_ndarray(click if number % 10 == 0 else 0 * click, "fltp", "mono")
+            frame.sample_rate, frame.pts, frame.time_base = 48000, 1024 * number, Fraction(1, 48000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    sound = video_sound(tmp_path / f"gap{suffix}", sample_rate=48000)
+    assert sound.duration == pytest.approx(250 * 1024 / 48000, abs=0.06)
+    late = np.abs(sound.samples[(165 * 1024) :])
+    first = 165 * 1024 + int(np.argmax(late > 0.2 * late.max()))
+    assert first / 48000 == pytest.approx(170 * 1024 / 48000, abs=0.03)

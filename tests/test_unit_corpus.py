@@ -274,3 +274,13 @@ def test_beat_locked_recordings_split_fairly(data_root: Path):
     assert len(split.test) >= 40
     assert {unit.dance for unit in split.test.units} == {"cha-cha", "rumba", "tango", "waltz"}
     assert len(split.train) >= 400
+
+
+def test_a_recording_that_gives_no_unit_is_named(tmp_path: Path):
+    first, second = sorted(write_corpus(tmp_path, clips=2, seconds=12.0).glob("clip_*"))
+    with np.load(second / "motion.npz") as file:
+        content = dict(file)
+    short = {name: content[name][:90] for name in ("positions", "valid")}
+    np.savez(second / "motion.npz", **(content | short))
+    (note,) = load_units(tmp_path, PARAMS).notes
+    assert note.startswith(f"{second}: no unit to learn from") and str(first) not in note

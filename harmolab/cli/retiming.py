@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,7 +11,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
-from harmolab.cli.sources import note_tempo, reading_fault, sources
+from harmolab.cli.sources import Sources, note_tempo, reading_fault, sound_offset, sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -68,6 +69,8 @@ def retime(
         files = sources(context, song, motion, judged)
         common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
         if files.is_video and files.song != files.motion and offset is None:
+            offset = _by_sound(files)
+        if files.is_video and files.song != files.motion and offset is None:
             note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
         retimed = retime_files(
             files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
@@ -79,6 +82,15 @@ def retime(
     wrote(out)
     if out.suffix.lower() == ".bvh":
         common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
+
+
+def _by_sound(files: Sources) -> float | None:
+    """Second of the song at which a video begins, by its own sound; None where that does not tell."""
+    from harmolab.readers.audio import video_sound
+
+    with suppress(ValueError):  # it has no sound
+        return sound_offset(files, video_sound(files.motion))
+    return None
 
 
 def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:

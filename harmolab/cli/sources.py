@@ -16,7 +16,7 @@ from harmolab.cli.screen import detail, finding_beats, note, progress
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import Performance
     from harmolab.score import HarmonyScore
-    from harmolab.types import BeatTrack, Clip, Motion
+    from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
@@ -155,19 +155,27 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
 
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     """The movement of a video, and the song's time at which it begins, by its sound unless told."""
-    from harmolab.lab.explain.offset import find_sound_offset
-    from harmolab.readers.audio import load_sound
-
     performance = video_performance(files.motion)
     if offset is not None or files.song.resolve() == files.motion.resolve():
         return performance.motion, offset or 0.0
+    begin = sound_offset(files, performance.sound)
+    if begin is None:
+        raise ValueError(UNPLACED.format(files))
+    return performance.motion, begin
+
+
+def sound_offset(files: Sources, sound: Audio | None) -> float | None:
+    """Second of the song at which a video with this sound begins, and a line on it; None where the sound is unclear."""
+    from harmolab.lab.explain.offset import find_sound_offset
+    from harmolab.readers.audio import load_sound
+
     song, place = load_sound(files.song), None
     with suppress(ValueError):  # its sound is silent, or shorter than can be compared
-        place = None if performance.sound is None else find_sound_offset(performance.sound, song)
+        place = None if sound is None else find_sound_offset(sound, song)
     if place is None or not place.is_clear:
-        raise ValueError(UNPLACED.format(files))
-    note(f"{files.motion.name} begins at {place.seconds:.2f} s of the song, by its sound")
-    return performance.motion, place.seconds
+        return None
+    note(f"{files.motion.name} begins at {round(place.seconds, 2) + 0.0:.2f} s of the song, by its sound")
+    return place.seconds
 
 
 def video_performance(video: Path) -> Performance:

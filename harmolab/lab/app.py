@@ -216,6 +216,7 @@ class AppServer(LocalPage):
         self._shown: dict[str, Path] = {}  # address below the page -> file
         self._count = 0  # of orders
         self._state: dict[str, Any] = _fresh("")
+        self._offset: float | None = None  # seconds of the song at which the dance begins, of the last verdict
         with self._changing:
             self._worker = self._new_worker()
 
@@ -257,19 +258,23 @@ class AppServer(LocalPage):
         try:
             with (folder / name).open("wb") as file:
                 file.writelines(chunks)
+            self._take(slot, folder / name)
         except BaseException:
             removed(folder)
             raise
-        self._take(slot, folder / name)
         return Reply("", kind=TEXT)
 
     def _take(self, slot: str, path: Path | None) -> None:
-        """Puts a file, or none, in the place of the one before."""
+        """Puts a file, or none, in the place of the one before; what was said of that pair goes with it.
+
+        ValueError while one works with the files, which may have begun as this one came in.
+        """
         with self._changing:
+            self._check_idle()
             before = self._files.pop(slot, None)
             if path is not None:
                 self._files[slot] = path
-            self._state["offset"] = None  # that of the pair before
+            self._state, self._offset = _fresh(""), None
         if before is not None:
             removed(before.parent)
 
@@ -282,7 +287,6 @@ class AppServer(LocalPage):
         if task == "stop":
             self._renew(STOPPED)
         elif task == "forget":
-            self._check_idle()
             self._take(str(content.get("slot")), None)
         elif task in ("judge", "fit", "dance"):
             self._begin(task, str(content.get("style") or ""), _seconds(content.get("offset")))
@@ -306,6 +310,7 @@ class AppServer(LocalPage):
             folder = self.folder / f"work{self._count}"
             folder.mkdir()
             self._state = _fresh(task, number=self._count)
+            offset = self._offset if task == "fit" and offset is None else offset
             files = {slot: self._files.get(slot) for slot in SLOTS}
             self._worker.do(Order(task, **files, style=style, offset=offset, folder=folder))
 
@@ -328,6 +333,7 @@ class AppServer(LocalPage):
                 self._state["views"].append({**record["view"], "address": address})
             elif "lines" in record:
                 self._state |= {**record, "lines": [self._plain(line) for line in record["lines"]]}
+                self._offset = record.get("offset") if self._state["task"] == "judge" else self._offset
             elif "step" in record:
                 self._state |= record
             elif self._state["working"]:

@@ -211,6 +211,7 @@ def resampled(audio: Audio, sample_rate: float) -> Audio:
 
 # The sound of video files, through PyAV; and the sound of any file that has one.
 
+GAP = 0.05  # seconds between two blocks of sound that are silence; less is rounding of their time stamps
 MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
 
 
@@ -260,9 +261,12 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
 
 
 def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Iterator[NDArray[np.float32]]:
-    """The samples from the start of the file on; silence first, or the beginning cut, where the sound starts apart."""
+    """The samples from the start of the file on; silence first, or the beginning cut, where the sound starts apart.
+
+    Silence, too, where sound is missing between two blocks, as players give it.
+    """
     resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
-    skip, count = None, 0
+    skip, count, due = None, 0, None
     for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
         if skip is None:
             late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
@@ -270,9 +274,17 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
                 raise ValueError(f"starts its sound {late:.0f} s from its pictures; its time stamps are damaged")
             skip = max(0, -round(late * rate))
             yield np.zeros(max(0, round(late * rate)), np.float32)
-        for part in resampler.resample(block):
-            samples = part.to_ndarray()[0][skip:]
-            skip = max(0, skip - part.samples)
+        gap = 0.0 if block is None or block.time is None or due is None else block.time - due
+        parts = [part.to_ndarray()[0] for part in resampler.resample(None if gap > GAP else block)]
+        if gap > GAP:
+            resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
+            parts.append(np.zeros(round(min(gap, max_seconds + 1) * rate), np.float32))
+            parts += [part.to_ndarray()[0] for part in resampler.resample(block)]
+        if block is not None and block.time is not None:
+            due = (block.time if due is None or gap > GAP else due) + block.samples / block.sample_rate
+        for part in parts:
+            samples = part[skip:]
+            skip = max(0, skip - part.size)
             count += samples.size
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")

@@ -144,7 +144,7 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         return readers[suffix](path, options)
     with reading(path, "a motion", max_bytes=None):
         if is_video(path):
-            raise ValueError("is a video, no motion file; `harmolab score --why` and `harmolab retime` read videos")
+            raise ValueError("is a video, no motion file; `harmolab score`, `play`, `lab` and `retime` read videos")
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json .c3d")
 
 

@@ -75,7 +75,7 @@ def split_units(units: UnitSet, *, seed: int = 0) -> Split:
         if not members:
             raise ValueError(
                 f"no unit is left for the {SIDES[side]} side: {len(units)} units dance {len(sides)} motion groups; "
-                "more recordings, or other shares, are needed"
+                "more recordings of other figures are needed, or another --split-seed"
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
     settings = {"seed": seed, "test_share": TEST_SHARE, "validation_share": VALIDATION_SHARE}

@@ -501,16 +501,20 @@ def grouped_units(
                 f"{item.folder}: has another skeleton ({len(body.joints)} joints) than {contents[0].folder} "
                 f"({len(first.joints)} joints); train on one body"
             )
+    notes = [*notes, *(f"{item.folder}: {NO_UNIT}" for item in contents if not item.units)]
     segments = group_outlines([item.outline for item in contents])
     units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        reason = "every sequence is too short" if contents else "there is no sequence (see `harmolab data check`)"
-        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
+        reason = notes[0] if notes else "there is no sequence (see `harmolab data check`)"
+        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {reason}")
     motions = [item.motion for item in contents]
     bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]
     lengths = np.average(bones, axis=0, weights=[motion.n_frames for motion in motions])
     source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in contents))
     return UnitSet(tuple(units), motions[0].skeleton, lengths, params, source, tuple(notes)), segments
+
+
+NO_UNIT = "no unit to learn from: no beats were found, or too few in a row that lie inside recorded movement"
 
 
 def recording_folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
