@@ -340,7 +340,8 @@ def score_harmony(
         All detected beats; saliency (Eq. 11-13) is applied inside. Visual beats after the music are left out.
     params : HarmonyParams, default ``HarmonyParams.paper()``
     n_rotations : int
-        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
+        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN. With one-to-one
+        matching each is a matching of its own: some seconds for a song.
 
     Returns
     -------

@@ -250,12 +250,13 @@ def test_songs_of_one_name_in_a_list_are_not_averaged_as_one(tmp_path: Path, pla
     songs = [tmp_path / "album" / disc / folder / "track.wav" for disc, folder in ("1a", "1b", "2b")]
     for song in songs:
         song.parent.mkdir(parents=True)
-        song.touch()
+        song.write_text(str(song))
     (tmp_path / "a.npz").touch()
-    lines = [f"a.npz,{song},{seed}" for seed, song in enumerate((*songs, songs[0]))]
+    copied = shutil.copy(songs[0], tmp_path / "track.wav")  # another name of a song, as one copy for each system has
+    lines = [f"a.npz,{song},{seed}" for seed, song in enumerate((*songs, songs[0], copied))]
     (tmp_path / "pairs.csv").write_text("\n".join(["motion,music,seed", *lines]))
     names = [pair.song for pair in pairing.listed_pairs(tmp_path / "pairs.csv", None, {}).pairs]
-    assert names == ["track", "track (b)", f"track ({songs[2]})", "track"]
+    assert names == ["track", "track (b)", f"track ({songs[2]})", "track", "track"]
 
 
 def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:

@@ -228,10 +228,11 @@ def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: st
     "text, times",
     ("time\n0,250\n0,750\n1,250\n", [0.25, 0.75, 1.25]),
     ("0,250\n1,280\n2,310\n", [0.25, 1.28, 2.31]),
+    ("0,500000\t0,500000\tbar 1\n2,500000\t2,500000\tbar 2\n", [0.5, 2.5]),
     ("0,5\n1,0\n1,5\n", [0.5, 1.0, 1.5]),
     ("1,1\n2,5\n3,1\n", [1.0, 2.0, 3.0]),
     ("0,250\n1.5\n", None),
-    ids=["two a second", "slow", "one digit", "strengths", "mixed"],
+    ids=["two a second", "slow", "Audacity", "one digit", "strengths", "mixed"],
 )
 def test_a_comma_may_be_that_of_a_decimal(tmp_path: Path, text: str, times: list[float] | None):
     path = write(tmp_path, "song.txt", text)

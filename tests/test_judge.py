@@ -770,3 +770,10 @@ def test_a_gaussian_of_one_second_is_the_drift_that_is_taken_off(period: float, 
     ones, valid = np.ones(count), np.ones(count, bool)
     signal = shape_signal(ShapeSpeed(fps, speed, ones[:, None], ones, ones, valid, 3))
     assert signal.pulse == pytest.approx(left, rel=0.01)
+
+
+def test_a_short_first_bar_or_a_missed_beat_does_not_move_the_bars_of_a_dance():
+    places = np.arange(60) % 3
+    short, missed = np.r_[places[:2], places], np.delete(places, 7)
+    assert [bar_pattern.first_place(one) for one in (places, places[1:], short)] == [0, 1, 1]
+    assert bar_pattern.first_place(missed) == 1  # as most beats say, which come after it

@@ -18,6 +18,7 @@ from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.soft_score import anneal, soft_harmony
 from harmolab.systems.harmogan.losses import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.bar_pattern import first_place
 from harmolab.verdict.evidence import LEAST_PULSE, PlaceTest, place_test
 from harmolab.verdict.judge import Judgement, score_motion
 
@@ -181,7 +182,7 @@ def _loss(
     moved, before, valid = positions[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
     times, strengths = torch.tensor(music.times)[None], torch.tensor(music.strengths)[None]
     present, frames = torch.ones_like(times), torch.ones_like(valid)
-    first = None if music.bar_places is None else torch.tensor(music.bar_places[:1])
+    first = None if music.bar_places is None else torch.tensor([first_place(music.bar_places)])
     soft = soft_harmony(
         moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params, bar_places=first
     )

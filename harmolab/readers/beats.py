@@ -226,10 +226,10 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
-    if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
-        lines = [(number, line.replace(",", ".")) for number, line in lines]
     if header:
         lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
+    if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
+        lines = [(number, line.replace(",", ".")) for number, line in lines]
     rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines]
     rows = [(number, words) for number, words in rows if words]
     if header and rows and all(_number(word) is None for word in rows[0][1]):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harmolab.files import PathLike, read_json, reading, write_json
 from harmolab.params import BarPattern
 from harmolab.significance import ranks
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.types import BeatTrack, FloatArray, IntArray
 
 GRID = 24  # moments a beat of `beat_curve` and `beat_ranks`
 MOST_MOMENTS = 5_000_000  # a day of music on the grid
@@ -50,7 +50,7 @@ def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
     numbers = np.arange(-1.0, beats.size + 1)
     numbers[0], numbers[-1] = (start - beats[0]) / first, beats.size - 1 + (end - beats[-1]) / last
     index: FloatArray = np.interp(times, np.concatenate([[start], beats, [end]]), numbers)
-    return index + (0 if track.bar_places is None else track.bar_places[0])
+    return index + (0 if track.bar_places is None else first_place(track.bar_places))
 
 
 def evaluate_pattern(pattern: BarPattern, positions: FloatArray) -> FloatArray:
@@ -121,7 +121,7 @@ def beat_ranks(times: FloatArray, speed: FloatArray, track: BeatTrack, pattern: 
     its ends. Without a known bar the pattern begins on the first beat.
     """
     curve, first = beat_curve(times, speed, track)
-    beats = np.arange(len(track)) + (0 if track.bar_places is None else int(track.bar_places[0]))
+    beats = np.arange(len(track)) + (0 if track.bar_places is None else first_place(track.bar_places))
     half = pattern.beats * GRID // 2
     fits = pattern_fits(np.pad(curve, half), pattern, moments=GRID)[:, half:-half]
     moments = np.clip(beats * GRID - first, 0, curve.size - 1)
@@ -227,3 +227,15 @@ def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
         if not isinstance(row, dict) or set(row) - {"dance"} != {"beats", "cosines", "sines", "source"}:
             raise ValueError(f"pattern {name!r} must have beats, cosines, sines and source")
         return BarPattern(int(row["beats"]), tuple(row["cosines"]), tuple(row["sines"]), str(row["source"]), name)
+
+
+def first_place(bar_places: IntArray) -> int:
+    """Place in its bar from which the first beat is counted on, as most beats say.
+
+    A bar of another length, or a beat that was missed, does not move the bars of the whole.
+
+    >>> first_place(np.array([0, 1, 0, 1, 2, 0, 1, 2]))
+    1
+    """
+    shifts = (bar_places - np.arange(bar_places.size)) % (int(bar_places.max()) + 1)
+    return int(np.bincount(shifts).argmax())

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from harmolab.params import HOW_PATTERNS, BarPattern
 from harmolab.shape_speed import ShapeSignal
 from harmolab.types import BeatTrack, FloatArray, IntArray
-from harmolab.verdict.bar_pattern import moment_ranks, pattern_fits
+from harmolab.verdict.bar_pattern import first_place, moment_ranks, pattern_fits
 
 # The time test: does a movement keep the tempo of these beats better than other tempi?
 
@@ -317,7 +317,7 @@ def place_test(signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | No
         raise ValueError(f"{beats.size} beats hold no whole cycle of {cycle}")
     moments = np.interp(first + np.arange(count * MOMENTS) / MOMENTS, np.arange(beats.size), beats)
     speed = np.interp(moments, signal.times[signal.valid], signal.values[signal.valid])
-    origin = 0 if bar_places is None else int(bar_places[0])
+    origin = 0 if bar_places is None else first_place(bar_places)
     ranks = [_beat_ranks(speed, pattern, first + origin - place) for place in places]
     reach = 0.5 * (cycle if len(places) == 1 else 1)
     return PlaceTest(pattern, np.array(ranks), first, reach)

@@ -12,6 +12,7 @@ The published codes name their dances so, and the rules above pair them:
 * Bailando: ``gBR_sBM_cAll_d04_mBR0_ch01.json.npy``, or a folder ``gBR_sBM_cAll_d04_mBR0_ch01.json`` of frames.
 """
 
+import filecmp
 import hashlib
 import math
 import re
@@ -318,7 +319,7 @@ def listed_pairs(
                 missing = motion if dance is None else music
                 unpaired.append(Unpaired(Path(motion), f"{missing}: no such file", system))
                 continue
-            name = next(name for name in _song_names(song) if songs.setdefault(name, song) == song)
+            name = next(name for name in _song_names(song) if _is_same(songs.setdefault(name, song), song))
             offset, begins = (_seconds(start), LISTED) if start else slice_start(dance, Song(name, song), slice_stride)
             pair = Pair(system, seed, name, dance, song, offset=offset, begins=begins)
             paired[system] = None
@@ -353,6 +354,11 @@ def _seconds(text: str) -> float:
     if not abs(seconds) <= MOST_SECONDS:
         raise ValueError(f"offset must be the second of the song at which the dance begins, got {text[:30]!r}")
     return seconds
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """True for two names of one file, and for two files with the same content."""
+    return one == other or filecmp.cmp(one, other, shallow=False)
 
 
 def _song_names(song: Path) -> tuple[str, ...]:

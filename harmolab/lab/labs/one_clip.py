@@ -25,6 +25,7 @@ from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalis
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip, FloatArray
+from harmolab.verdict.bar_pattern import first_place
 from harmolab.verdict.evidence import MOMENTS
 from harmolab.verdict.judge import Judgement, music_and_motion, score_motion, without_start
 
@@ -168,7 +169,7 @@ def _shape(stage: live.Stage) -> dict[str, Any]:
     return {
         "curve": {"start": times[0], "step": step, "values": signal.values.round(4), "unit": "speed of the shape (SD)"},
         "pattern": None if pattern is None else {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)},
-        "place": None if places is None or not places.size else places[0],
+        "place": None if places is None or not places.size else first_place(places),
     }
 
 
