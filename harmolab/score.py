@@ -354,8 +354,8 @@ def score_harmony(
     1.0
     """
     params = params or HarmonyParams.paper()
-    # A frame of movement more than of music is rounding.
-    visual_track = visual_track.select(visual_track.times <= audio_track.duration + 1 / visual_track.fps)
+    is_inside = visual_track.times <= audio_track.duration + 1 / visual_track.fps  # a frame more is rounding
+    visual_track = visual_track if is_inside.all() else visual_track.select(is_inside)
     music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)
     times, delay = visual.times - params.lag, params.reaction_delay
     pairs = hit_pairs(music.times, times, delay=delay, matching=params.matching)

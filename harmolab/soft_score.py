@@ -524,8 +524,6 @@ def soft_harmony(
     _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
     if params.measure == "shape" and positions.ndim == 2:
         raise ValueError("the shape of the body needs joint positions (N, T, J, D); a speed (N, T) has none")
-    if params.measure == "shape" and positions.shape[2] == 1:
-        raise ValueError("one joint has no size that its movement could be compared with; pass two, or measure='hits'")
     _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions

@@ -467,6 +467,7 @@ def load_units(
     """
     roots = list(roots) if isinstance(roots, list | tuple) else [roots]
     contents, notes = read_recordings(roots, lambda recording: cut_recording(recording, params, step=step), progress)
+    notes += [f"{item.folder}: {NO_UNIT}" for item in contents if not item.units]
     return grouped_units(contents, params, roots, notes)[0]
 
 
@@ -501,12 +502,11 @@ def grouped_units(
                 f"{item.folder}: has another skeleton ({len(body.joints)} joints) than {contents[0].folder} "
                 f"({len(first.joints)} joints); train on one body"
             )
-    notes = [*notes, *(f"{item.folder}: {NO_UNIT}" for item in contents if not item.units)]
     segments = group_outlines([item.outline for item in contents])
     units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        reason = notes[0] if notes else "there is no sequence (see `harmolab data check`)"
-        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {reason}")
+        reason = "every sequence is too short" if contents else "there is no sequence (see `harmolab data check`)"
+        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
     motions = [item.motion for item in contents]
     bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]
     lengths = np.average(bones, axis=0, weights=[motion.n_frames for motion in motions])
