@@ -70,8 +70,8 @@ def retime(
         common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
         if files.is_video and files.song != files.motion and offset is None:
             offset = _by_sound(files)
-        if files.is_video and files.song != files.motion and offset is None:
-            note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
+            if offset is None:
+                note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
         retimed = retime_files(
             files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
             fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,

@@ -227,8 +227,7 @@ _RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (*(_same_name,
 def _words(name: str) -> str:
     """The words of a name with a blank before and behind each."""
     # The vowels of many scripts are marks, which are parts of words as letters are.
-    is_inside = (one.isalnum() or unicodedata.category(one).startswith("M") for one in _folded(name))
-    letters = (one if inside else " " for one, inside in zip(_folded(name), is_inside, strict=True))
+    letters = (one if one.isalnum() or unicodedata.category(one)[0] == "M" else " " for one in _folded(name))
     return f" {' '.join(''.join(letters).split())} "
 
 

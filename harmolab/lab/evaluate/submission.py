@@ -136,9 +136,7 @@ def submission_of(table: PathLike) -> Submission:
 
 def _dances(content: bytes) -> pd.DataFrame:
     """A table of dances; whatever is no number is a text: songs may be called 001 or None."""
-    text = dict.fromkeys((*NAMES, "recording", "motion", "music", "error"), str)
-    for name in ("fps", "joints", "offset"):
-        del text[name]
+    text = dict.fromkeys({*NAMES, "recording", "motion", "music", "error"} - {"fps", "joints", "offset"}, str)
     dances = pd.read_csv(io.BytesIO(content), dtype=text, keep_default_na=False, na_values=[""])
     return dances.fillna(dict.fromkeys(dances.select_dtypes(exclude="number"), ""))
 
