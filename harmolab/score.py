@@ -133,7 +133,9 @@ class HarmonyScore(Display):
     hit_rate : float
         Share of all music beats with an attentional visual beat within the delay; in the measure "shape" of those whose
         rank is above 1/2.
-    chance : float, the share that a random shift in time would reach
+    chance : float
+        The share that a random shift in time would reach; with one-to-one matching the most that it could reach
+        (see `chance_level`), so that a dance at chance is below 0 in `harmony_above_chance`.
     harmony_above_chance : float
         0 is what chance reaches, 1 is every beat hit. The recommended score's is H of its `judgement`: in [-1, 1], and
         NaN where no place in the beat can be judged.
@@ -206,8 +208,6 @@ class HarmonyScore(Display):
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
-CHANCE_ROTATIONS = 200  # of visual beats of which each serves one music beat only
-GOLDEN = (5**0.5 - 1) / 2
 
 
 def position_matrix(visual_times: FloatArray, n_audio: int) -> FloatArray:
@@ -307,7 +307,8 @@ def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) ->
 def chance_level(visual_times: FloatArray, *, delay: float, duration: float) -> float:
     """c: share of the clip within the delay of a visual beat, which is what a random music beat would score.
 
-    That holds where one visual beat may serve many music beats (``matching="many"``).
+    That holds where one visual beat may serve many music beats (``matching="many"``); where each serves one music beat
+    only, chance reaches less, and `HarmonyScore.p_value` tells whether a dance is above it.
     """
     if visual_times.size == 0:
         return 0.0
@@ -359,7 +360,7 @@ def score_harmony(
     music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)
     times, delay = visual.times - params.lag, params.reaction_delay
     pairs = hit_pairs(music.times, times, delay=delay, matching=params.matching)
-    chance, total = _chance(music, times, params), float(music.strengths.sum())
+    chance, total = chance_level(times, delay=delay, duration=music.duration), float(music.strengths.sum())
     share = hitting_score(pairs >= 0, music.strengths) / total if total > 0 else chance
     score = score_of_shares(params, music, visual, pairs, (pairs >= 0).astype(np.float64), share, chance)
     every = hit_mask(audio_track.times, times, delay=delay, matching=params.matching)
@@ -397,15 +398,6 @@ def score_of_shares(
         harmony_above_chance=above_chance(share, chance),
         intervals=nearest_intervals(music.times, visual.times - params.lag),
     )
-
-
-def _chance(music: BeatTrack, times: FloatArray, params: HarmonyParams) -> float:
-    """The share of music beats that visual beats at random moments would hit: that of all moments, or of rotations."""
-    if params.matching == "many" or times.size == 0 or not music.strengths.any():
-        return chance_level(times, delay=params.reaction_delay, duration=music.duration)
-    # By the golden section: even steps would fall into step with a steady beat.
-    shifts = np.mod(np.arange(CHANCE_ROTATIONS) * GOLDEN, 1.0) * music.duration
-    return float(_matched_shares(music, times, params, shifts).mean())
 
 
 def _matched_shares(music: BeatTrack, times: FloatArray, params: HarmonyParams, shifts: FloatArray) -> FloatArray:

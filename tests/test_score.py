@@ -484,15 +484,14 @@ def test_bootstrap_of_what_is_rarely_defined_is_nan(value: float, n: int):
 
 
 @cases("matching", "nearest", "max")
-def test_where_a_visual_beat_serves_one_music_beat_chance_is_what_rotations_reach(matching: str):
+def test_where_a_visual_beat_serves_one_music_beat_the_null_is_matched_so_too(matching: str):
     """Music beats twice as many as visual beats: one to one no more than half of them can be met, by luck or not."""
     music, visual = track(np.arange(1, 40) / 2, duration=20.0), track(np.arange(1.0, 20.0), duration=20.0)
-    params = replace(HarmonyParams.valleys(), matching=matching, reaction_delay=0.24)
+    params = replace(HarmonyParams.valleys(), matching=matching, reaction_delay=0.4)
     score = scoring.score_harmony(music, visual, params=params)
-    moved = [np.sort((visual.times + shift) % 20) for shift in significance.rotations(20.0, 50)]
-    reached = [scoring.hit_mask(music.times, times, delay=0.24, matching=matching).mean() for times in moved]
-    assert score.chance == pytest.approx(np.mean(reached), abs=0.02) and score.chance <= 20 / 39
-    assert abs(score.harmony_above_chance) < 0.1 and score.p_value > 0.5
+    assert score.null.max() <= 20 / 39 and score.p_value > 0.5
+    # The chance of the reading is that of many to one: the most that luck could reach.
+    assert score.chance == pytest.approx(0.8 * 19 / 20) and score.chance > score.null.mean()
 
 
 def test_movement_after_the_end_of_the_music_counts_for_nothing():

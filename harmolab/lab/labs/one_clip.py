@@ -229,7 +229,8 @@ def hit_sentence(score: HarmonyScore) -> str:
     """The sentence of a score by hits."""
     if score.n_audio == 0 or score.n_visual == 0:
         return LAB_SENTENCES["unheard" if score.n_audio == 0 else "unseen"]
-    counts = {"hits": score.hits.sum(), "beats": score.n_audio, "chance": percent(score.chance)}
+    chance = f"{'' if score.params.matching == 'many' else 'at most '}{percent(score.chance)}"
+    counts = {"hits": score.hits.sum(), "beats": score.n_audio, "chance": chance}
     luck = "" if np.isnan(score.p_value) else LAB_SENTENCES["more" if score.p_value <= LUCK else "luck"]
     return LAB_SENTENCES["hits"].format(**counts) + luck.format(p=f"{score.p_value:.3f}")
 

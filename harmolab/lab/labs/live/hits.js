@@ -53,8 +53,6 @@ function chanceLevel(dance, delay, duration) {
   return covered / duration;
 }
 
-const CHANCE_ROTATIONS = 200, GOLDEN = (5 ** 0.5 - 1) / 2;  // as in harmolab.score
-const chanceShifts = duration => Array.from({ length: CHANCE_ROTATIONS }, (_, index) => modulo(index * GOLDEN, 1) * duration);
 const aboveChance = (share, chance) => (chance < 1 - EDGE ? (share - chance) / (1 - chance) : 0);
 const harmonyOf = (score, n, m, beta) => (n > 0 && m > 0 ? quotient((1 + beta ** 2) * score, n * beta ** 2 + m) : 0);  // Eq. 21
 
@@ -74,10 +72,8 @@ function hitScore(music, dance, duration, settings, shifts = []) {
   const { delay, lag, beta, matching } = declared(settings, "hits"), loud = salientMusic(music.strengths, settings), large = salientDance(dance.strengths, settings);
   const times = pick(music.times, loud.kept), weights = pick(loud.heights, loud.kept), expected = pick(dance.times, large.kept).map(time => time - lag);
   const pairs = hitPairs(times, expected, delay, matching), score = sum(weights.filter((_, index) => pairs[index] >= 0)), total = sum(weights);
-  const [n, m] = [times.length, expected.length], rotated = by => (total > 0 && m > 0 ? nullShares(times, weights, expected, duration, by, { delay, matching }) : []);
-  const isOfMoments = matching === "many" || total === 0 || m === 0;
-  const chance = isOfMoments ? chanceLevel(expected, delay, duration) : mean(rotated(chanceShifts(duration))), share = total > 0 ? score / total : chance;
-  const shares = rotated(shifts), isEmpty = !shares.length;
+  const chance = chanceLevel(expected, delay, duration), share = total > 0 ? score / total : chance, [n, m] = [times.length, expected.length];
+  const isEmpty = !shifts.length || total === 0 || m === 0, shares = isEmpty ? [] : nullShares(times, weights, expected, duration, shifts, { delay, matching });
   return {
     harmony: harmonyOf(score, n, m, beta), audio_harmony: quotient(score, n), visual_harmony: quotient(score, m),
     hits: pairs.filter(pair => pair >= 0).length, beats: n, movements: m, share, chance, above: aboveChance(share, chance),

@@ -11,14 +11,14 @@ function scoringNumbers(data, settings) {
   const { evidence, words } = data, { music, duration } = evidence, { moves = {} } = settings, visual = visualBeats(evidence, settings);
   const [allMusic, allDance] = [movedTimes(music.times, moves.music), movedTimes(visual.times, moves.dance)];
   const numbers = hitScore({ ...music, times: allMusic }, { ...visual, times: allDance }, duration, settings, evidence.shifts);
-  return { ...numbers, sentence: hitSentence(numbers, words), allMusic, allDance, visual };
+  return { ...numbers, sentence: hitSentence(numbers, words, settings.matching), allMusic, allDance, visual };
 }
 
-function hitSentence(numbers, words) {
+function hitSentence(numbers, words, matching) {
   if (!numbers.beats || !numbers.movements) return numbers.beats ? words.unseen : words.unheard;
   const luck = numbers.p === null ? "" : words[numbers.p <= 0.05 ? "more" : "luck"];
-  const p = numbers.p === null ? "" : numbers.p.toFixed(3);
-  return fill(words.hits, { ...numbers, chance: percent(numbers.chance) }) + fill(luck, { p });
+  const p = numbers.p === null ? "" : numbers.p.toFixed(3), chance = (matching === "many" ? "" : "at most ") + percent(numbers.chance);
+  return fill(words.hits, { ...numbers, chance }) + fill(luck, { p });
 }
 
 function saliencyNumbers({ evidence, words }, settings) {
