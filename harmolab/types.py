@@ -88,6 +88,8 @@ class Audio(Display):
         samples = _frozen(self.samples, "samples", dtype)
         if samples.ndim != 1 or samples.size == 0:
             raise ValueError(f"samples must be a non-empty mono array (S,), got shape {samples.shape}")
+        if np.asarray(self.samples).dtype.kind in "iu" and np.abs(samples).max() > 1:
+            raise ValueError("samples are whole numbers; divide them by full scale, such as 32768 for 16 bits")
         object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "sample_rate", _positive(self.sample_rate, "sample_rate"))
 

@@ -57,6 +57,11 @@ def test_stereo_becomes_the_mean_of_its_channels_and_its_header_tells_their_numb
     assert audio_info(tmp_path / "two.flac") == (8000, 1.5, 2, "FLAC")
 
 
+def test_channels_that_cancel_each_other_are_not_mixed(tmp_path: Path):
+    soundfile.write(tmp_path / "two.wav", np.stack([ramp(), -ramp()], axis=1), RATE, subtype="FLOAT")
+    np.testing.assert_allclose(load_audio(tmp_path / "two.wav", sample_rate=None).samples, ramp(), atol=1e-7)
+
+
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
     soundfile.write(tmp_path / "ramp.wav", ramp(), RATE, subtype="FLOAT")
     audio = load_audio(tmp_path / "ramp.wav", start=0.25, duration=0.5, sample_rate=None)
@@ -229,10 +234,11 @@ def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: st
     ("time\n0,250\n0,750\n1,250\n", [0.25, 0.75, 1.25]),
     ("0,250\n1,280\n2,310\n", [0.25, 1.28, 2.31]),
     ("0,500000\t0,500000\tbar 1\n2,500000\t2,500000\tbar 2\n", [0.5, 2.5]),
+    ("0,250000\t0,250000\n1,280000\t1,280000\n", [0.25, 1.28]),
     ("0,5\n1,0\n1,5\n", [0.5, 1.0, 1.5]),
     ("1,1\n2,5\n3,1\n", [1.0, 2.0, 3.0]),
     ("0,250\n1.5\n", None),
-    ids=["two a second", "slow", "Audacity", "one digit", "strengths", "mixed"],
+    ids=["two a second", "slow", "Audacity", "labels without a text", "one digit", "strengths", "mixed"],
 )
 def test_a_comma_may_be_that_of_a_decimal(tmp_path: Path, text: str, times: list[float] | None):
     path = write(tmp_path, "song.txt", text)

@@ -547,6 +547,24 @@ def test_landmarks_are_2d_with_equal_units_or_metres_with_y_up(tmp_path: Path):
     assert (motion.skeleton.joints, motion.skeleton.bones) == (("left_hip", "left_knee"), ((0, 1),))
 
 
+@cases("columns", 3, 4)
+def test_landmarks_whose_hips_stay_at_the_origin_are_in_metres(tmp_path: Path, columns: int):
+    body = np.random.default_rng(1).normal(scale=0.3, size=(10, 33, 4))
+    body[..., 3] = 0.9
+    body[:, 24, :3] = -body[:, 23, :3]
+    motion = load_motion(save(tmp_path / "d.npy", body[..., :columns]), fps=25, up="y")
+    assert motion.skeleton == MEDIAPIPE_33
+    np.testing.assert_allclose(motion.positions, body[..., :3] * [1, -1, -1])
+    picture = save(tmp_path / "e.npy", np.clip(body[..., :columns] + 0.5, 0, 1))
+    assert load_motion(picture, fps=25).positions.shape[2] == (3 if columns == 3 else 2)
+    told = {
+        "fps": 25.0,
+        "frames": [[dict(zip(("x", "y", "z", "visibility"), row, strict=False)) for row in body[0]]] * 2,
+    }
+    assert load_motion(as_json(tmp_path / "d.json", told)).positions.shape == (2, 33, 3)
+    assert load_motion(as_json(tmp_path / "p.json", {**told, "world": False})).positions.shape == (2, 33, 2)
+
+
 def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
     path = as_json(tmp_path / "dance.json", {"fps": 30.0, "frames": [landmarks(0.2), {"landmarks": landmarks(0.4)}]})
     assert (load_keypoints(path).fps, load_keypoints(path, fps=24).fps) == (30, 24)

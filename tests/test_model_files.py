@@ -17,12 +17,12 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import harmolab.readers.c3d as c3d_reader
-from harmolab.body.skeletons import standing_height
+from harmolab.body.skeletons import Skeleton, standing_height
 from harmolab.cli import app
 from harmolab.cli.data_check import check
 from harmolab.files import MissingFrameRate
 from harmolab.lab.evaluate.pairing import Song, folder_pairs
-from harmolab.readers.keypoints import COCO_17
+from harmolab.readers.keypoints import COCO_17, HUMAN36M_17
 from harmolab.readers.motion import load_motion, read_motion
 from harmolab.readers.smpl import SMPL_22, SMPL_24, load_body, neutral_body
 from tests.builders import called, cases, complaint, done, missing, refused
@@ -536,6 +536,31 @@ def test_frames_of_bailando_that_hold_no_dance_are_refused_by_name(tmp_path: Pat
 def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):
     poses = np.random.default_rng(1).normal(size=(40, 72)) * np.linspace(0, 1, 40)[:, None]
     refused(r"d\.npy: holds no joints: the thigh changes", load_motion, saved(tmp_path / "d.npy", poses), fps=60)
+
+
+def test_rotations_that_move_little_are_told_from_joints_by_a_remark(tmp_path: Path):
+    poses = np.random.default_rng(1).normal(size=(40, 24, 3)) * 0.4 + 0.5
+    kind, notes = read_motion(saved(tmp_path / "d.npy", poses), fps=60)[1:]
+    assert kind == "24 joints of SMPL" and notes[-1].startswith("joints (guessed: bones change their lengths by")
+    assert not [note for note in read_motion(saved(tmp_path / "d.npy", moving_joints()), fps=60)[2] if "bones" in note]
+
+
+def swinging_bones(skeleton: Skeleton, frames: int = 60) -> np.ndarray:
+    """(T, J, 3) joints whose bones swing about where they hang, each at its own rate, a fifth of a metre long."""
+    rng, joints = np.random.default_rng(2), np.zeros((frames, len(skeleton.joints), 3))
+    for parent, joint in sorted(skeleton.bones, key=lambda bone: bone[0]):
+        angle = rng.uniform(0, 6) + 0.5 * np.sin(rng.uniform(0.1, 0.3) * np.arange(frames))
+        joints[:, joint] = joints[:, parent] + 0.2 * np.stack([np.sin(angle), np.cos(angle), 0 * angle], axis=1)
+    return joints
+
+
+@cases("skeleton", HUMAN36M_17, COCO_17)
+def test_17_joints_are_those_of_the_skeleton_whose_bones_keep_their_lengths(tmp_path: Path, skeleton: Skeleton):
+    joints = swinging_bones(skeleton) + np.random.default_rng(3).normal(scale=0.01, size=(60, 17, 3))
+    motion, kind, _ = read_motion(saved(tmp_path / "d.npy", joints), fps=30, scale=1.0, up="y")
+    assert motion.skeleton == skeleton
+    assert kind == f"17 joints of {'COCO' if skeleton == COCO_17 else 'Human3.6M'}"
+    np.testing.assert_allclose(motion.positions, joints)
 
 
 # HumanML3D

@@ -44,6 +44,7 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     (r"samples must be a non-empty mono array \(S,\), got shape \(2, 5\)", Audio, (np.zeros((2, 5)), 8000)),
     ("samples must be a non-empty mono array", Audio, ([], 8000)),
     (r"samples holds NaN or infinity \(first at index 1\)", Audio, ([0.0, np.nan], 8000)),
+    ("samples are whole numbers; divide them by full scale", Audio, (np.array([0, 9], np.int16), 8000)),
     ("sample_rate must be positive and finite, got 0", Audio, ([0.0], 0)),
     ("sample_rate must be positive and finite", Audio, ([0.0], float("nan"))),
     ("sample_rate must be a number, got 'fast'", Audio, ([0.0], "fast")),

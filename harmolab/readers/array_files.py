@@ -38,9 +38,14 @@ from harmolab.types import FloatArray
 # Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON
 
 SKELETONS = {len(skeleton.joints): skeleton for skeleton in (keypoints.COCO_17, SMPL_22, SMPL_24)}
+# Of as many joints, in another order: where its bones keep their lengths better.
+_OTHERS = {17: keypoints.HUMAN36M_17}
+_NAMES = {keypoints.COCO_17: "COCO", keypoints.HUMAN36M_17: "Human3.6M", SMPL_22: "SMPL", SMPL_24: "SMPL"}
 KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "positions")
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
 _STRETCH = 0.5
+_STEADY = 0.25  # the same of all bones, above which it is told
+_BETTER = 0.75  # share of the one skeleton's stretch below which the other's is smaller
 _FRAME_KEY = "3d_pose"
 
 
@@ -90,12 +95,12 @@ def joint_motion(
     options.check_no_body()
     rate = options.rate(own_fps)
     joints = array.reshape(len(array), -1, 3)
-    skeleton = SKELETONS[joints.shape[1]]
+    skeleton, remarks = steady_skeleton(joints)
     _check_thighs(joints, skeleton)
     factor, unit = motion_file.metre_factor(joints, options)
     places, up = _upright(in_metres(joints, factor), skeleton, options)
-    name = kind or f"{len(skeleton.joints)} joints of {'COCO' if skeleton is keypoints.COCO_17 else 'SMPL'}"
-    return motion_file.MotionFile(checked_motion(places, rate, skeleton), name, (unit, up))
+    name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
+    return motion_file.MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
 
 
 def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.ReadingOptions) -> motion_file.MotionFile:
@@ -140,14 +145,30 @@ def _upright(places: FloatArray, skeleton: Skeleton, options: motion_file.Readin
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
     """ValueError where the left thigh changes its length as no bone does."""
     hip, knee = (skeleton.joints.index(f"left_{part}") for part in ("hip", "knee"))
-    with np.errstate(over="ignore", invalid="ignore"):
-        lengths = np.linalg.norm(joints[:, knee] - joints[:, hip], axis=1)
-        is_bone = bool(lengths.std() <= _STRETCH * lengths.mean())
-    if not is_bone:
+    if not _stretch(joints, [(hip, knee)]) <= _STRETCH:
         raise ValueError(
             "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
             "from .npz or .pkl with poses and trans"
         )
+
+
+def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[motion_file.Assumption, ...]]:
+    """The skeleton of joints (T, J, 3) whose bones keep their lengths, and a remark where those of none do."""
+    usual = SKELETONS[joints.shape[1]]
+    other = _OTHERS.get(joints.shape[1], usual)
+    skeleton = other if _stretch(joints, other.bones) < _BETTER * _stretch(joints, usual.bones) else usual
+    if (stretch := _stretch(joints, skeleton.bones)) <= _STEADY:
+        return skeleton, ()
+    reason = f"bones change their lengths by {stretch:.0%}; SMPL rotations are read from .npz or .pkl"
+    return skeleton, (motion_file.Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"),)
+
+
+def _stretch(joints: FloatArray, bones: Sequence[tuple[int, int]]) -> float:
+    """Standard deviations over means of the lengths of bones, both summed."""
+    parents, children = np.array(bones).T
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(joints[:, children] - joints[:, parents], axis=2)
+        return float(lengths.std(axis=0).sum() / lengths.mean(axis=0).sum())
 
 
 # HumanML3D's vectors of 263 numbers a frame to the places of 22 joints (Guo et al. 2022, "Generating Diverse and
@@ -270,7 +291,8 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
             return _joint_motion(values, file, options)
         named, notes = _named_rate(file, options)
         rate = options.rate(named)
-        if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
+        is_world = keypoints.are_world_landmarks(values)
+        if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return motion_file.as_read(
                 keypoints.keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes
             )

@@ -151,7 +151,7 @@ def _span_frames(frames: int, rate: int, start: float, duration: float | None, m
 
 
 def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
-    """`count` frames from `first`, the mean of the channels."""
+    """`count` frames from `first`, mixed to one channel."""
     if first:
         sound.seek(first)
     parts = []
@@ -159,7 +159,7 @@ def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
         # Written so that NaN fails it too.
         if not (np.abs(block) < MAX_AMPLITUDE).all():
             raise ValueError(f"holds NaN, infinity or amplitudes over {MAX_AMPLITUDE:g} (full scale is 1)")
-        parts.append(block.mean(axis=1))
+        parts.append(_mixed(block))
     lost = count - sum(map(len, parts))
     if lost > 0.1 * sound.samplerate or lost == count:
         raise ValueError(
@@ -167,6 +167,12 @@ def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
             "read the part that is there with duration"
         )
     return np.concatenate(parts)
+
+
+def _mixed(block: NDArray[Any]) -> NDArray[Any]:
+    """The mean of the channels (frames, channels), or the first where they cancel: one may be another's inverse."""
+    mean = block.mean(axis=1)
+    return block[:, 0] if np.abs(mean).max() < 0.01 * np.abs(block[:, 0]).max() else mean
 
 
 def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:

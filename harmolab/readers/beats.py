@@ -40,7 +40,7 @@ ANNOTATION_RATE = 1000.0
 
 _MAX_BEATS = 100_000
 _SUFFIXES = (".beats", ".csv", ".txt", ".json")
-_LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # a moment in Audacity's labels: its time twice, and a text
+_LABEL = re.compile(r"^\s*(\S+)\t\1(\t.*)?$")  # a moment in Audacity's labels: its time twice, and perhaps a text
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
-    if header:
+    if header and all(_LABEL.match(line) for _, line in lines if line.strip()):
         lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]

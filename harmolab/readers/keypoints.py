@@ -61,6 +61,15 @@ COCO_17 = Skeleton(
     (-1, 0, 0, 1, 2, 0, 0, 5, 6, 7, 8, 5, 6, 11, 12, 13, 14),
 )
 
+# Lifts of a picture into space (VideoPose3D, MotionBERT) write Human3.6M's 17, those of a picture COCO's.
+HUMAN36M_17 = Skeleton(
+    (
+        *("pelvis", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle", "spine", "thorax"),
+        *("neck", "head", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist"),
+    ),
+    (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 8, 11, 12, 8, 14, 15),
+)
+
 _HEAD_AND_ARMS = ("nose", "neck", *_branches("shoulder", "elbow", "wrist"))
 _FACE = (*_branches("eye"), *_branches("ear"))
 
@@ -289,6 +298,7 @@ def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)
 SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
+_ORIGIN = 0.01  # metres, or share of a picture
 BAILANDO_END = "_kps.json"
 MOST_CONFIDENCE = 2.0  # some estimators go a little beyond 1
 FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
@@ -352,15 +362,20 @@ def described_motion(
     rate = about.get("fps") if fps is None else fps
     if rate is None:
         raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
-    is_world = about.get("world", False) if world is None else world
-    if not isinstance(is_world, bool):
+    is_world = about.get("world") if world is None else world
+    if not isinstance(is_world, bool | None):
         raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
     ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
     return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
 
 
 def keypoints_motion(
-    values: NDArray[Any], fps: Any, *, joints: Sequence[str] | None = None, world: bool = False, aspect: float = 1.0
+    values: NDArray[Any],
+    fps: Any,
+    *,
+    joints: Sequence[str] | None = None,
+    world: bool | None = None,
+    aspect: float = 1.0,
 ) -> Motion:
     """A Motion from an array of key points; gaps are filled and marked.
 
@@ -370,9 +385,9 @@ def keypoints_motion(
         Or MediaPipe's landmarks, (T, 33, 3) or (T, 33, 4) x, y, z and visibility, NaN in frames without anybody.
     fps : float, frames per second
     joints : names to keep, optional
-    world : bool
+    world : bool or None
         World landmarks (metres from the hips, so travel is lost): 3-D, y up. Else image landmarks: 2-D, x and y as
-        shares of the picture's width and height.
+        shares of the picture's width and height. None: world landmarks where the hips stay at the origin.
     aspect : float
         Width over height of the picture, so that both directions of image landmarks are in one unit.
 
@@ -391,7 +406,8 @@ def keypoints_motion(
     if are_landmarks:
         if not (np.isfinite(aspect) and 0.1 <= aspect <= 10):
             raise ValueError(f"aspect is width over height and must lie between 0.1 and 10, got {aspect}")
-        scale = np.array([1.0, -1.0, -1.0] if world else [aspect, 1.0])
+        is_world = are_world_landmarks(points) if world is None else world
+        scale = np.array([1.0, -1.0, -1.0] if is_world else [aspect, 1.0])
         places, valid = _seen_landmarks(points)
         return checked_motion(places[:, keep, : scale.size] * scale, fps, part, valid)
     points = points[:, keep]
@@ -416,6 +432,15 @@ def _at_the_corner(places: NDArray[Any]) -> BoolArray:
         size = np.nanmedian((np.nanmax(places, axis=1) - np.nanmin(places, axis=1)).max(axis=1))
         usual = np.linalg.norm(np.nanmedian(places, axis=0), axis=1)
     return np.asarray(corner & (usual > size / 2))
+
+
+def are_world_landmarks(landmarks: NDArray[Any]) -> bool:
+    """True for MediaPipe's landmarks (T, 33, 3 or 4) whose hips stay at the origin, as those in metres do."""
+    if landmarks.ndim != 3 or landmarks.shape[1] != _LANDMARKS or landmarks.shape[2] not in (3, 4):
+        return False
+    hips = landmarks[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :2].mean(axis=1)
+    seen = hips[~np.isnan(hips).any(axis=1)]
+    return bool(len(seen)) and bool(np.median(np.abs(seen).max(axis=1)) < _ORIGIN)
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:

@@ -22,7 +22,7 @@ from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
 from harmolab.params import DANCES
-from harmolab.readers.array_files import SKELETONS
+from harmolab.readers.array_files import SKELETONS, steady_skeleton
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
 
@@ -255,7 +255,7 @@ def _motion(value: Positions, name: str, fps: float | None, skeleton: Skeleton |
         joints = positions.shape[1]
         if skeleton is None and joints not in SKELETONS:
             raise ValueError(f"has {joints} joints: pass skeleton=harmolab.Skeleton(names, parents)")
-        return Motion(positions, fps, SKELETONS[joints] if skeleton is None else skeleton)
+        return Motion(positions, fps, steady_skeleton(positions)[0] if skeleton is None else skeleton)
 
 
 def _array(value: Any, name: str) -> FloatArray:

@@ -9,6 +9,7 @@ import csv
 import hashlib
 import io
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -267,10 +268,12 @@ def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> No
         if isinstance(old, dict) and isinstance(new, dict):
             _compare(path, {f"{name}.{key}": old[key] for key in old}, {f"{name}.{key}": new[key] for key in new})
         elif old != new:
-            fault = f"{name} is {_short(old)}, but {_short(new)} is asked for"
+            fault = f"{name} is {_where_they_differ(old, new)}, but {_where_they_differ(new, old)} is asked for"
             raise ValueError(f"{path}: {fault}; ask for the same, or choose another folder")
 
 
-def _short(value: Any) -> str:
+def _where_they_differ(value: Any, other: Any) -> str:
+    """The JSON of a value, of a long one the 40 characters about the first in which it differs from another's."""
     text = json.dumps(value)
-    return text if len(text) <= 40 else f"{text[:40]}..."
+    start = max(0, len(os.path.commonprefix([text, json.dumps(other)])) - 20) if len(text) > 40 else 0
+    return "..." * (start > 0) + text[start : start + 40] + "..." * (start + 40 < len(text))
