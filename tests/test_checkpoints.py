@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -320,6 +321,16 @@ def test_a_file_is_no_folder(tmp_path: Path):
 )
 def test_run_with_other_settings_or_units_is_not_resumed(changes: dict[str, Any], words: str, half: Path, train: Train):
     assert refused(half, lambda: train(half, **changes, resume=True)).startswith(f"{half}/{words}")
+
+
+def test_the_place_in_which_long_settings_differ_is_shown(tmp_path: Path):
+    split, names = SimpleNamespace(to_dict=dict), [f"dance {number}" for number in range(20)]
+    with checkpoints.open_folder(tmp_path, {"dances": names}, split, resume=False):
+        pass
+    fault = r'dances is \.\.\..*"dance 12".*\.\.\., but \.\.\..*"another".*\.\.\. is asked for'
+    other = {"dances": [*names[:12], "another", *names[13:]]}
+    with pytest.raises(ValueError, match=fault), checkpoints.open_folder(tmp_path, other, split, resume=True):
+        pass
 
 
 @cases(

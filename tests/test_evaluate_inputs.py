@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from harmolab.cli import app
 from harmolab.cli.data_check import check
+from harmolab.lab.evaluate import pairing
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances, evaluation_pairs
 from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs, song_of
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
@@ -346,6 +347,14 @@ def test_links_that_lead_nowhere_or_to_a_neighbour_are_no_seeds(faults: Path, tm
         "seed3": "is a link that leads nowhere",
         "self": "is a link that leads nowhere",
     }
+
+
+def test_dances_that_lie_deeper_than_a_seed_are_missing_by_name(faults: Path, tmp_path: Path) -> None:
+    shutil.copytree(faults / "recorded", tmp_path / "seed1")
+    shutil.copytree(faults / "recorded", tmp_path / "run" / "seed2")
+    paired = folder_pairs("x", tmp_path, [Song(f"song{n}", Path(f"song{n}.wav")) for n in (0, 1)])
+    assert {pair.seed for pair in paired.pairs} == {"seed1"}
+    assert [(one.file.name, one.reason, one.system) for one in paired.unpaired] == [("seed2", pairing.TOO_DEEP, "x")]
 
 
 @pytest.mark.slow

@@ -35,6 +35,7 @@ _SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a 
 _SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
 COLUMNS = ("motion", "music", "system", "seed", "offset")  # of a list of pairs; the first two must be there
 NO_MOTION = "is no motion file"
+TOO_DEEP = "holds dances a folder deeper than a seed's; name the folder that holds it as the system's"
 LISTED, SLICED = "listed", "slice"  # where the start of a dance is from: a list, the number of its slice
 MOST_SECONDS = 36_000.0  # ten hours: no dance begins later in its song
 
@@ -241,9 +242,17 @@ def _motions(folder: Path, unpaired: list[Unpaired], system: str = "") -> Iterat
         elif path.is_dir():
             inside = _entries(path)
             yield from ((path.name, motion) for motion in inside if is_motion(motion))
-            unpaired += [Unpaired(one, NO_MOTION) for one in inside if not is_motion(one)]
+            others = [one for one in inside if not is_motion(one)]
+            unpaired += [
+                Unpaired(one, TOO_DEEP, system) if _holds_motions(one) else Unpaired(one, NO_MOTION) for one in others
+            ]
         else:
             unpaired.append(Unpaired(path, NO_MOTION))
+
+
+def _holds_motions(path: Path) -> bool:
+    """True for a folder with motions in it."""
+    return path.is_dir() and any(map(is_motion, _entries(path)))
 
 
 def _useless_link(path: Path) -> str:

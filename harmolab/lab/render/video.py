@@ -257,7 +257,8 @@ def retime_files(
     Parameters
     ----------
     song, motion, offset, dance, beats, one : as in `load_clip`; `motion` may also be a video
-        A video moves as its dancer does (`harmolab.lab.explain.filmed.filmed_motion`).
+        A video moves as its dancer does (`harmolab.lab.explain.filmed.filmed_motion`), and begins with the song where
+        `offset` is left out; `harmolab.lab.explain.offset.find_sound_offset` finds where else, by the sound.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     params : HarmonyParams of the number before and after, as in `harmolab.verdict.judge.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`

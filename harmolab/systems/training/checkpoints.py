@@ -8,8 +8,8 @@ of ``split.json``.
 import csv
 import hashlib
 import io
+import itertools
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -274,6 +274,7 @@ def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> No
 
 def _where_they_differ(value: Any, other: Any) -> str:
     """The JSON of a value, of a long one the 40 characters about the first in which it differs from another's."""
-    text = json.dumps(value)
-    start = max(0, len(os.path.commonprefix([text, json.dumps(other)])) - 20) if len(text) > 40 else 0
+    text, against = json.dumps(value), json.dumps(other)
+    same = sum(itertools.takewhile(bool, (a == b for a, b in zip(text, against, strict=False))))
+    start = max(0, same - 20) if len(text) > 40 else 0
     return "..." * (start > 0) + text[start : start + 40] + "..." * (start + 40 < len(text))
