@@ -108,7 +108,8 @@ def named_faults(name: object) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from None
+        text = str(error).removeprefix(f"{name}: ").removeprefix(f"{Path(str(name)).name}: ")
+        raise ValueError(f"{name}: {text}") from None
 
 
 def _check_file(path: Path, max_bytes: int | None) -> None:

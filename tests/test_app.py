@@ -24,7 +24,7 @@ from tests.builders import cases, planted_dance, refused, write_pair
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
 from tests.test_listening_presenting import ask
-from tests.tiny_app import echo
+from tests.tiny_app import echo, placed
 
 ENDINGS = {"dance": (".mp4", ".npz"), "song": (".wav", ".mp4")}
 
@@ -53,9 +53,9 @@ def finished(server: AppServer, is_true: Callable[[dict[str, Any]], bool] = lamb
     raise AssertionError(f"still {now}")
 
 
-def after(server: AppServer, task: str) -> dict[str, Any]:
+def after(server: AppServer, task: str, **words: str) -> dict[str, Any]:
     """The state once an order is done."""
-    order(server, task=task)
+    order(server, task=task, **words)
     return finished(server)
 
 
@@ -162,6 +162,14 @@ def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
     assert (state(server)["offset"], state(server)["lines"], state(server)["number"]) == (None, [], 0)
 
 
+def test_a_dance_is_made_to_fit_where_the_last_verdict_found_it_and_not_where_it_was_said_to_be():
+    server = AppServer(placed, ENDINGS)
+    with server.running():
+        for words, place in (({}, "3.0"), ({"offset": "1.5"}, "None"), ({}, "3.0")):
+            assert after(server, "judge", **words)["lines"] == [words.get("offset", "None")]
+            assert after(server, "fit")["lines"] == [place]
+
+
 @pytest.mark.slow
 def test_a_fault_or_the_end_of_the_worker_is_a_sentence_and_the_app_lives_on(server: AppServer):
     put(server, "dance/x.mp4")
@@ -261,16 +269,16 @@ def phone_video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return film(tmp_path_factory.mktemp("film") / "phone.mp4", motion, sound, Phone(height=240))
 
 
-def dropped(page: Any, path: Path) -> None:
-    """Drop a file on the page, as from a folder on the desktop."""
+def dropped(page: Any, *paths: Path) -> None:
+    """Drop files on the page, as from a folder on the desktop."""
     page.evaluate(
-        """async ([name, bytes]) => {
-          const transfer = new DataTransfer(), content = Uint8Array.from(atob(bytes), one => one.charCodeAt(0));
-          transfer.items.add(new File([content], name));
+        """async files => {
+          const transfer = new DataTransfer(), content = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
+          for (const [name, text] of files) transfer.items.add(new File([content(text)], name));
           const options = { dataTransfer: transfer, bubbles: true, cancelable: true };
           document.body.dispatchEvent(new DragEvent("drop", options));
         }""",
-        [path.name, b64encode(path.read_bytes()).decode()],
+        [[path.name, b64encode(path.read_bytes()).decode()] for path in paths],
     )
 
 
@@ -337,10 +345,16 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     (tmp_path / "wrong.txt").write_text("x")
     dropped(page, tmp_path / "wrong.txt")
     assert page.inner_text("#fault").startswith("wrong.txt: a song ends in .wav")
-    for path in (song, dance):
-        dropped(page, path)
+    dropped(page, tmp_path / "wrong.mp4", dance)
+    fault = f"wrong.mp4, {dance.name}: several files for the dance; drop each on its own field."
+    assert page.inner_text("#fault") == fault
+    page.evaluate("document.querySelector('details.more').open = true")
+    page.fill("#offset", "7")
+    dropped(page, song, tmp_path / "wrong.txt", dance)
+    assert page.input_value("#offset") == ""  # it was said of another dance
     page.wait_for_selector("#song.full")
     waited(page)
+    assert page.inner_text("#fault").startswith("wrong.txt: a song ends in .wav")
     page.click("#fit")
     page.wait_for_selector("#fault:has-text('it is not known yet')", timeout=60_000)
     page.click("#judge")

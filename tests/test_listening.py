@@ -291,6 +291,13 @@ def test_files_of_two_raters_merge(tmp_path: Path):
     assert (merged.raters, len(merged.answers), merged.notes, merged.simulated) == (("Ada", "Bob"), 2, (), False)
 
 
+def test_the_earlier_of_two_answers_counts_whatever_its_file_is_called(tmp_path: Path):
+    paths = two_logs(tmp_path, choice="inharmonious", time="2000-01-01T00:00:00+00:00")
+    merged = files.merge(paths)
+    assert [answer.choice for answer in merged.answers] == ["inharmonious"] != [ANSWER.choice]
+    assert merged.notes == (f"{paths[0]}: line 1: Ada had answered trial 111111111111 before; left out",)
+
+
 def test_of_two_answers_of_a_rater_to_a_trial_the_first_counts_and_the_second_is_reported(tmp_path: Path):
     paths = two_logs(tmp_path, choice="inharmonious")
     merged = files.merge(paths)

@@ -6,6 +6,15 @@ import time
 from harmolab.lab.app import Order, Teller, Work
 
 
+def placed() -> Work:
+    """Work that finds each dance at 3 s of its song; "fit" says which place it was told."""
+
+    def work(order: Order, teller: Teller) -> None:
+        teller.lines([str(order.offset)], offset=3.0 if order.offset is None else order.offset)
+
+    return work
+
+
 def echo() -> Work:
     """Work that is done at once: "judge" says the names of its files, "fit" fails, "dance" breaks off."""
 

@@ -55,6 +55,7 @@ def judge(order: Order, teller: Teller) -> None:
     params = recommended(None, order.style)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
+    notes += [f"Judged as a {order.style}, as you said."] if order.style else []
     notes += _tempo(song, order.style, result.music)
     lines, offset = [without_options(line) for line in (*result.summary, *notes)], result.placement.seconds
     teller.lines(lines, is_good=result.is_together, offset=offset)
@@ -105,7 +106,9 @@ def fit(order: Order, teller: Teller) -> None:
         song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
     )  # fmt: skip
-    teller.lines([*_bent(retimed, dance), *_tempo(song, order.style, retimed.before.music)])
+    begin = order.offset if order.offset is not None else recorded_offset(dance) or 0.0
+    place = [f"Your dance begins at {begin + 0.0:.2f} s of the song."] if song != dance else []
+    teller.lines([*_bent(retimed, dance), *place, *_tempo(song, order.style, retimed.before.music)])
     if is_video(dance):
         teller.view("film", out, "Your video, in time")
         return
@@ -121,13 +124,15 @@ def _tempo(song: Path, style: str, music: BeatTrack) -> list[str]:
 
 def _bent(retimed: Retimed, dance: Path) -> list[str]:
     """Sentences about the bending, and the verdicts before and after."""
-    if retimed.warp.is_identity:
-        return ["Nothing was worth bending: your rests are near the beats already."]
+    if len(retimed.before.music) == 0:
+        return ["No beats were found in the music: nothing could be bent."]
     before, after = (
         reading_fault(score, dance, retimed.motion) or (score.judgement.verdict if score.judgement else "no verdict")
         for score in (retimed.before, retimed.after)
     )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]
+    if retimed.warp.is_identity:
+        return [f"Nothing was worth bending: {near[0]} of the beats have a rest near.", f"As it is: {before}"]
     return [
         f"Beats with a rest near: {near[0]} before, {near[1]} after.",
         f"Time was bent by {1000 * retimed.warp.bent:.0f} ms on average; no pose was changed.",

@@ -100,6 +100,8 @@ def _part(clip: Clip, start: float | None, seconds: float | None) -> tuple[Clip,
         raise ValueError(f"{clip.name}: there is no motion to show")
     scored = max(clip.offset + clip.shared_frame() / clip.motion.fps, 0.0)  # audio time at which the score begins
     if start is not None:
+        if start >= clip.audio.duration:
+            raise ValueError(f"{clip.name}: its music ends at {clip.audio.duration:.2f} s, before --start {start:g}")
         part = clip.span(start, seconds or clip.audio.duration - start)
         return part, start + part.offset - scored
     motion = clip.motion if seconds is None else clip.motion.span(0.0, seconds)

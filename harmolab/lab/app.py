@@ -216,7 +216,8 @@ class AppServer(LocalPage):
         self._shown: dict[str, Path] = {}  # address below the page -> file
         self._count = 0  # of orders
         self._state: dict[str, Any] = _fresh("")
-        self._offset: float | None = None  # seconds of the song at which the dance begins, of the last verdict
+        self._offset: float | None = None  # seconds of the song at which the last verdict found that the dance begins
+        self._is_looked_for = False  # whether that verdict looks for it
         with self._changing:
             self._worker = self._new_worker()
 
@@ -310,6 +311,9 @@ class AppServer(LocalPage):
             folder = self.folder / f"work{self._count}"
             folder.mkdir()
             self._state = _fresh(task, number=self._count)
+            self._is_looked_for = task == "judge" and offset is None
+            if task == "judge":
+                self._offset = None
             offset = self._offset if task == "fit" and offset is None else offset
             files = {slot: self._files.get(slot) for slot in SLOTS}
             self._worker.do(Order(task, **files, style=style, offset=offset, folder=folder))
@@ -333,7 +337,7 @@ class AppServer(LocalPage):
                 self._state["views"].append({**record["view"], "address": address})
             elif "lines" in record:
                 self._state |= {**record, "lines": [self._plain(line) for line in record["lines"]]}
-                self._offset = record.get("offset") if self._state["task"] == "judge" else self._offset
+                self._offset = record.get("offset") if self._is_looked_for else self._offset
             elif "step" in record:
                 self._state |= record
             elif self._state["working"]:

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -202,7 +202,7 @@ class AnswerLog:
 def merge(paths: Sequence[PathLike]) -> Answers:
     """The answers of all files; half lines are left out and noted.
 
-    Of two answers of a rater to a trial the first counts, and a note names the second.
+    Of two answers of a rater to a trial the first in time counts, and a note names the other.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def merge(paths: Sequence[PathLike]) -> Answers:
     """
     if not paths:
         raise ValueError("no answer files given")
-    answers: dict[tuple[str, str], Answer] = {}
+    answers: dict[tuple[str, str], _Line] = {}
     notes: list[str] = []
     study: tuple[str, PathLike] | None = None
     for path in paths:
@@ -223,11 +223,22 @@ def merge(paths: Sequence[PathLike]) -> Answers:
                     f"{path}: line {number} is of study {answer.study}, but {study[1]} is of study {study[0]}; "
                     "analyse each study alone"
                 )
-            first = answers.setdefault((answer.rater, answer.trial), answer)
-            if first is not answer:
-                repeated = f"{answer.rater} had answered trial {answer.trial} before"
-                notes.append(f"{path}: line {number}: {repeated}; left out")
-    return Answers(tuple(answers.values()), tuple(notes))
+            line = _Line(path, number, answer)
+            first = answers.setdefault((answer.rater, answer.trial), line)
+            if first is not line:
+                first, later = sorted((first, line), key=lambda one: one.answer.time)
+                answers[answer.rater, answer.trial] = first
+                repeated = f"{later.answer.rater} had answered trial {later.answer.trial} before"
+                notes.append(f"{later.path}: line {later.number}: {repeated}; left out")
+    return Answers(tuple(line.answer for line in answers.values()), tuple(notes))
+
+
+class _Line(NamedTuple):
+    """An answer, and where it stands."""
+
+    path: PathLike
+    number: int
+    answer: Answer
 
 
 def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
