@@ -1,4 +1,4 @@
-"""Files: one clear error for every damaged one, whole or no new ones, JSON, the cache, and progress over many.
+"""Files: one clear error for every damaged one, whole or no new ones, JSON, the cache, progress, tables of text.
 
 Nothing in a file is trusted: its size is looked at before it is read, and a loader raises ValueError or
 FileNotFoundError only, with the file's name first.
@@ -349,7 +349,7 @@ def _alone(name: str) -> Iterator[None]:
         yield
 
 
-# Small tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between.
+# Tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between
 
 MAX_ROWS = 1_000_000
 

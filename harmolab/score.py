@@ -1,7 +1,12 @@
-"""The paper's harmony score: intervals, hits, hitting score, F-measure, chance level (Eq. 10, 14-21).
+"""The paper's harmony score: salience, hits, hitting score, F-measure, chance level, null distribution (Eq. 10-21).
 
-The functions stand in the order of the equations. `score_harmony` puts them together for two beat tracks; the doors of
-`harmolab.verdict.judge` start from a motion and from a clip.
+Salience (Eq. 11-13) keeps the beats that a viewer or listener would notice (paper Sec. 3.3.1). The intervals between
+beats (Eq. 15-17) give the hits (Eq. 18), the hits the hitting score (Eq. 19) and the F-measure (Eq. 20-21). Beside them
+stand the chance level, harmony above chance, and the null distribution, in which the visual beats are rotated in time.
+The functions stand in this order.
+
+`score_harmony` puts the functions together for two beat tracks (Eq. 10, 14-21); the doors of `harmolab.verdict.judge`
+start from a motion and from a clip.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,7 +21,7 @@ from harmolab.params import HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares, rotations
 from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
 
-# Keeps the beats that a viewer or listener would notice (paper Sec. 3.3.1, Eq. 11-13).
+# Salience of beats (Eq. 11-13)
 
 
 def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "threshold") -> BoolArray:
@@ -105,7 +110,7 @@ def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
     return track.select(mask)
 
 
-# A score and its evidence: the record that scoring returns, and that pictures, pages and sentences read.
+# The score as a record, with its evidence
 
 MOST_CHANCE = 0.9  # share of the beats reached by chance, above which a score above chance says nothing
 
@@ -205,6 +210,8 @@ class HarmonyScore(Display):
         verdict = self.judgement.to_dict() if self.judgement else {}
         return dict(plain(numbers | counts | beats | verdict))
 
+
+# Intervals, hits, hitting score, F-measure (Eq. 15-21), and the chance level
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
@@ -323,6 +330,9 @@ def chance_level(visual_times: FloatArray, *, delay: float, duration: float) -> 
 def above_chance(share: float, chance: float) -> float:
     """h_cc = (share - c) / (1 - c): 0 is chance, 1 is everything; 0 when chance already reaches everything."""
     return (share - chance) / (1 - chance) if chance < 1 - EDGE else 0.0
+
+
+# Harmony of two beat tracks (Eq. 10, 14-21), with its null distribution
 
 
 def score_harmony(

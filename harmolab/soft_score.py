@@ -22,7 +22,7 @@ from harmolab.types import FloatArray
 from harmolab.verdict.bar_pattern import templates
 from harmolab.verdict.evidence import LEAST_PULSE
 
-# Soft visual beats of a batch of motions: joint speed, turning points, salience, relaxed (Eq. 7-9, 12-13).
+# Soft visual beats: joint speed, turning points, salience (Eq. 7-9, 12-13)
 
 RATE = 15.0  # hertz: steps of the curve are judged by what they would be at this rate, so that fps hardly matters
 
@@ -155,7 +155,7 @@ def frames_before_end(mask: Tensor) -> Tensor:
     return mask.flip(1).cummax(dim=1).values.flip(1)
 
 
-# The score of the shape of the body, differentiable: shape speed, and the rank of the music's beats in it.
+# The soft shape score: shape speed, and the rank of the music's beats in it
 
 SHAPE_RATE = 30.0  # hertz, at least: the rate of the shape speed; between its samples it is a straight line
 MOMENTS = 24  # a beat
@@ -414,6 +414,8 @@ def _chance(fits: Tensor, rows: Tensor, size: Tensor) -> Tensor:
     means = (moved.gather(1, rows) * inside).sum(dim=3) / inside.sum(dim=3).clamp(min=1)
     return means.amax(dim=1).mean(dim=1)
 
+
+# Soft hits, chance level and harmony (Eq. 11, 17-21)
 
 EDGE = 1e-7  # seconds: a beat exactly at the delay is a hit, also at the smallest tau
 REACH = 9.2  # widths of the hit kernel's edge beyond which it is nothing (below 1e-4)

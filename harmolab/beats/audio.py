@@ -1,8 +1,8 @@
-"""Audio to beats by librosa onset strength and tempo (Eq. 2-3). The whole track is tracked once, then sliced.
+"""Music beats of a sound by librosa's onset strength and tempo (Eq. 2-3), and clicks on beats, to judge them by ear.
 
-The tracked beats are laid on one steady grid where the music keeps one, else they follow it; see
-`harmolab.beats.tempo`. Analysis is cached on disk under a hash of the samples, so a song is listened to once; see
-`harmolab.files`.
+The whole track is tracked once, then sliced. The tracked beats are laid on one steady grid where the music keeps one,
+else they follow it; see `harmolab.beats.tempo`. Analysis is cached on disk under a hash of the samples, so a song is
+listened to once; see `harmolab.files`.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ from harmolab.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
-# State of librosa's tracker on this machine: compiled or not, as numba's cache tells.
+# librosa's tracker on this machine: compiled or not, as numba's cache tells
 
 
 def is_tracker_compiled() -> bool:
@@ -48,7 +48,7 @@ def _numba_caches() -> list[Path]:
     return [*beside, user_cache_path("numba", appauthor=False)]
 
 
-# Music with a click on each of its beats, to judge beats by ear.
+# Clicks on the beats, to judge them by ear
 
 SECONDS = 0.03  # of a click
 DECAY = 0.006  # seconds in which it falls to 1/e

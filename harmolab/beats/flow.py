@@ -1,20 +1,16 @@
-"""Visual beats from video: optical flow, directogram, impact envelope (Davis & Agrawala 2018).
+"""Visual beats from video: optical flow, directogram, impact envelope and its peaks (Davis & Agrawala 2018; Eq. 4-5).
 
 A dancer who stops makes an impact. Optical flow says how fast each pixel moves and where to; the directogram adds up
 the speed by direction, as a spectrogram adds up sound by pitch; speed lost in any direction makes the impact envelope,
 the counterpart of a sound's onset envelope; its peaks are the visual beats (Eq. 4-5 with flow as the motion trend).
-The second half, from the directogram on, is `beats.flow`.
+
+An impact is where braking is strongest. For a sudden stop that is the stop itself; in a smooth movement it comes about
+a tenth of a second before the standstill that `beats.visual` finds as a valley of the joint speed.
 
 Angles follow the picture: x to the right, y DOWN, so 0 is movement to the right, pi / 2 downwards, pi to the left and
 3 pi / 2 upwards. Speeds are picture heights per second, lags and windows are seconds, so that neither resolution nor
 frame rate decides what a beat is. The whole picture counts: a moving background counts as much as the dancer (Fig. 2),
 and a light that fades within a second looks like movement.
-
-Impacts: from a directogram to the envelope of sudden stops and its peaks (Davis & Agrawala 2018; Eq. 4-5).
-
-The directogram comes from `beats.flow`. An impact is where braking is strongest. For a sudden stop that is the stop
-itself; in a smooth movement it comes about a tenth of a second before the standstill that `beats.visual` finds as a
-valley of the joint speed.
 """
 
 from collections import deque
@@ -31,7 +27,7 @@ from harmolab.body.kinematics import refine_extrema, smooth
 from harmolab.files import Progress, silent
 from harmolab.types import BeatTrack, FloatArray, IntArray
 
-# Impacts: from a directogram to the envelope of sudden stops and its peaks (Davis & Agrawala 2018; Eq. 4-5).
+# Impact envelope and its peaks (Eq. 4-5)
 
 RADIUS = 0.15  # seconds, t_2 of Eq. 5
 AROUND = 0.3  # seconds
@@ -152,6 +148,8 @@ def envelope_beats(
     frames = local_peaks(envelope, radius_frames=radius_frames, threshold=threshold, mean_frames=mean_frames)
     return BeatTrack(refine_extrema(envelope, frames) / fps, envelope[frames], fps, len(envelope) / fps)
 
+
+# Optical flow and directogram, and the visual beats of a video
 
 Frame = NDArray[np.uint8]
 

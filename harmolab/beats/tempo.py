@@ -1,14 +1,13 @@
-"""The steady grid of a piece of music: one tempo and one phase that its onset envelope agrees with as a whole.
+"""The steady grid of a piece of music (one tempo, one phase), or a path of beats where the tempo moves.
 
 Dance music is made to a click. A tracker follows each hesitation of the sound: its beats scatter by tens of
-milliseconds and sometimes slip by one. A grid fitted to the whole piece does not. Where the tempo moves, the beats
-follow it; see `harmolab.beats.tempo`. Where neither explains the sound, the beats are unsure.
+milliseconds and sometimes slip by one. A grid that the onset envelope of the whole piece agrees with does not. Where
+the tempo moves, the beats follow it on a path. Where neither explains the sound, the beats are unsure.
 
-Paths of beats through a piece whose tempo moves, on the accents of its onset strength, and how well beats fit them.
-
-Both paths are the best of all by dynamic programming (Viterbi): a stiff one beside a constant grid, for music that
-wanders about one tempo, and a free one, for music that changes it. The freer a path, the more accents it finds where
-there is no beat at all; so a fit is judged on the path's smooth course, and a free path has to fit better.
+Both paths are the best of all by dynamic programming (Viterbi) on the accents of the onset strength: a stiff one beside
+a constant grid, for music that wanders about one tempo, and a free one, for music that changes it. The freer a path,
+the more accents it finds where there is no beat at all; so a fit is judged on the path's smooth course, and a free path
+has to fit better.
 """
 
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from harmolab.types import FloatArray, IntArray
 
-# Paths of beats through a piece whose tempo moves, on the accents of its onset strength, and how well beats fit
+# Paths of beats through a tempo that moves, and how well beats fit the accents
 
 SHARPNESS = 0.02  # seconds, standard deviation of the Gaussian under which beats read the accents
 STEPS = 64  # places in the beat that a stiff path may take
@@ -147,6 +146,8 @@ def smooth_course(beats: FloatArray) -> FloatArray:
     ends = PARABOLA.size // 2
     return np.concatenate([beats[:ends], np.convolve(beats, PARABOLA, "valid"), beats[-ends:]])
 
+
+# The steady grid: one tempo and one phase
 
 NEAR = 0.07  # seconds within which a tracked beat lies on a grid; mir_eval's tolerance
 STEADY = 0.9  # share of the tracked beats on the grid from which on music has one tempo throughout

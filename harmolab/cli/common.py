@@ -1,4 +1,4 @@
-"""Shared by several commands: arguments and options, checks of outputs, numbers for tables."""
+"""Shared by several commands: arguments and options, checks of options and outputs, numbers for tables, titles."""
 
 from __future__ import annotations
 
@@ -363,7 +363,7 @@ def print_table(
         console.print(sentence, markup=False, highlight=False)
 
 
-# Checks that every command makes of its options before it runs: finite numbers, and files that stay as they are.
+# Checks of options before a command runs: finite numbers, and files that stay as they are
 
 # Parameters that name what a command writes; all others are read.
 OUTPUTS = ("out", "why", "plot", "clicks", "csv", "save_reference")
@@ -534,7 +534,7 @@ def _paths(value: Any) -> Iterator[Path]:
     yield from (path for path in (value if isinstance(value, list | tuple) else [value]) if isinstance(path, Path))
 
 
-# Titles of pages, and the line of the shell that writes a page's dance as a video.
+# Titles of pages, and the line of the shell that writes a page's dance as a video
 
 FOLDER_NAMES = ("audio", "skeletons")  # files of a corpus, which the name of their folder tells apart
 

@@ -1,4 +1,7 @@
-"""`harmolab dance`: a song in, a dance out, and how well it went."""
+"""`harmolab dance`: a song in, a dance out, and how well it went: likeness to people, seams, fit to the music.
+
+The names of the files are checked before any work.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
     from harmolab.systems.choreographer.generate import Choreography
     from harmolab.types import Audio, BeatTrack, BoolArray, Motion
 
-# The files of a dance: their names, checked before any work, and what is written to each.
+# Files of a dance: their names, and what is written to each
 
 SUFFIXES = (*common.VIDEOS_OUT, ".html", ".bvh", ".npz")
 UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
@@ -105,7 +108,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
         write_dance(path, Clip(title, part, report.motion, beats=report.music), score=report.score, progress=progress)
 
 
-# All that `harmolab dance` says of a dance: whether it moves like people, how it was joined, how it fits the
+# The report on a dance
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 UNSURE = "laid on beats that a program found, which are unsure here"

@@ -102,7 +102,7 @@ def data_synth(
     typer.echo(f"{clips} clips in {out}")
 
 
-# `harmolab data convert`: a motion file of any kind to one of ours, or to BVH.
+# `harmolab data convert`: a motion file of any kind to one of ours, or to BVH
 
 
 @with_options
@@ -142,7 +142,7 @@ def convert(
         note(f"{out}: BVH cannot say that {(~read.motion.valid).sum()} frames are filler; they count as movement")
 
 
-# `harmolab data pose`: the body in a video as a motion file; and the question whether what finds it may be fetched.
+# `harmolab data pose`: the body in a video as a motion file; may what finds it be fetched?
 
 HOW = "`harmolab data pose --install` fetches what finds it, once"
 DECLINED = "poses_declined"  # file in the cache, once a question has been answered with no

@@ -1,4 +1,7 @@
-"""`harmolab evaluate`: folders of generated dances in, a table to publish out."""
+"""`harmolab evaluate` and `harmolab data learn`: tables of generated dances, scores over a corpus, bar patterns.
+
+Folders of generated dances in, a table to publish out, whole or in shards, and a row for the leaderboard.
+"""
 
 from __future__ import annotations
 
@@ -280,7 +283,7 @@ def submit(folder: Path, out: Path | None = None) -> None:
     raise typer.Exit(int(bool(faults) and out is None))
 
 
-# `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus.
+# `harmolab evaluate compare` and `harmolab data learn`: scores over a corpus
 
 
 def compare(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from harmolab.types import Clip
     from harmolab.verdict.judge import Judgement
 
-# Of a video: a motion and its music as a film that plays anywhere, or as a moving picture
+# Videos and moving pictures of a motion and its music
 
 GIF = ".gif"
 GIF_SECONDS, GIF_HEIGHT, GIF_RATE = 5.0, 240, 12.5  # unless asked for otherwise: some hundred kilobytes
@@ -205,7 +205,7 @@ def _page(
     player_of(clips, start=part.start, seconds=part.seconds, title=title, params=params, command=command).save(out)
 
 
-# `harmolab demo`: a first page to look at, without any file.
+# `harmolab demo`: a first page to look at, without any file
 
 NEXT = (
     "What next?",

@@ -1,4 +1,7 @@
-"""`harmolab score`: one motion against its music; with `--why` in words and on a page."""
+"""`harmolab score`: one motion against its music, with `--why` in words and on a page; or a folder of recordings.
+
+Of a folder each recording is a row; a fault in one is its row.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     from harmolab.score import HarmonyScore
     from harmolab.types import BeatTrack, Clip
 
-# With --why: how a dance, or a musician's hands, go with the sound, in words and on one page
+# `--why`: how a dance, or a musician's hands, go with the sound
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 WITHOUT_PAGE = ("seconds", "mode", "lag", "clock", "csv", "plot", "others")  # options of a score that no page has
@@ -130,7 +133,7 @@ def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
         save_playing_page(out, result)
 
 
-# `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
+# A folder of recordings, a row each
 
 ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 

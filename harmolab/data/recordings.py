@@ -1,4 +1,4 @@
-"""Folders of recordings on disk, in the layout of Tang et al. or in ours, one folder a recording.
+"""Folders of recordings on disk, in the layout of Tang et al. (2018) or in ours, one folder a recording, as clips.
 
 ==========  ====================================================================
 Tang 2018   skeletons.json, config.json, audio.mp3
@@ -8,7 +8,7 @@ both        beats.json, optional: beats, bars, dance, units, motion_offset_s
 
 The dance stands in beats.json or in the folder's name (DANCE_C, _R, _T, _W).
 
-The recordings of Tang et al. (2018), in their original layout: one folder with audio, config.json, skeletons.json.
+The layout of Tang et al. is one folder with audio, config.json and skeletons.json:
 
 ``config.json``
     ``{"start_position", "end_position"}``: the span of the audio that the motion belongs to, in frames at 25 fps.
@@ -16,7 +16,7 @@ The recordings of Tang et al. (2018), in their original layout: one folder with 
     ``{"length", "center": (T, 3), "skeletons": (T, 23, 3)}``: 25 fps, centimetres, y up, left-handed; the skeletons
     are relative to the centre.
 
-Properties of the recordings, and how the loader meets them:
+Properties of these recordings, and how the loader meets them:
 
 * The recordings are spliced from reused units; six steps of a straight line join two units. The six frames that such a
   line leads to are no recorded movement: `Motion.valid` is False there.
@@ -46,7 +46,7 @@ from harmolab.readers.motion import load_motion, load_offset, motion_part, read_
 from harmolab.readers.motion_file import MotionFile, ReadingKeywords
 from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, Motion
 
-# The recordings of Tang et al. (2018), in their original layout: one folder with audio, config.json
+# Recordings of Tang et al. (2018)
 
 FPS = 25.0
 
@@ -254,6 +254,8 @@ def on_the_floor(positions: FloatArray, first: list[int], last: list[int]) -> Fl
     shift = np.interp(np.arange(len(positions)), frames, np.repeat(floor, 2))
     return positions - shift[:, None, None] * np.array([0.0, 1.0, 0.0])
 
+
+# Folders of recordings, in either layout
 
 ReadingReport = Callable[[PathLike, MotionFile], object]  # called with a file's path and how it was read
 _MAX_DEPTH = 4

@@ -1,11 +1,12 @@
-"""The one camera of all pictures: a little beside the dancer's front, a little above, along with the dancer.
+"""The drawn person of all pictures: parts of the body by the names of its joints, one camera, filled outlines.
 
-The drawn parts of a body, from the names of its joints: head, filled trunk, limbs of two sides, feet and palms.
+The parts are head, filled trunk, limbs of two sides, feet and palms. Every part is a rounded hull: the outline around
+one to six discs. Their centres are weighted sums of joints, so that the page's script draws the same figure from the
+same numbers. Lengths are shares of the stature (segments as Drillis and Contini 1966, in Winter, "Biomechanics and
+motor control"). Skeletons without names of shoulders and hips are drawn as sticks, those without bones as dots.
 
-Every part is a rounded hull: the outline around one to six discs. Their centres are weighted sums of joints, so that
-the page's script draws the same figure from the same numbers. Lengths are shares of the stature (segments as Drillis
-and Contini 1966, in Winter, "Biomechanics and motor control"). Skeletons without names of shoulders and hips are
-drawn as sticks, those without bones as dots.
+The camera is a little beside the dancer's front, a little above, and goes along with the dancer. Outlines go from far
+to near, for any painter: OpenCV, matplotlib, the page's script.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +22,7 @@ from harmolab.metrics.features import point_joints
 from harmolab.readers.player_points import FINGERS, PROPS, joint_widths, limb_widths, playing_box
 from harmolab.types import FloatArray, IntArray, Motion
 
-# The drawn parts of a body, from the names of its joints: head, filled trunk, limbs of two sides, feet and palms.
+# Parts of a body, by the names of its joints
 
 # Left and right differ in lightness and between blue and yellow, which eyes without red or green tell apart; neither is
 # a colour of beats, hits or misses.
@@ -236,7 +237,7 @@ def _head(names: Names) -> FloatArray | None:
     return np.eye(len(names))[middle].mean(axis=0) if middle else None
 
 
-# One figure of a person for all pictures: the parts of the body, the camera, and outlines that any painter fills.
+# The camera and the stage
 
 
 DISTANCE = 3.4  # from the camera to the dancer, in heights of the dancer
@@ -392,7 +393,7 @@ def shared_wall(motions: Sequence[Motion]) -> FloatArray:
     return np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
 
 
-# Outlines of a person in a picture, from far to near, for any painter: OpenCV, matplotlib, the page's script.
+# Outlines of a person, from far to near
 
 CORNERS = 24  # of an outline
 PALER = 0.3  # share of white in the farthest part

@@ -1,4 +1,8 @@
-"""A dance and its music as one page that plays anywhere: in a notebook, in the offline report, as a file."""
+"""A dance and its music as one page that plays anywhere: in a notebook, in the offline report, as a file.
+
+The page holds the movement, the parts of the drawn person, and the camera. Its words are those of a dance or of a
+musician's hands. `demo` is a page to begin with, made of what comes with harmolab.
+"""
 
 import base64
 import io
@@ -30,7 +34,7 @@ from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motio
 from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
 
-# The movement of one dancer as a player's page holds it: positions, parts of the drawn person, and the camera.
+# Movement of one dancer, as the page holds it
 
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 LEVELS = 65535  # steps of a number in the page
@@ -98,7 +102,7 @@ def quantised(values: FloatArray) -> dict[str, Any]:
     return {"low": low.tolist(), "step": step.tolist(), "numbers": base64.b64encode(numbers.tobytes()).decode()}
 
 
-# Words of a player's page, of a dance or of a musician's hands, and the sentences that follow the sliders of a
+# Words of a page, and the sentences that follow the sliders of a lab
 
 
 @dataclass(frozen=True)
@@ -179,6 +183,8 @@ PLAIN_FACTS: Mapping[str, str] = {
     "foot skating, m/s": "speed of feet that slide on the floor, m/s",
 }
 
+
+# The player
 
 IN_TIME = 2  # the least level of a verdict that says that a dance is in time
 HEIGHT = 880  # pixels of the frame
@@ -536,7 +542,7 @@ def _checksum(page: bytes) -> int:
     return int(f"{zlib.crc32(page.translate(mirrored), 0xFFFFFFFF) ^ 0xFFFFFFFF:032b}"[::-1], 2)
 
 
-# A page to begin with, made of what comes with harmolab: one dance twice, in time with its music and late.
+# The demo: one dance twice, in time with its music and late
 
 SONG, TEMPO = "rumba", 75.0  # beats a minute
 SECONDS = 25.0

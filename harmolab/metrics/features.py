@@ -1,13 +1,16 @@
-"""Geometric features of a motion, one vector a clip: how often 32 things are true of the body (Müller et al. 2005).
+"""Features of a motion, one vector a clip (kinetic, geometric), and of sets: Frechet distance, diversity.
 
-"The right hand moves forward", "the left knee is bent": relations between points of the body, each true or false at a
-moment, as AIST++ (Li et al. 2021) uses them for Frechet distances and diversity. The tables hold points, directions and
-thresholds (Müller and Röder 2006); those of "aist++" are as AIST++'s code has them.
+Kinetic features say how much energy each joint has and spends (Onuma et al. 2008). They are made for Frechet distances
+and diversity, in the order and with the windows of AIST++ (Li et al. 2021), whose code took them from fairmotion.
+Masses are left out, so energies are squared speeds.
 
-Kinetic features of a motion, one vector a clip: how much energy each joint has and spends (Onuma et al. 2008).
+The likeness of two sets of motions as wholes is the Frechet distance of their features; the variety of one set is its
+diversity, or the multimodality of the dances to one song.
 
-Made for Frechet distances and diversity, in the order and with the windows of AIST++ (Li et al. 2021), whose code took
-them from fairmotion. Masses are left out, so energies are squared speeds.
+Geometric features say how often 32 things are true of the body (Müller et al. 2005). "The right hand moves forward",
+"the left knee is bent": relations between points of the body, each true or false at a moment, as AIST++ uses them, too.
+The tables hold points, directions and thresholds (Müller and Röder 2006); those of "aist++" are as AIST++'s code has
+them.
 """
 
 import math
@@ -25,7 +28,7 @@ from harmolab.body.skeletons import Skeleton, named_joints
 from harmolab.metrics.quality import Sampled, sampled
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
-# Kinetic features of a motion, one vector a clip: how much energy each joint has and spends (Onuma et al. 2008).
+# Kinetic features (Onuma et al. 2008)
 
 AIST_FPS = 60.0  # hertz; windows and differences of AIST++ are so many frames of this rate
 _BEFORE, _AFTER = 3, 2  # sixtieths before and after a moment that its window of five steps reaches
@@ -125,7 +128,7 @@ def _weights(dense: Sampled) -> FloatArray:
     return usable / usable.sum()
 
 
-# The points of the body that geometric features are about, from the joints of a skeleton by name.
+# Points of the body that geometric features are about, by the names of joints
 
 # Words for a part, the clearest first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
 # knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot.
@@ -192,7 +195,7 @@ def point_joints(skeleton: Skeleton) -> dict[str, int]:
     return points
 
 
-# Likeness of two sets of motions as wholes: Frechet distance of their features, and variety of one set.
+# Frechet distance, diversity and multimodality
 
 SPLITS = 10
 
@@ -352,6 +355,8 @@ def _own_bias(sample: FloatArray, rng: np.random.Generator) -> float:
     distance = np.mean([_distance(rows[:half], rows[half : 2 * half]) for rows in shuffled])
     return float(distance) / 2 * half / len(sample)
 
+
+# Geometric features (Müller et al. 2005)
 
 GEOMETRIC_FEATURES = (
     *("right hand moves forward", "left hand moves forward", "right hand above neck", "left hand above neck"),

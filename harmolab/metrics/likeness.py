@@ -12,14 +12,13 @@ ankles, jerk                                            least / 1.5            a
 jerk, crossed, turns, skating, stride, knees            most * 1.5             all dances
 ======================================================  =====================  ============================
 
+The measures are taken over at most half a minute, at 15 frames per second, in the body frame
+(`body.skeletons.body_frame`): the origin at the torso, turned with the hips, so that travel and turns of the whole body
+count as no movement. Jerk and skating are those of `metrics.quality`. Filler frames (`Motion.valid`) count nowhere. A
+measure that a body or a stretch cannot answer is left out.
+
 Dances of more than 30 s are measured in windows of 30 s that cover them evenly, and the worst window of each measure
 counts: what stands still for half a minute has stopped dancing, however it went on.
-
-Thirteen measures of the way a body moves, music aside, over at most half a minute.
-
-Taken at 15 frames per second in the body frame (`body.skeletons.body_frame`): the origin at the torso, turned with the
-hips, so that travel and turns of the whole body count as no movement. Jerk and skating are those of `metrics.quality`.
-Filler frames (`Motion.valid`) count nowhere. A measure that a body or a stretch cannot answer is left out.
 """
 
 import math
@@ -41,7 +40,7 @@ from harmolab.metrics.features import point_joints
 from harmolab.metrics.quality import foot_skating, jerk, or_nan, runs, spans, vector_lengths
 from harmolab.types import BoolArray, FloatArray, Motion
 
-# Thirteen measures of the way a body moves, music aside, over at most half a minute.
+# The thirteen measures
 
 MEASURES: Mapping[str, str] = MappingProxyType(
     {
@@ -202,6 +201,8 @@ def _bend(hip: FloatArray, knee: FloatArray, ankle: FloatArray) -> FloatArray:
 
 
 Range = tuple[float, float, float]  # minimum, median, maximum
+
+# Limits of recorded dancers, and a dance beside them
 
 MARGIN = 1.5  # how much less, or more, than any recording had
 AMOUNTS = ("spread", "poorest", "hands", "steps", "nearest", "inside")

@@ -1,5 +1,7 @@
-"""The bow of a violinist. Where it is depends on up or down, of which the sound says little; learnt with the squared
-error both are averaged, and the bow stands still.
+"""The bow of a violinist: its place taken out of the points that a network learns, and put back by its strokes.
+
+Where the bow is depends on up or down, of which the sound says little; learnt with the squared error both are averaged,
+and the bow stands still.
 
 So its place is taken out of the points before the network learns them; in its stead the network says where the bow
 turns. A stroke is as long as its loudness and duration say. Strokes alternate, and over a whole recording the louder

@@ -1,4 +1,10 @@
-"""Frames of a performance whose points cannot be trusted (readings 8 and 9): rejected by rule, filled in by lines."""
+"""Points of a performance cleaned: frames rejected by rule and filled in, camera shots, one place, size, direction.
+
+Frames whose points cannot be trusted are rejected by rule and filled in by lines (readings 8 and 9). In training their
+loss is masked, or lines stand in for them, or they are cut out (reading 9). Between two camera shots the trunk and most
+points jump at once and stay (reading 10). Recordings are brought to one place, size and direction by one similarity for
+each camera shot (Eq. 1, reading 10).
+"""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -15,7 +21,7 @@ from harmolab.musician.performances import Performance
 from harmolab.readers.player_points import HANDS_12, SIDES
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
-# Rejected frames in training (reading 9): their loss is masked, or lines stand in for them, or they are cut out.
+# Rejected frames in training: masked, bridged by lines, or cut out (reading 9)
 
 Gaps = Literal["mask", "interpolate", "splice"]
 
@@ -50,7 +56,7 @@ def usable_steps(usable: BoolArray, upsample: int) -> BoolArray:
     return np.asarray(usable[steps // upsample] & usable[-(-steps // upsample)])
 
 
-# Camera shots of a recording: between two of them the trunk and most points jump at once and stay (reading 10).
+# Camera shots (reading 10)
 
 SHOULDERS, HIPS, WRISTS, HANDS = (
     tuple(f"{side}_{part}" for side in SIDES) for part in ("shoulder", "hip", "wrist", "hand")
@@ -106,6 +112,8 @@ def _distance(points: FloatArray, others: FloatArray) -> FloatArray:
     away = points - others
     return np.median(np.hypot(away[..., 0], away[..., 1]), axis=-1)
 
+
+# Frames rejected by rule (reading 8) and filled in (reading 9)
 
 # (frame number, box: left, top, right, bottom) -> True where the person in that box is the player.
 Signature = Callable[[int, FloatArray], bool]
@@ -376,7 +384,7 @@ def _reason(performance: Performance, broken: NDArray[np.str_]) -> str:
     return f"{text} ({name} is not detected in {share:.0%} of them: leave such points out)" if share else text
 
 
-# Recordings brought to one place, size and direction (Eq. 1, reading 10): one similarity for each camera shot.
+# Recordings brought to one place, size and direction (Eq. 1, reading 10)
 
 Alignment = Literal["recording", "frame", "none"]
 

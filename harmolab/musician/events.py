@@ -1,13 +1,12 @@
-"""Events of playing: onsets of the sound, strikes of a pianist's fingers, turns of a violinist's bow.
+"""Events of playing (onsets of the sound, strikes of fingers, turns of the bow), and the harmony score of playing.
 
-The beats of a whole body say little about a musician, whose hands do the work (docs/readings_audio_to_body.md). What
-is done with the events is the score of `harmolab.score`.
+The beats of a whole body say little about a musician, whose hands do the work (docs/readings_audio_to_body.md): the
+strikes of a pianist's fingers, the turns of a violinist's bow.
 
-Does the playing meet the sound? The harmony score of strikes, or of turns of a bow, with the onsets of the sound.
-
-Hits and the error in pixels are two things: hands that shrink towards their mean pose win pixels and lose hits. Read
-the score of each hand with its own notes beside that of all, where a strike of the wrong hand counts as well. The score
-of the whole body, by which dances are judged, hardly sees a musician.
+Does the playing meet the sound? The score of the strikes, or turns, with the onsets of the sound is that of
+`harmolab.score`. Hits and the error in pixels are two things: hands that shrink towards their mean pose win pixels and
+lose hits. Read the score of each hand with its own notes beside that of all, where a strike of the wrong hand counts as
+well. The score of the whole body, by which dances are judged, hardly sees a musician.
 """
 
 from collections.abc import Iterable, Mapping
@@ -309,7 +308,7 @@ def _noise(curve: FloatArray, fps: float) -> float:
     return left * MAD * float(np.median(np.abs(steps))) / DIFFERENCE_NORM if steps.size else 0.0
 
 
-# Does the playing meet the sound? The harmony score of strikes, or of turns of a bow, with the onsets of the
+# The harmony score of playing
 
 REACH = 0.3  # seconds: how early or late hands are looked for as a whole
 STEP = 0.01  # seconds between the lags that are tried

@@ -1,10 +1,8 @@
-"""Key points of musicians: body and hands, with their confidence, from the files of pose estimators.
+"""Key points of musicians, body and both hands with their confidence, by name, from the files of pose estimators.
 
-`harmolab.musician.keypoints` says which files. Of several people in a picture, the musician is followed as
-`harmolab.readers.keypoints` follows a dancer. Left and right are the player's: in a mirrored picture (as front cameras
-make) an estimator names the mirror image's, and the keys run the wrong way, so ``mirrored`` turns both back.
-
-Musicians in the JSON of pose estimators: the body and both hands of every person, by name.
+Of several people in a picture, the musician is followed as `harmolab.readers.keypoints` follows a dancer. Left and
+right are the player's: in a mirrored picture (as front cameras make) an estimator names the mirror image's, and the
+keys run the wrong way, so ``mirrored`` turns both back.
 
 People
 ------
@@ -53,7 +51,7 @@ from harmolab.readers.arrays import checked_motion
 from harmolab.readers.player_points import BODY, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import BoolArray, FloatArray, Motion
 
-# Musicians in the JSON of pose estimators: the body and both hands of every person, by name.
+# Body and hands of every person in JSON, by name
 
 EXTRAS = ("nose", "neck")  # points of the head that some readers keep
 NAMES = (*PLAYER_50.joints, *EXTRAS)
@@ -233,6 +231,8 @@ def mirrored_names() -> list[int]:
 
 COMPARED = slice(0, len(BODY))  # people are told apart by their bodies: hands come and go
 
+
+# Points of one musician, followed through the files
 
 SURE = 0.3  # confidence from which on a point counts as detected
 LEAST_SHARE = 0.1  # of the frames; a point that is detected in fewer is left out

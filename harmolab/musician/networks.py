@@ -157,7 +157,7 @@ class KeptArrays(nn.Module):
         return self.kind(**{name: values.double().cpu().numpy() for name, values in self.named_buffers()})
 
 
-# A performance from sound: the network over a recording, in one pass.
+# A performance from sound: the network over a recording, in one pass
 
 
 def synthesize_performance(

@@ -1,8 +1,9 @@
-"""One page about a musician: do the hands meet the sound, where do they part, the player, the numbers, the doubts.
+"""Pages about musicians: hands beside their sound, performances that a network makes of a sound, avatars.
 
-Performances that a network makes of a sound: the points, the figure that is drawn, and how the hands meet the notes.
+The page about one musician says: do the hands meet the sound, where do they part, the player, the numbers, the doubts.
 
-With a truth, the playing that was filmed, also the error of the points and the score of both beside each other.
+A performance that a network makes of a sound is the points, the figure that is drawn, and how the hands meet the notes.
+With a truth, the playing that was filmed, it has also the error of the points and the score of both beside each other.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def _number(score: HarmonyScore) -> str:
     return f"{score.harmony_above_chance:.2f} ({low:.2f} to {high:.2f}; p = {score.p_value:.3f})"
 
 
-# Performances that a network makes of a sound: the points, the figure that is drawn, and how the hands meet the
+# Performances that a network makes of a sound
 
 if TYPE_CHECKING:  # torch is loaded by those who have a network
     from harmolab.musician.system import Audio2Body
@@ -335,7 +336,7 @@ def _dancers(performed: Performed) -> list[Dancer]:
     return [Dancer(TRUTH, drawn, truth.score.score, instead=truth.words.verdict, moving=hands), dancer]
 
 
-# Avatars of one or two musicians with one sound, in a player.
+# Avatars of one or two musicians with one sound, in a player
 
 
 def avatar_player(

@@ -1,12 +1,10 @@
-"""Performances of musicians on disk, one folder each; `harmolab.musician.performances` says which files it has.
-
-The files of a musician's performance: which of a folder's are the sound, the points and the notes.
+"""Performances of musicians on disk, one folder each (sound, points, notes), and splits that share no piece.
 
 ======================  ==============================================================================================
 sound                   ``audio.wav`` (.flac, .ogg, .mp3); else the only sound file; else the sound of the only video
 points                  ``motion.npz`` of ours; else the only file of key points (.json, .jsonl), or the only folder of
                         OpenPose's frames (``*_keypoints.json``), which may be this one
-``notes.csv``           optional; see `harmolab.musician.performances`. A folder without sound must have it
+``notes.csv``           optional; see below. A folder without sound must have it
 ``performance.json``    optional; an object with any of the fields below
 ======================  ==============================================================================================
 
@@ -29,7 +27,7 @@ points                  ``motion.npz`` of ours; else the only file of key points
 So the simplest folder is ``piano_1/`` with ``take.mp4`` and the folder ``openpose/``; or with ``song.wav`` and
 ``points.json``.
 
-Notes of a piece as a table of text, ``notes.csv``.
+The notes of a piece are a table of text, ``notes.csv``:
 
 =============  ===================================================================================
 column         content
@@ -74,7 +72,7 @@ from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.readers.video import average_rate, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
 
-# Performances of musicians: sound, the points of the player, the notes if they are known.
+# A performance: sound, the points of the player, the notes if they are known
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +119,7 @@ class Performance:
             raise ValueError(f"{self.name}: offset must be finite, got {self.offset}")
 
 
-# The files of a musician's performance: which of a folder's are the sound, the points and the notes.
+# Files of a folder: the sound, the points and the notes
 
 ABOUT, MOTION, NOTES = "performance.json", "motion.npz", "notes.csv"
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
@@ -286,7 +284,7 @@ def _only(folder: Path, files: list[Path], field: str) -> Path | None:
     return files[0] if files else None
 
 
-# Notes of a piece as a table of text, ``notes.csv``.
+# Notes of a piece, ``notes.csv``
 
 _NEEDED = ("onset_s", "offset_s", "midi")
 _HANDS = {"left": 0, "right": 1, "": -1}
@@ -318,6 +316,8 @@ def load_notes(path: PathLike) -> Notes:
         order = np.argsort(onsets, kind="stable")
         return Notes(onsets[order], offsets[order], keys.astype(np.int64)[order], loudness[order], hands[order])
 
+
+# Performances read from their folders
 
 SAMPLE_RATE = 44100.0  # hertz: that of the paper's sound
 _MAX_DEPTH = 4
@@ -496,7 +496,7 @@ def _faults(root: Path) -> Iterator[tuple[Path, str]]:
             yield folder, str(error)
 
 
-# Sides of a split that share no piece, and the share of their note patterns that two performances have in common.
+# Splits that share no piece, by the note patterns that performances have in common
 
 MOST_SHARED = 0.25  # of the note patterns: above, two performances count as repeats of one piece
 PATTERN_NOTES = 4

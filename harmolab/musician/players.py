@@ -1,4 +1,6 @@
-"""Pieces that follow from a seed, two voices for a pianist, one for a violinist; their sound; the points of players.
+"""Planted players: pieces that follow from a seed, their sound, and the points of a pianist and of a violinist.
+
+A piece has two voices for a pianist, one for a violinist.
 
 The planted pianist: both wrists follow the keys, a finger is down at each onset, the torso sways. The picture is 640 x
 480 pixels, as in a mirror: the left hand, on the low keys, stands at small x.
@@ -136,7 +138,7 @@ def _loudness(voice: Voice, starts: FloatArray, swell: float, rng: np.random.Gen
     return np.asarray(swelling * accents * rng.uniform(0.96, 1.04, starts.size)).clip(0, 1)
 
 
-# The sound of notes: a plucked timbre for the piano, a bowed one for the violin.
+# The sound of notes: a plucked timbre for the piano, a bowed one for the violin
 
 LONGEST = 6.0  # seconds after which a note has ended
 VIBRATO_RATE = 5.5  # hertz
@@ -207,7 +209,7 @@ def _with_vibrato(sound: FloatArray, seconds: float, phase: float, rate: int) ->
     return np.interp(swung, np.arange(sound.size), sound)
 
 
-# Movement on planted moments: glides that arrive at onsets, pulses that peak at them, and the points put together.
+# Movement on planted moments: glides to onsets, pulses at them, and the points put together
 
 # Share of a fingertip's movement that the points of its finger take part in, from the root to the tip.
 BENDING = np.array([0.0, 0.35, 0.7, 1.0])
@@ -286,6 +288,8 @@ def point(x: FloatArray | float, y: FloatArray | float) -> FloatArray:
     """(..., 2) points from their coordinates."""
     return np.stack(np.broadcast_arrays(x, y), axis=-1)
 
+
+# The planted pianist
 
 WHITE_KEY = 10.0  # pixels
 KEYBOARD_LEFT = 60.0  # pixels, left edge of the lowest key, MIDI 21
@@ -394,7 +398,7 @@ def _elbow(shoulder: FloatArray, wrist: FloatArray, outward: float) -> FloatArra
     return shoulder + along / 2 + bulge * across
 
 
-# The planted violinist: the bow turns at each onset, its angle is the string, the left hand follows the pitch.
+# The planted violinist
 
 OPEN_STRINGS = np.array([55, 62, 69, 76])
 NECK = np.array([0.99, 0.12])  # direction from the chin to the scroll

@@ -1,4 +1,7 @@
-"""Performances as the network takes them: what is heard and where the points are, frame by frame; training windows."""
+"""Performances as the network takes them: sound and principal components of the points, frame by frame; windows.
+
+What is heard and where the points are stand side by side at the network's rate; training windows are cut out of them.
+"""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +26,7 @@ from harmolab.types import BoolArray, FloatArray, Motion
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
 NO_NOTES = "has no notes.csv, from which this network learns"
 
-# Principal components of the points (Sec. 3.4), steps between the frames, and the delay from sound to movement.
+# Principal components of the points (Sec. 3.4), steps between frames, delay from sound to movement
 
 LEAST_SCALE = 1e-6
 A = TypeVar("A", bound=np.generic)
@@ -119,6 +122,8 @@ def frames_of(steps: NDArray[A], upsample: int, delay: int) -> NDArray[A]:
     """Predicted steps (S + delay, C) back as frames (T, C): every `upsample`-th, from the one after the delay."""
     return steps[delay::upsample]
 
+
+# Sequences, splits and training windows
 
 VALIDATION_SHARE = 0.2
 
@@ -306,7 +311,7 @@ class PlayedSet:
     source: str = ""
 
 
-# From performances to sequences: points cleaned, placed and at the network's rate; the sound beside them.
+# From performances to sequences: points cleaned, placed and at the network's rate; the sound beside them
 
 
 def played_set(

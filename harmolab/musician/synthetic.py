@@ -17,7 +17,7 @@ from harmolab.musician.performances import Performance
 from harmolab.readers.player_points import INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion, Notes
 
-# Faults of trackers, planted in the points of a player in short bursts, each kind by its name.
+# Faults of trackers, planted in short bursts, each kind by its name
 
 FAULTS = ("swapped hands", "other person", "missing hand", "jump")
 LONGEST_BURST = 6  # frames
@@ -77,6 +77,8 @@ def _other_person(points: FloatArray, burst: slice, rng: np.random.Generator) ->
     centre = pose.mean(axis=(0, 1))
     return np.asarray(centre + (distance, 0.0) + size * (pose - centre))
 
+
+# The planted performance
 
 PICTURE = (640, 480)  # pixels
 # Camera of a performance: largest change of size (share), turn (radians) and shift (pixels) about the picture's centre.

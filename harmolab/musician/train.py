@@ -210,7 +210,7 @@ def side_errors(
     return outcome
 
 
-# A prediction beside the playing that was filmed: errors in pixels and in per cent of the shoulder width (A2B
+# Errors of a prediction beside the filmed playing, in pixels and in per cent of the shoulder width
 
 
 class TruthErrors(NamedTuple):

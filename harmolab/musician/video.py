@@ -1,10 +1,11 @@
-"""A performance from sound as a video: avatar or points, marks of notes and strikes, and on whom it was trained.
+"""A performance from sound as a video: avatar or points, or predicted points over the true ones, with marks.
 
-Needs OpenCV, numpy and PyAV.
+The marks are those of notes and strikes; a line of text says on whom the network was trained. Needs OpenCV, numpy and
+PyAV.
 
-Two movements of one picture over each other: the tracked points broad and red, the predicted ones narrow and green.
-
-The colours are those of a miss and a hit, which differ in brightness too; the widths tell them apart without colour.
+Where two movements of one picture lie over each other, the tracked points are broad and red, the predicted ones narrow
+and green. The colours are those of a miss and a hit, which differ in brightness too; the widths tell them apart without
+colour.
 """
 
 from collections.abc import Iterable, Iterator
@@ -24,7 +25,7 @@ from harmolab.musician.page import Performed
 from harmolab.readers.video import write_video
 from harmolab.types import Motion
 
-# Two movements of one picture over each other: the tracked points broad and red, the predicted ones narrow and
+# Predicted points over the tracked ones
 
 PAPER, TRUTH, PREDICTION = (250, 250, 250), (178, 24, 43), (0, 158, 115)
 LOOKS = ((TRUTH, 0.9), (PREDICTION, 0.4))  # colour, and thickness of limbs in that of a person's
@@ -88,6 +89,8 @@ def _scaled(part: Part, broad: float) -> Part:
     size = 1.0 if part.paint in OUTLINES else broad
     return part._replace(radii=tuple(size * radius for radius in part.radii))
 
+
+# The video of a performance
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 WIDTH_SHARE = 0.94  # of a line of text in the picture's width

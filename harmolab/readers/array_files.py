@@ -1,7 +1,9 @@
-"""Array files, pickles and JSON to Motion: the shape of an array and the names beside it tell what they hold.
+"""Array files, pickles and JSON to Motion: joints in space as bare numbers, and HumanML3D's vectors.
 
-Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON, pickles.
+The shape of an array and the names beside it tell what they hold.
 
+Joints in space as bare numbers are (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO or of
+Human3.6M (that whose bones keep their lengths), from arrays, JSON, pickles.
 Bailando writes 24 joints under ``pred_position``, in an array file that holds a pickled dictionary, and its training
 data as JSON with ``dance_array``; AIST++ has 17 joints. None of them tells its unit or the axis that points up.
 
@@ -9,7 +11,7 @@ Bailando's folders of JSON files, one a frame: those of ``jsons_original`` hold 
 are read. Those of ``jsons`` are drawings, in OpenPose's layout but upside down and with left and right exchanged; they
 are refused, since the same dances lie in ``pkl``.
 
-HumanML3D's vectors of 263 numbers a frame to the places of 22 joints (Guo et al. 2022, "Generating Diverse and
+HumanML3D's vectors of 263 numbers a frame give the places of 22 joints (Guo et al. 2022, "Generating Diverse and
 Natural 3D Human Motions From Text").
 
 A frame holds, in this order: how far the body turns about y until the next frame, as half the angle (1); how far the
@@ -35,7 +37,7 @@ from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, numbe
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
 from harmolab.types import FloatArray
 
-# Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON
+# Joints in space as bare numbers
 
 SKELETONS = {len(skeleton.joints): skeleton for skeleton in (keypoints.COCO_17, SMPL_22, SMPL_24)}
 # Of as many joints, in another order: where its bones keep their lengths better.
@@ -171,7 +173,7 @@ def _stretch(joints: FloatArray, bones: Sequence[tuple[int, int]]) -> float:
         return float(lengths.std(axis=0).sum() / lengths.mean(axis=0).sum())
 
 
-# HumanML3D's vectors of 263 numbers a frame to the places of 22 joints (Guo et al. 2022, "Generating Diverse and
+# HumanML3D vectors
 
 WIDTH = 263
 _LOCAL = slice(4, 4 + 3 * 21)
@@ -217,6 +219,8 @@ def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) ->
     notes = ("22 joints from the turn and speed of the pelvis and the places in the body", note)
     return motion_file.MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
 
+
+# Array files, pickles and JSON, told apart by what they hold
 
 _NAMED = motion_file.Assumption(
     f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",

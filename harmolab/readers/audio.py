@@ -1,4 +1,4 @@
-"""Sound files to Audio: WAV, FLAC, OGG and MP3, through libsndfile.
+"""Sound files to Audio (WAV, FLAC, OGG and MP3, through libsndfile), and the sound of video files, through PyAV.
 
 The header decides first, but is not believed: reading stops at the length that was asked for, whatever the header
 says, and a span is sought, not read through.
@@ -215,7 +215,7 @@ def resampled(audio: Audio, sample_rate: float) -> Audio:
     return Audio(np.pad(samples, (0, count - samples.size)), sample_rate)
 
 
-# The sound of video files, through PyAV; and the sound of any file that has one.
+# The sound of video files, through PyAV; and the sound of any file that has one
 
 GAP = 0.05  # seconds between two blocks of sound that are silence; less is rounding of their time stamps
 MAX_LATE = 60.0  # seconds that the sound may start behind the pictures

@@ -1,4 +1,4 @@
-"""Beat annotations to BeatTrack: `.beats`, `.csv`, `.txt`, and `beats.json`.
+"""Beats of music to BeatTrack: annotation files (`.beats`, `.csv`, `.txt`, `beats.json`), taps, Beat This! (neural).
 
 ==============  ==============================================================================================
 ``.beats``      lines ``time [beat-in-bar]``: seconds, and 1 on the first beat of a bar (Ballroom, madmom)
@@ -12,8 +12,9 @@ Lines that start with ``#`` are comments. `save_beats` writes ``.beats``. In ``.
 the times (Audacity's labels, whose text is passed over) is none, and one that counts bars of three beats or more holds
 the places. A comma may be that of a decimal: ``0,250``.
 
-Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
+Of the taps of a person who listens, one tempo and one phase go through all taps, mended by the sound.
 
+Beat This! is a neural tracker of beats and bars (Foscarin, Schlueter, Widmer, ISMIR 2024), read where it is installed.
 Nothing is downloaded, by us or by its package: weights are a file on this machine.
 """
 
@@ -335,7 +336,7 @@ def _field(record: dict[str, Any], name: str) -> float:
     return float(value)
 
 
-# Beats out of the taps of a person who listens: one tempo and phase through all taps, mended by the sound.
+# Beats out of taps, mended by the sound
 
 FEWEST = 8  # taps
 MOST = 20_000
@@ -444,7 +445,7 @@ def _moments(values: FloatArray, name: str, duration: float) -> FloatArray:
     return times
 
 
-# Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
+# Beats and bars by Beat This!
 
 PACKAGE = "beat_this"
 HELP = "get a checkpoint (final0.ckpt) from https://github.com/CPJKU/beat_this and name the file with --checkpoint"

@@ -1,6 +1,6 @@
-"""Biovision files (`.bvh`) to Motion: any skeleton, any order of channels, by forward kinematics.
+"""Biovision files (`.bvh`) to Motion by forward kinematics, and Motion to `.bvh` by rotations fitted to positions.
 
-How the file is read:
+Files are read with any skeleton and any order of channels:
 
 * Rotations apply in the order in which the channels are written: `Zrotation Yrotation Xrotation` is Rz Ry Rx. Degrees.
 * Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world).
@@ -8,10 +8,9 @@ How the file is read:
 * BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
   for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
 
-Motion to Biovision files (`.bvh`) that Blender opens and that our own reader takes back to the same places.
-
-A BVH holds rotations, a Motion holds places. Going down the tree, each joint is turned so that its children come to lie
-where they are: the best rotation of all children at once (Kabsch 1976), the shortest one where twist is free.
+Files are written so that Blender opens them and our own reader takes them back to the same places. A BVH holds
+rotations, a Motion holds places. Going down the tree, each joint is turned so that its children come to lie where they
+are: the best rotation of all children at once (Kabsch 1976), the shortest one where twist is free.
 
 * The rest skeleton has the first frame's attitude and every bone's mean length. It is written in centimetres, or in
   metres where it extends over no more than 3 cm, because readers guess the unit by the size.
@@ -253,7 +252,7 @@ def _rotation(joint: _Joint, values: FloatArray) -> FloatArray:
     return Rotation.from_euler(axes, values[:, columns], degrees=True).as_matrix()
 
 
-# Motion to Biovision files (`.bvh`) that Blender opens and that our own reader takes back to the same places.
+# Motion to `.bvh`
 
 # Metres by which a joint may miss its place before it gets position channels.
 REACH = 2e-5

@@ -1,21 +1,19 @@
 """Key points of pose estimators to Motion: COCO-17, OpenPose and MediaPipe, from JSON, from arrays, from a folder.
 
+A row of `LAYOUTS` is the way in which one estimator writes people into JSON; the content of a file decides which row it
+is. Frames that are not named, between the first and the last, are empty.
+
+MediaPipe's landmarks of one body are objects, not files: save a list of frames, or
+``{"fps": 30.0, "aspect": 1.5, "world": false, "frames": [...]}``. A frame is a list of 33
+``{"x", "y", "z", "visibility"}`` (or ``{"landmarks": [...]}``), or null or an empty list where the picture is empty.
+
 A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
 not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
 (`joints=("left_wrist", ...)`), else every frame with a hidden ear counts as not valid. Joints that MediaPipe only
 guesses are kept; frames whose mean visibility is below 0.5 are marked not valid.
 
 Of several people in a frame, of those at least half as confident as the best, the dancer is the one nearest to the
-dancer of the frame before; in the first frame the most confident. `harmolab.readers.keypoints` has the layouts of JSON.
-
-Key points in the JSON of pose estimators: a table of layouts of many people, and MediaPipe's landmarks of one body.
-
-A row of `LAYOUTS` is the way in which one estimator writes people; the content of a file decides which row it is.
-Frames that are not named, between the first and the last, are empty.
-
-MediaPipe returns objects, not files: save a list of frames, or ``{"fps": 30.0, "aspect": 1.5, "world": false,
-"frames": [...]}``. A frame is a list of 33 ``{"x", "y", "z", "visibility"}`` (or ``{"landmarks": [...]}``), or null or
-an empty list where the picture is empty.
+dancer of the frame before; in the first frame the most confident.
 """
 
 import itertools
@@ -43,7 +41,7 @@ from harmolab.files import (
 from harmolab.readers.arrays import check_joints, checked_motion, number_array, read_npy
 from harmolab.types import BoolArray, FloatArray, Motion
 
-# Key points in the JSON of pose estimators: a table of layouts of many people, and MediaPipe's landmarks of one
+# JSON: layouts of many people, and MediaPipe's landmarks of one body
 
 
 def _both(*parts: str) -> tuple[str, ...]:
@@ -294,6 +292,8 @@ def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)
         raise ValueError(f"NaN or infinity in {name}; write null where nobody was seen")
     return values
 
+
+# Motion from key points; one dancer of several people
 
 SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20

@@ -1,25 +1,23 @@
-"""The body in a video: key points of one dancer, found by MediaPipe in an environment of its own.
+"""The body in a video: key points of one dancer, found by MediaPipe in an environment and a process of its own.
 
-Its world landmarks are metres from the middle of the hips, here with y up: the shape of the body, and not its way over
-the floor. Its own smoothing delays and is off; a median of three pictures takes out single wrong ones.
+Pictures go to a process that finds bodies in them (`harmolab.readers.pose_child`), and landmarks come back. Nothing
+that comes back is trusted: every answer has a fixed length, its numbers are checked, and a process that falls silent is
+stopped. Pictures are sent by a thread, so that one is decoded while a body is found in the one before.
+
+The environment is MediaPipe and a numpy of its own, in a folder of the cache, made once. MediaPipe's wheel holds its
+models, and asks for numpy 1, which does not fit into one process with ours. So its packages go into a folder that
+another process of the same Python reads. Afterwards nothing needs a network. Nothing is fetched unasked:
+`make_pose_environment` is called by `harmolab data pose` alone, after a yes.
+
+``HARMOLAB_POSE=off`` turns pose estimation off, whether the environment is there or not.
+
+MediaPipe's world landmarks are metres from the middle of the hips, here with y up: the shape of the body, and not its
+way over the floor. Its own smoothing delays and is off; a median of three pictures takes out single wrong ones.
 
 MediaPipe follows one person. Once a second she is painted over, and another one is looked for; where there often is
 one, a second reading follows her, and so on. The dancer is the one whose shape moves most.
 
 What was read is kept in the cache under the content of the video, so that the next command need not look again.
-
-The other end of `harmolab.readers.pose_child`: pictures to a process that finds bodies in them, landmarks back.
-
-Nothing that comes back is trusted: every answer has a fixed length, its numbers are checked, and a process that falls
-silent is stopped. Pictures are sent by a thread, so that one is decoded while a body is found in the one before.
-
-The environment of pose estimation: MediaPipe and a numpy of its own, in a folder of the cache, made once.
-
-MediaPipe's wheel holds its models, and asks for numpy 1, which does not fit into one process with ours. So its packages
-go into a folder that another process of the same Python reads (`harmolab.readers.pose_child`). Afterwards nothing needs
-a network. Nothing is fetched unasked: `make_pose_environment` is called by `harmolab data pose` alone, after a yes.
-
-``HARMOLAB_POSE=off`` turns pose estimation off, whether the environment is there or not.
 """
 
 import hashlib
@@ -61,7 +59,7 @@ from harmolab.readers.video import VideoFrames, opened_container, video_frames
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BoolArray, FloatArray, Motion
 
-# The other end of `harmolab.readers.pose_child`: pictures to a process that finds bodies in them, landmarks back.
+# The process that finds bodies: pictures to it, landmarks back
 
 CHILD = Path(__file__).with_name("pose_child.py")
 BEGIN_SECONDS = 120.0  # that the process may take to load its models
@@ -188,7 +186,7 @@ class _Answers:
         return " ".join(lines[-1].split())[:200] if lines else "it said nothing"
 
 
-# The environment of pose estimation: MediaPipe and a numpy of its own, in a folder of the cache, made once.
+# The environment of pose estimation
 
 MEDIAPIPE = "0.10.21"  # the last whose wheel holds the models that it runs without a network
 # With what of its needs is used: not OpenCV, matplotlib, JAX and sound, half a gigabyte for drawing and training.
@@ -294,6 +292,8 @@ def remove_pose_environment() -> bool:
         return True
     return False
 
+
+# The dancer of a video
 
 BODY = (
     "nose", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hip",

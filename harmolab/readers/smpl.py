@@ -1,10 +1,10 @@
-"""SMPL's body: 24 joints, rotations of them, and the places to which forward kinematics brings them.
+"""SMPL's body (24 joints, their rotations, forward kinematics), and files of SMPL parameters to Motion.
 
 SMPL, SMPL-H and SMPL-X share their first 22 joints; the rotations of fingers move none of the joints kept here. A body
 at rest stands with arms spread (a T), faces +z and has y up; its left is +x. The body model itself is licensed and is
 not part of this package: without a file of the user's own, joints lie on a skeleton of ours.
 
-SMPL parameters as AMASS, AIST++, EDGE, FACT, LODGE and FineDance write them, to Motion.
+AMASS, AIST++, EDGE, FACT, LODGE and FineDance write SMPL parameters so:
 
 ===========================  =======================================================  =================  ===============
 who                          arrays                                                   rate               up
@@ -296,7 +296,7 @@ def body_for(path: PathLike | None, betas: FloatArray | None = None) -> SmplBody
     return neutral_body()._replace(note=note)
 
 
-# SMPL parameters as AMASS, AIST++, EDGE, FACT, LODGE and FineDance write them, to Motion.
+# SMPL parameters to Motion
 
 # Arrays of an `.npz` that are looked at.
 MEMBERS = (

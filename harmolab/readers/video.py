@@ -1,4 +1,4 @@
-"""Video files to grey or colour frames at a constant rate, and frames to H.264 or VP9, through PyAV (no ffmpeg).
+"""Video files to grey or colour frames at a constant rate, and frames to H.264, VP9 or GIF, through PyAV (no ffmpeg).
 
 Nothing in a file is trusted: the picture size is checked before a picture is decoded, only formats that hold their own
 pictures are opened (no playlists, no network), and reading stops at a number of frames.
@@ -331,7 +331,7 @@ def _encode_audio(container: Any, sound: Any, audio: Audio) -> None:
     container.mux(sound.encode(None))
 
 
-# Frames to a moving picture that a README shows, as GIF, through PyAV.
+# Frames to GIF, the moving picture that a README shows
 
 COLOURS = 64  # of the palette, chosen for what moves
 COMMENT, END = b"\x21\xfe", b"\x3b"  # a GIF's comment begins with the first and the file ends with the second

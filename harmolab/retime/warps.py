@@ -1,6 +1,7 @@
-"""Time-warps: a smooth map of one time line onto another that never stands still and never jumps.
+"""Time-warps: smooth maps of one time line onto another, from two beat tracks; dynamic programming, Lee et al. 2019.
 
-Time-warps from two beat tracks: the bounded one by dynamic programming, and that of Lee et al. 2019.
+A warp never stands still and never jumps. The bounded one is found by dynamic programming; the other one is that of Lee
+et al. 2019.
 
 A state of the dynamic programming is a candidate match: one visual beat, one music beat, and the distance from it at
 which the visual beat comes to lie. A path of matches from the start to the end of the clip is a warp that is linear in
@@ -132,7 +133,7 @@ def _knots(values: ArrayLike, name: str) -> FloatArray:
     return knots
 
 
-# Time-warps from two beat tracks: the bounded one by dynamic programming, and that of Lee et al. 2019.
+# Warps from two beat tracks
 
 Method = Literal["dp", "lee2019"]
 METHODS = get_args(Method)

@@ -1,4 +1,4 @@
-"""The evidence behind a verdict: a movement, its beats and the two tests, as numbers.
+"""The evidence behind a verdict, as numbers: a movement, its beats, the time test, the place test, the mean course.
 
 The time test: does a movement keep the tempo of these beats better than other tempi?
 
@@ -15,6 +15,8 @@ A pattern says what is expected around a beat: the learnt curve of a dance, or t
 is longer than a beat and "one" is not known, every place at which it may begin is a reading. Every moment of the take
 is ranked by how well the next cycle of movement fits; moved by a lag u, the beats have the mean rank M_f(u), and the
 best reading T(u) = max_f M_f(u). The choice of the reading is part of the null, since every lag has it too.
+
+The mean movement through a beat is what can be seen of a place where nothing was told.
 """
 
 from collections.abc import Mapping
@@ -31,7 +33,7 @@ from harmolab.shape_speed import ShapeSignal
 from harmolab.types import BeatTrack, FloatArray, IntArray
 from harmolab.verdict.bar_pattern import first_place, moment_ranks, pattern_fits
 
-# The time test: does a movement keep the tempo of these beats better than other tempi?
+# The time test
 
 SAMPLED_AT = 25.0  # hertz: dance holds little above 3 Hz
 SLOWEST = 0.6  # ratio of the slowest grid; the fastest is 1 / SLOWEST
@@ -209,7 +211,7 @@ def _block_edges(phase: FloatArray, beats: int) -> tuple[IntArray, IntArray]:
     return np.searchsorted(phase, bounds - 1e-9), counts
 
 
-# The place test: at which lag does a movement do on the beats what dancers do there?
+# The place test
 
 MOMENTS = 48  # a beat
 TIE = 0.03  # of the range of T: lags that fit as well as the best
@@ -360,7 +362,7 @@ def _lags(curves: FloatArray, reach: float) -> FloatArray:
     return (0.5 * (ends[0] + ends[1]) + lags[0]) / MOMENTS
 
 
-# The mean movement through a beat: what can be seen of a place where nothing was told.
+# The mean movement through a beat
 
 COURSE_MOMENTS = 48  # a beat
 SMOOTHING = 4  # moments to either side: a twelfth of a beat
@@ -399,6 +401,8 @@ def beat_course(signal: ShapeSignal, beats: FloatArray) -> Course:
     values = sums[window].sum(axis=1) / np.maximum(counts[window].sum(axis=1), 1)
     return Course(values, int(values.argmax()) / COURSE_MOMENTS, int(values.argmin()) / COURSE_MOMENTS)
 
+
+# All the evidence
 
 LEAST_PULSE = 0.03  # per second: 2 cm/s for an adult
 LEAST_SWING = 0.02  # metres a second, where fewer than three points have no size to compare with

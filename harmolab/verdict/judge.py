@@ -1,4 +1,4 @@
-"""One verdict on a movement and its beats: five levels, from the floor, the time test and the place test.
+"""One verdict on a movement and its beats (five levels: floor, time test, place test), and the doors of scoring.
 
 =====  =============================================================================================================
 level  when
@@ -18,9 +18,8 @@ reading, which the movement's own metre picks: the waltz's curve where it recurs
 rest on each beat. Neither half of that choice looks at the phase. Who is at rest on the beat is on it; who is fastest
 on it, or arrives on it and stands, may mean to be there, and hears what was seen.
 
-The doors of scoring: a motion or a clip in, its score by the settings out, with the verdict where they ask for it.
-
-The paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
+The doors take a motion or a clip and give its score by the settings, with the verdict where they ask for it. The
+paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
 """
 
 from collections.abc import Callable
@@ -146,7 +145,7 @@ def level_of(
     return 4 if is_near and place.p_value <= MOST_PLACES and evidence.has_rate(time, place.pattern) else 3
 
 
-# The doors of scoring: a motion or a clip in, its score by the settings out, with the verdict where they ask for
+# The doors of scoring: a motion or a clip in, its score out
 
 
 def score_motion(

@@ -1,4 +1,4 @@
-"""Parts of a network measured by running it once: their layers, sizes and shapes (Fig. 7)."""
+"""Networks measured by running them once: layers, sizes and shapes of their parts (Fig. 7; Music2Dance Fig. 3, 5)."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -123,7 +123,7 @@ def shape_text(shape: tuple[int, ...], n_units: int) -> str:
     return f"{first // n_units} of {inside}" if first > n_units else inside
 
 
-# Shapes inside the attribute classifier, measured by running it once (Fig. 5).
+# Shapes inside the attribute classifier (Music2Dance, Fig. 5)
 
 
 class Stage(NamedTuple):
@@ -184,7 +184,7 @@ def _detail(layer: nn.Module | None) -> str:
     return ", ".join(f"kernel {part.kernel_size[0]}, stride {part.stride[0]}" for part in convolutions)
 
 
-# Shapes of a training window on its way through Music2Dance's network, in boxes (Fig. 3); all measured.
+# Shapes of a training window on its way through Music2Dance's network, in boxes (Fig. 3)
 
 
 @torch.no_grad()

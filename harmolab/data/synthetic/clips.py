@@ -1,4 +1,7 @@
-"""One synthetic clip with the truth about it: music and dance on the same beats."""
+"""Synthetic clips with the truth about them, music and dance on the same beats; and corpora of them on disk.
+
+A corpus is ordinary files: a folder per clip with audio.wav, motion.npz and beats.json.
+"""
 
 import itertools
 import json
@@ -110,7 +113,7 @@ def synthetic_clip(dance: str = "cha-cha", **settings: Any) -> Clip:
     return planted_clip(ClipSettings(dance, **settings)).clip
 
 
-# A corpus of synthetic clips as ordinary files: a folder per clip with audio.wav, motion.npz and beats.json.
+# Corpora on disk
 
 # Raise it when the same settings give other clips than before: a resumed corpus must not mix two makes.
 GENERATOR = 1

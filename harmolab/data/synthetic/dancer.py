@@ -1,6 +1,9 @@
-"""A dancer whose movement units end on planted beats, as a recorder of any frame rate would see it.
+"""A synthetic dancer whose movement units end on planted beats: body, figures, choreography, recorded motion.
 
-The vocabulary of the synthetic dancer: eight figures for each of seven dances, and the manner of each dance.
+The body has 21 joints and an adult's proportions: poses in angles and footholds, by forward kinematics, with bones of
+constant length. The vocabulary is eight figures for each of seven dances; each dance has its manner. Figures on a grid
+of beats become key poses, one for each end of a movement, and the motion is what a recorder of any frame rate would
+see.
 
 A figure is a string with one step per beat, over two bars:
 
@@ -28,7 +31,7 @@ from harmolab.params import DANCES
 from harmolab.readers.beats import Unit
 from harmolab.types import FloatArray, Motion
 
-# A body of 21 joints with an adult's proportions: poses in angles and footholds, bones of constant length.
+# The body: forward kinematics of its poses
 
 # The harmony paper's points 0 to 20. The neck is no joint: head and shoulders hang on the torso.
 DANCER = Skeleton(
@@ -177,7 +180,7 @@ def _leg(hip: FloatArray, ankle: FloatArray, facing: ArrayLike, stature: float) 
     return two_bones(hip, ankle, SHARES["thigh"] * stature, SHARES["shank"] * stature, ahead)
 
 
-# The vocabulary of the synthetic dancer: eight figures for each of seven dances, and the manner of each dance.
+# Figures and manners of the seven dances
 
 FIGURES: Mapping[str, Mapping[str, str]] = json.loads(Path(__file__).with_name("figures.json").read_text("utf-8"))
 
@@ -241,7 +244,7 @@ MANNERS: Mapping[str, Manner] = {
     }  # fmt: skip
 
 
-# Choreography: figures on a grid of beats become key poses, one for each end of a movement.
+# Choreography: key poses, and the motion through them
 
 EIGHTH = np.pi / 4
 STAGE = 2.0  # metres from the middle beyond which the dancer turns back

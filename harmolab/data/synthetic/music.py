@@ -12,7 +12,7 @@ from harmolab.data.synthetic.beats import BeatGrid, ClipSettings, beat_grid
 from harmolab.readers.beats import ANNOTATION_RATE
 from harmolab.types import Audio, BeatTrack, FloatArray
 
-# Sounds of a small dance band, one hit or note at a time, and the buffer they are mixed in.
+# Sounds of the band, one hit or note at a time, and the buffer they are mixed in
 
 ATTACK = 0.004  # seconds in which every sound rises, so that none begins with a click
 

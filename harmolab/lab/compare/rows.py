@@ -1,4 +1,7 @@
-"""All that a comparison needs of each recording alone: read and scored in this process, or as rows of the engine."""
+"""Scores of each recording of a corpus alone, computed in this process or by the engine, whose rows hold them.
+
+A record of arrays becomes cells of a table, and comes back to the last bit: one text, and one list of all numbers.
+"""
 
 import json
 import os
@@ -27,7 +30,7 @@ from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.lab.evaluate.parts import part_path
 from harmolab.types import FloatArray
 
-# Records of arrays as cells of a table, and back to the last bit: one text, and one list of all numbers in
+# Records of arrays as cells of a table
 
 Record = TypeVar("Record")
 Arrays = Sequence[NDArray[Any]]
@@ -115,6 +118,8 @@ def _value(kind: Any, content: Any, arrays: Arrays) -> Any:
         return {name: _value(kinds[1], one, arrays) for name, one in content.items()}
     return frozenset(content) if origin is frozenset else content
 
+
+# Scores of recordings
 
 Corpus = PathLike | Iterable[recordings.Recording]
 

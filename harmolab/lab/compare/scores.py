@@ -1,12 +1,12 @@
-"""Every score of every clip of a corpus, with its own and with wrong music, and whatever the scores fit.
+"""Every score of every clip of a corpus, with its own and with wrong music: hits, patterns, discriminant, verdict.
 
 Each clip is scored with its own music moved in tenths of a beat over one cycle of its bar pattern. In a null corpus the
-music of each clip begins somewhere else: patterns and lags are learnt on it anew, as they would have been.
+music of each clip begins somewhere else: all that a score fits, patterns and lags, is learnt on it anew, as it would
+have been.
 
-The second score of `compare`: a discriminant that is trained on the very null that judges it, never in the verdict.
-
-The features f of a beat are the harmonics of shape speed and of the vertical velocity of the body's centre around it,
-turned to where a cycle begins. On other figures, and on all dances of one cycle together, it learns
+The second score of `compare` is a discriminant that is trained on the very null that judges it, and never in the
+verdict. The features f of a beat are the harmonics of shape speed and of the vertical velocity of the body's centre
+around it, turned to where a cycle begins. On other figures, and on all dances of one cycle together, it learns
 
     w = (S + tr(S) / n I)^-1 (mean of f at the beats - mean of f 0.3 to 0.7 beat later),
 
@@ -443,7 +443,7 @@ def recording_lags(score: FittedScore, clips: Sequence[windows.BeatClip]) -> Flo
     return np.array(lags)
 
 
-# The verdict on each recording of a corpus, and how many reach each level with true and with lagged music.
+# Verdicts on the recordings of a corpus, with true and with lagged music
 
 N_LEVELS = 5
 

@@ -1,14 +1,12 @@
-"""Recordings cut into clips, and the bar patterns that are learnt on them.
-
-Whatever a score fits (bar patterns, lags) is fitted on another corpus, or inside the corpus on clips of other
-recordings that share no figure with the judged clip.
-
-Clips ranked against patterns, many clips at once, and patterns that are learnt anew: the fitted scores of a corpus.
+"""Recordings cut into clips, bar patterns learnt on them, and clips ranked against patterns, many at once.
 
 A clip's H is that of `harmolab.verdict.evidence` with one reading: how high the music's beats rank among all moments
 of the clip by their fit to a pattern. Two facts make thousands of null corpora cheap. The fit is linear in the
 pattern's coefficients, so the correlations with each harmonic are kept and a new pattern is one product; and music that
 begins elsewhere multiplies a clip's Fourier sums by a phase, so patterns are learnt anew by addition.
+
+Whatever a score fits (bar patterns, lags) is fitted on another corpus, or inside the corpus on clips of other
+recordings that share no figure with the judged clip.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -39,7 +39,7 @@ from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_s
 from harmolab.readers.motion_file import ReadingOptions
 from harmolab.readers.smpl import load_body
 
-# Settings of an evaluation: which folders, read how.
+# Settings of an evaluation: which folders, read how
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,8 @@ class EvaluationSettings:
         named = {name: str(value) if isinstance(value, Path) else value for name, value in vars(self).items()}
         return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
 
+
+# From the plan to the table
 
 _ERROR = re.compile(r"^(?:ValueError|FileNotFoundError|MissingFrameRate): ")  # of this package: their words say all
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours

@@ -1,7 +1,9 @@
 """Numbers of dances from any source, in one long table: a line for each system, song, seed and measure.
 
 Every table of dances is made of these: `harmolab evaluate` for files, `measure_dances` for motions in memory. A measure
-is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation.
+is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation. The
+plainest number of a dance is whether the body comes to rest on the beats, beside that of half a beat later.
+`dance_scores` is for a table beside one generated dance: harmony, beats, jerk, skating, likeness to recorded dancers.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 else:  # half a second, which no worker needs to wait for
     pd = lazy_loader.load("pandas")
 
-# Does the body come to rest on the beats? The plainest number of a dance, beside that of half a beat later.
+# Rests on the beats
 
 
 def rests_on_beat(
@@ -82,6 +84,8 @@ def silent_frames(motion: Motion, audio: Audio, music: BeatTrack, *, start: floa
         silent |= (first <= times) & (times < last)
     return silent
 
+
+# Measures of a dance, and the long table
 
 NETWORK_PACKAGES = ("torch", "safetensors")  # that a pose network is run and read by
 PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
@@ -390,7 +394,7 @@ def _pose_net(weights: Path):  # type: ignore[no-untyped-def]
     return load_pose_net(weights)
 
 
-# Scores of a generated dance, for a table beside it: harmony, beats, jerk, skating, likeness to recorded dancers.
+# Scores of one generated dance
 
 Entry = float | int | str | None
 ABOVE_CHANCE = "harmony above chance"

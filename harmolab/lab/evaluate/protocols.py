@@ -1,9 +1,9 @@
-"""Named presets of published evaluation codes: their conventions and faults, to put both numbers side by side.
+"""Named presets of published evaluation codes: their measures, music beats and conventions, faults included.
 
-Measures as published codes compute them, their faults included: in frames, whatever the frame rate.
-
-Written from the definitions, to put a number beside one that a paper printed. `harmolab.metrics` has the same measures
-in seconds and without the faults. Published codes compute partly in single precision; all here is double.
+They put a number beside one that a paper printed, and both side by side. The measures are written from the definitions,
+in frames, whatever the frame rate; the music beats are librosa's, on the frames of the motion. `harmolab.metrics` has
+the same measures in seconds and without the faults. Published codes compute partly in single precision; all here is
+double.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ from harmolab.readers.keypoints import COCO_17
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
-# Measures as published codes compute them, their faults included: in frames, whatever the frame rate.
+# Measures of published codes, in frames
 
 SIGMA_FRAMES = 3.0  # of the kernel of both beat scores
 MINIMUM_FRAMES = 10  # aist++: a beat is slower than so many frames on either side
@@ -254,7 +254,7 @@ def _distance_and_diversity(values: FloatArray, model: FloatArray) -> tuple[floa
     return frechet_distance(values, model, correct_bias=False).raw, diversity(values)
 
 
-# Music beats as published evaluation codes take them: librosa's, on the frames of the motion, faults included.
+# Music beats of published codes, on the frames of the motion
 
 MusicBeats = Callable[[Audio, str], BeatTrack]  # sound of `HOP` samples a frame, name of the song -> its beats
 
@@ -334,6 +334,9 @@ def _song_beats(music: Path, stamp: str, song: str, fps: float, music_beats: Mus
     arrays = cached_once(hashlib.sha256(about.encode()).hexdigest()[:40], _TRACK, tracked)
     times, strengths, rate, duration = (arrays[name] for name in _TRACK)
     return BeatTrack(times, strengths, float(rate), float(duration))
+
+
+# Protocols by name
 
 
 def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:

@@ -1,9 +1,8 @@
-"""One dance to one song, measured: a row of the table of clips.
+"""Rows of the table of clips: one dance to one song, measured; and the controls that every table has.
 
-Rows that every table has: recorded dances, the same with another song, and a pose that is held.
-
-A table in which recorded dances do not win, or a held pose does not lose, measures something else than dancing. Note
-in which columns it wins: what stands still neither slides nor jerks.
+Controls are recorded dances, the same with another song, and a pose that is held. A table in which recorded dances do
+not win, or a held pose does not lose, measures something else than dancing. Note in which columns it wins: what stands
+still neither slides nor jerks.
 """
 
 import hashlib
@@ -261,7 +260,7 @@ def _song(music: Path, _: str) -> Clip:
     return Clip(music.stem, audio, beats=beats, dance=dance)
 
 
-# Rows that every table has: recorded dances, the same with another song, and a pose that is held.
+# Controls: recorded dances, the same with another song, a pose that is held
 
 CONTROLS = (RECORDED, OTHER_SONG, FROZEN)
 LIMIT_DANCES = 200  # recorded dances that the limits of likeness are taken from, at most

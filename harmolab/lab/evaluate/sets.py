@@ -1,10 +1,11 @@
-"""Numbers of a system's dances as a set: Fréchet distances from the recorded dances, diversity, multimodality.
+"""Rows of dances brought together, and numbers of dances as a set: Fréchet distance, diversity, multimodality.
 
-The rows of dances brought together as they come: what a table needs of them, in memory that does not grow with them.
+Rows are brought together as they come: what a table needs of them, in memory that does not grow with them. Of the
+measures only sums by system, song and seed are kept, beyond `MOST_SONGS` songs by groups of songs; of the features
+those of a limited number of dances of each system. Groups and dances are drawn by a hash of their names, so that
+neither order nor number of processes changes which.
 
-Of the measures only sums by system, song and seed are kept, beyond `MOST_SONGS` songs by groups of songs; of the
-features those of a limited number of dances of each system. Groups and dances are drawn by a hash of their names, so
-that neither order nor number of processes changes which.
+Fréchet distances are those of a system's dances from the recorded dances.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 else:  # half a second, which no worker needs to wait for
     pd = lazy_loader.load("pandas")
 
-# The rows of dances brought together as they come: what a table needs of them, in memory that does not grow with
+# Rows brought together
 
 FEATURE_DANCES = 5000  # of a system, of which the features are kept
 MOST_SONGS = 5000  # more of them are put together in so many groups
@@ -171,6 +172,8 @@ def _named(part: pd.DataFrame, about: dict[str, dict[str, str]]) -> pd.DataFrame
     names = pd.DataFrame([about[key] for key in part["key"]], index=part.index)
     return part.assign(system=names["system"], seed=names["seed"], song=names["song"])
 
+
+# Numbers of a set: Fréchet distances, diversity, multimodality
 
 FEATURES = ("kinetic", "geometric", "pose")  # kinds of features of a dance as a whole
 SETS = MappingProxyType({"fid": "Fréchet distance", "diversity": "diversity", "multimodality": "multimodality"})

@@ -18,7 +18,7 @@ from harmolab.lab.evaluate.summary import FEWEST_SONGS, Mean, measure_of
 from harmolab.metrics.features import GEOMETRIC_FEATURES
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 
-# Words about a table: remarks on this one, and the paragraph on how it was made, to paste into a paper.
+# Remarks on a table, and the paragraph on how it was made, to paste into a paper
 
 MUSICAL = (  # of which more must be reached with the own song than with another
     *("harmony", "harmony_dance", "paper_harmony", "paper_hit_rate"),
@@ -411,6 +411,8 @@ def _protocols(evaluation: Evaluation) -> Iterator[str]:
         remarks = {text: count for text, count in evaluation.facts[row]["remarks"].items() if text}
         yield from (f"{row}, {count} dances: {text}" for text, count in remarks.items())
 
+
+# The table as CSV and JSON
 
 NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
 HUGE = 1e6  # from here on a power of ten stands for the digits

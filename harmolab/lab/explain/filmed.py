@@ -1,9 +1,8 @@
 """The movement of the dancer in a video: by the body where that can be found, else by the flow of the picture.
 
-Is the flow of a picture the dancer's movement? Where it is not, no dancer is judged by it.
-
-Flow follows everything that moves. A dancer is surrounded by what should rest: at the left, right and upper edge of the
-picture. The share of that edge which moves tells a shaking camera and a moving background.
+Flow follows everything that moves; where it is not the dancer's movement, no dancer is judged by it. A dancer is
+surrounded by what should rest: at the left, right and upper edge of the picture. The share of that edge which moves
+tells a shaking camera and a moving background.
 
 The limits were chosen on 92 planted videos (`tests/phone_videos.py`) of ten dancers, and tried on 67 of ten others.
 Where at most .27 of the edge moved, the correlation of the flow with the true movement of the body was about that of a
@@ -25,7 +24,7 @@ from harmolab.readers.pose import UNREAD, pose_environment, read_pose
 from harmolab.readers.video import is_video, video_frames
 from harmolab.types import Motion
 
-# Is the flow of a picture the dancer's movement? Where it is not, no dancer is judged by it.
+# Is the flow of a picture the dancer's movement?
 
 ROWS, COLUMNS = 6, 8  # of the grid that is looked at
 EDGE_MOVES = 0.3  # share of the edge, over all pictures
@@ -72,6 +71,8 @@ def check_rate(fps: float) -> None:
     if fps < LEAST_RATE:
         raise ValueError(f"{UNREAD}{fps:g} pictures a second are too few; film with {LEAST_RATE:g} or more")
 
+
+# The movement in a video, by body or by flow
 
 NO_SIGN = (
     "the flow of the picture shows no sign of the beat, and flow misses some who are on it; `harmolab data pose "

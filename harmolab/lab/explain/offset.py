@@ -1,4 +1,4 @@
-"""The offset of a motion in its music, from its movement: the audio time of its first frame.
+"""The offset of a motion or a recording in its music, the audio time of its first frame: from movement or from sound.
 
 Dancers slow down on the beat. So the motion's speed curve is slid along the music, and its slowness at the music's
 beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
@@ -8,11 +8,9 @@ A video becomes a motion first: one point that travels as fast as the picture mo
 and the offset read that speed as they read that of joints: the beats of a video are the moments of rest, as those of a
 skeleton are, and not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of a second before them.
 
-The offset of a recording in a song, from the sound of both: exact, and not modulo the beat.
-
-A phone that films a dancer also records the music. Its sound is fainter, coloured by the room and full of steps, but
-the moments at which each band of the spectrum sets in are those of the song. They are compared at every lag by fast
-correlation.
+From the sound of a recording and of a song the offset is exact, and not modulo the beat. A phone that films a dancer
+also records the music. Its sound is fainter, coloured by the room and full of steps, but the moments at which each band
+of the spectrum sets in are those of the song. They are compared at every lag by fast correlation.
 """
 
 from collections.abc import Callable, Iterable
@@ -261,7 +259,7 @@ def picture_motion(
     return Motion(np.stack([way, np.zeros_like(way)], axis=1)[:, None, :], fps, PICTURE)
 
 
-# The offset of a recording in a song, from the sound of both: exact, and not modulo the beat.
+# The offset from the sound of both, not modulo the beat
 
 RATE = 16_000.0  # hertz, of the sound that is compared
 HOP = 0.005  # seconds

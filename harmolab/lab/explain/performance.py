@@ -1,15 +1,18 @@
-"""One person's dance beside its song: read, placed by its offset, scored and explained.
+"""One person's dance beside its song: read, placed by its offset, scored and explained in findings.
 
-The offset comes from the surest of four sources: the user, the file or folder of the recording, the sound of the video
-(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). An offset fitted to the movement is no evidence
-of a place in the beat: then there is neither a number nor a sentence about it, and the verdict is "in time" at best.
-
-Findings behind a verdict: the number, the tempo, the lag and its change, beats met. Each of them is one sentence.
+Findings behind a verdict are the number, the tempo, the lag and its change, and the beats met. Each of them is one
+sentence.
 
 All numbers are those of the judgement, so that no finding can contradict the headline. Early, late and milliseconds
 are spoken of only where the judgement places the movement in the beat (levels 3 and 4), and not at all where the
 dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how well a take's mean is
 known, and are no evidence that its place in the beat is more than luck.
+
+The offset comes from the surest of four sources: the user, the file or folder of the recording, the sound of the video
+(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). An offset fitted to the movement is no evidence
+of a place in the beat: then there is neither a number nor a sentence about it, and the verdict is "in time" at best.
+
+A film can be read in both ways: by the body of the dancer, and by the flow of the picture.
 """
 
 from contextlib import suppress
@@ -37,7 +40,7 @@ from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.evidence import PlaceTest, place_test
 from harmolab.verdict.judge import Judgement, score_clip
 
-# Findings behind a verdict: the number, the tempo, the lag and its change, beats met. Each of them is one
+# Findings behind a verdict
 
 SMALLEST = 0.02  # seconds; smaller changes are not noticed
 FEWEST = 8  # beats in a half: two blocks that can be drawn from
@@ -223,6 +226,8 @@ def _hits(score: HarmonyScore) -> list[Finding]:
     )
     return [Finding("hits", met / len(score.music), sentence)]
 
+
+# A dance: read, placed in its song, scored
 
 SURE = 0.95  # confidence of an offset by movement, below which it means little
 # Numbers that mean nothing where the offset was fitted to the movement.
@@ -536,7 +541,7 @@ def explain_performance(
     )
 
 
-# One film, read in both ways: by the body of the dancer, and by the flow of the picture.
+# One film, read by the body and by the flow
 
 BODY, FLOW = "the body", "the flow of the picture"
 COLUMNS = ["verdict", "how sure", "offset"]

@@ -1,4 +1,4 @@
-"""Pictures of beats and scores: the curves beats are read from, hits and misses, and the level of chance.
+"""Pictures of beats and scores: the curves beats are read from, hits and misses, the level of chance, and timing.
 
 Every function draws on the axes it is given and returns them. Music is blue and points up, the dance is orange and
 points down; a hit is a green circle, a miss a red cross.
@@ -279,7 +279,7 @@ def headline(score: HarmonyScore) -> str:
     return f"{number};  h = {score.harmony:.2f}"
 
 
-# The distance from each music beat to the dancer's nearest rest or hit, along time.
+# Timing: the distance from each music beat to the dancer's nearest rest or hit, along time
 
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
 

@@ -1,4 +1,7 @@
-"""People in figures: the shapes of `harmolab.lab.person` as polygons of matplotlib."""
+"""People in figures: the shapes of `harmolab.lab.person` as polygons of matplotlib, and poses along a time axis.
+
+On a time axis people and video frames stand each at its moment, never distorted.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -68,7 +71,7 @@ def person_polygons(
     )
 
 
-# Pictures of movement on a time axis: people and video frames, each at its moment, never distorted.
+# People and video frames on a time axis
 
 BOX: Mapping[str, Any] = MappingProxyType({"frameon": False, "pad": 0.0, "annotation_clip": False})
 GHOSTS = ("#C9C9C9", "#A8A8A8")  # oldest first

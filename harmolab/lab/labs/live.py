@@ -28,7 +28,7 @@ from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
-# Settings of a lab: the fields of `HarmonyParams` that its controls stand for, and the line to copy.
+# Settings of a lab: the fields of `HarmonyParams` that its controls stand for, and the line to copy
 
 MODES: Mapping[str, HarmonyParams] = {
     "paper": HarmonyParams.paper(),
@@ -97,7 +97,7 @@ def lab_params(mode: str = "paper", *, pattern: BarPattern | None = None, **valu
     return replace(own, **fields)
 
 
-# Presence of a page that can show a widget: JupyterLab has one, a program that runs notebooks has none.
+# Is there a page that can show a widget? JupyterLab has one, a program that runs notebooks has none
 
 
 def has_front_end() -> bool:
@@ -115,7 +115,7 @@ def has_front_end() -> bool:
     return not is_cell or bool(request.get("metadata"))
 
 
-# Controls of the live labs, in plain words with the paper's symbol beside them, and the formulas that read them.
+# Controls, in plain words with the paper's symbol beside them, and the formulas that read them
 
 # The settings that each formula of the labs' script reads. The script refuses to read any other, and Python a lab with
 # a control that none of its formulas reads.
@@ -483,7 +483,7 @@ class LiveLab(anywidget.AnyWidget):
         )
 
 
-# Data of the labs of one clip.
+# Data of the labs of one clip
 
 KINDS: Mapping[str, Literal["turns", "direction"]] = MappingProxyType({"joints": "turns", "direction": "direction"})
 

@@ -1,7 +1,8 @@
-"""The labs of one clip: the choices of the score, the beats that one would notice (Eq. 10-13), the moments of beats.
+"""The labs of one clip: scoring, salience of beats (Eq. 10-13), detectors of visual beats; of one's own files, too.
 
-The scoring lab has beats that can be dragged, and the sound. The saliency lab shows the beats that a listener or viewer
-would notice; the detector lab the moments that are visual beats, and the curve from which they are read.
+The scoring lab has the choices of the score, beats that can be dragged, and the sound. The saliency lab shows the beats
+that a listener or viewer would notice; the detector lab the moments that are visual beats, and the curve from which
+they are read.
 """
 
 import re
@@ -86,6 +87,8 @@ def _row(kind: str, accept: str) -> tuple[ipywidgets.FileUpload, ipywidgets.Text
     return upload, ipywidgets.Text(placeholder=f"or the path of the {kind}", layout={"width": "28rem"})
 
 
+# The scoring lab
+
 N_ROTATIONS = 200  # as fine as the eye can tell
 
 
@@ -142,7 +145,7 @@ def scoring_content(stage: live.Stage) -> live.LabContent:
     )
 
 
-# Evidence
+# The scoring lab: evidence
 
 
 def lags() -> list[float]:
@@ -173,7 +176,7 @@ def _shape(stage: live.Stage) -> dict[str, Any]:
     }
 
 
-# Numbers
+# The scoring lab: numbers
 
 
 def scoring_numbers(

@@ -1,11 +1,10 @@
-"""Analysis of a study's answers: rates with intervals, agreement between raters, correlation with scores.
+"""Analysis of a study's answers: marks, agreement of raters, rates with intervals, correlation with scores.
+
+A mark is four whole numbers from 0 to 10, one for each of four sides of a dance: naturalness, richness, music, sliding,
+as in Music2Dance's study (Table 3). The mark of a dance is their weighted mean.
 
 Every row of a table says in its field "simulated" whether the raters behind it were people; `answer_grid` refuses
 answers of both.
-
-Marks from 0 to 10 for four sides of a dance, as in Music2Dance's study (Table 3), and what they add up to.
-
-An answer is four whole numbers: naturalness, richness, music, sliding. The mark of a dance is their weighted mean.
 """
 
 import math
@@ -22,7 +21,7 @@ from harmolab.lab.listening.trials import CHOICES, MARKED, Key, is_answer, marks
 from harmolab.significance import auc, bootstrap_interval, bootstrap_interval_of, wilson_interval
 from harmolab.types import BoolArray, FloatArray
 
-# Marks from 0 to 10 for four sides of a dance, as in Music2Dance's study (Table 3), and what they add up to.
+# Marks for four sides of a dance (Music2Dance, Table 3), and agreement
 
 WEIGHTS: Mapping[str, float] = MappingProxyType(dict(zip(MARKED, (0.25, 0.25, 0.4, 0.1), strict=True)))
 MARK = "mark"
@@ -132,6 +131,9 @@ def agreement(name: str, measure: Callable[[FloatArray], float], values: FloatAr
     )
     row = {"measure": name, "raters": len(values), "n": shared.shape[1]}
     return {**row, "rate": measure(shared), "low": low, "high": high}
+
+
+# Tables of a study: raters, versions, agreement, correlation with scores
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,10 @@
-"""Answers on disk: one line each, written through at once, so that a killed program loses none.
+"""Answers of raters on disk, the folder of a study that holds them, and simulated raters.
 
-The file is only ever appended to. A program that dies while it writes leaves at most one half line; the next answer
-starts a line of its own, and reading leaves the half line out and says so.
+Answers are one line each, written through at once, so that a killed program loses none. The file is only ever appended
+to. A program that dies while it writes leaves at most one half line; the next answer starts a line of its own, and
+reading leaves the half line out and says so.
 
-A study on disk, in a folder that needs no corpus any more.
+A study is a folder that needs no corpus any more:
 
 =====================  ============================================================
 trials.json            the blind trials
@@ -11,6 +12,9 @@ pages/TRIAL.html       the page of each of them: a blind player
 answers/RATER.jsonl    the answers, a file for each rater
 key.json, scores.json  the truth about the trials, and their scores; not for raters
 =====================  ============================================================
+
+Simulated raters are not people; they have a known skill, test the analysis, and are called simulated wherever they
+appear.
 """
 
 import json
@@ -281,7 +285,7 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-# A study on disk, in a folder that needs no corpus any more.
+# The folder of a study
 
 TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
 PAGES, ANSWERS = "pages", "answers"
@@ -416,7 +420,7 @@ def _texts(content: Any) -> tuple[str, ...]:
     return tuple(content)
 
 
-# Raters that are not people, of known skill: they test the analysis and are called simulated wherever they
+# Simulated raters of known skill
 
 
 @dataclass(frozen=True)

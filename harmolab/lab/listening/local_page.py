@@ -1,4 +1,7 @@
-"""A page for a browser of this machine alone: an address that holds a secret, requests, replies."""
+"""Local pages for a browser of this machine alone: an address that holds a secret, requests, replies.
+
+One asks the trials of a study; one plays a song and takes a person's taps.
+"""
 
 import io
 import json
@@ -205,7 +208,7 @@ def _opened(content: str | bytes | Path) -> BinaryIO:
     return io.BytesIO(content if isinstance(content, bytes) else content.encode())
 
 
-# A study as a plain local page, in a browser or in a frame of a notebook; it talks to this machine alone.
+# A study as a local page, in a browser or in a frame of a notebook
 
 TITLE = "Listening study"
 FRAME_HEIGHT = 860  # pixels: question, player and answers
@@ -292,7 +295,7 @@ class StudyServer(LocalPage):
                 self._log.record(self._trials, trial, choice, seconds=seconds)
 
 
-# A local page that plays a song while a person taps its beats and marks "one".
+# A song to which a person taps its beats and marks "one"
 
 SOUND = "sound.wav"
 

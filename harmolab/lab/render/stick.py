@@ -1,11 +1,10 @@
-"""Pictures of a dancer without a recording: a textured stick figure.
+"""Frames of a textured stick figure that dances, with marks of beats in a corner and words at the lower edge.
 
-It is a stream of frames, so a video of any length needs the memory of one frame. Needs OpenCV and numpy only.
+They show a dancer without a recording. All are streams of frames, so a video of any length needs the memory of one
+frame. Needs OpenCV and numpy only.
 
-Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet, a
-cross for a beat of the music that is missed.
-
-Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
+Marks of beats are a disc for the music, a diamond for the dancer, a ring where they meet, a cross for a beat of the
+music that is missed. They differ in shape and word, colour only helps.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -140,7 +139,7 @@ def _strokes(place: FloatArray, skeleton: Skeleton, skull: list[int], thickness:
         yield Stroke(point, None, round(radius), JOINT_LEVEL)
 
 
-# Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they
+# Marks of beats, and captions
 
 # The project's colours for music, dancer and hits.
 MUSIC, DANCER, HIT, MISS = (0, 114, 178), (230, 159, 0), (0, 158, 115), (178, 24, 43)

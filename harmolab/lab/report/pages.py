@@ -1,4 +1,4 @@
-"""The pages of a report: one per executed notebook, and the index."""
+"""The pages of a report: one per executed notebook, and the index; with the pictures that they show."""
 
 import csv
 import html
@@ -26,7 +26,7 @@ from nbformat.v4 import new_output
 from harmolab.lab.report import MANIFEST
 from harmolab.lab.report.templates import TEMPLATES, rendered
 
-# Pictures of a report: those its notebooks drew, and beside them the committed ones of the full profile.
+# Pictures: those its notebooks drew, and beside them the committed ones of the full profile
 
 FULL = "full"  # folder of the committed figures, inside the report's folder of figures
 SAVED = "harmolab_saved"  # key of a cell's metadata: the figures and tables it wrote

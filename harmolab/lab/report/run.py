@@ -26,7 +26,7 @@ from harmolab.files import atomic_folder, atomic_write, write_json
 from harmolab.lab.report import MANIFEST
 from harmolab.lab.report.pages import MARK, SAVED, NotebookRun, manifest_of, write_pages
 
-# Figures and tables of a full run: each notebook's replace what it published before, as soon as it has run
+# Figures and tables of a full run: a notebook's replace what it published before, once it has run
 
 CODE = ("harmolab", "notebooks")  # folders of a project whose last change a run is of
 DRAWS = ("_figure", "_picture")  # ends of the names of functions that draw; so do those that begin with "draw_"

@@ -35,7 +35,7 @@ from harmolab.systems.training.about import json_file, read_about, weights_stem
 from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
 from harmolab.types import Audio, BeatTrack, BoolArray, IntArray, Motion
 
-# A dance and what it is made of: which recordings, what seams, how much of it is new, what to be warned of.
+# A dance, and what it is made of: recordings, seams, how much of it is new, warnings
 
 VISIBLE_SEAM = 18.0  # centimetres above which a faded seam can be seen
 LEAST_MINUTES, ENOUGH_MINUTES = 1.0, 2.0
@@ -188,6 +188,8 @@ def _bar_warning(moves: Moves, music: lay.MusicBeats, is_own_pulse: bool) -> tup
         return (f"the bar is not danced: the music has {music.meter} beats in a bar, these recordings {meter}",)
     return ()
 
+
+# The choreographer
 
 # Mirrored takes double the time that a choice takes. Of five minutes they make no seam smaller; of two they do.
 FEW_SECONDS, ENOUGH_SHARE = 180.0, 1.5  # of recordings, and of the length of a dance
@@ -441,7 +443,7 @@ class Choreographer(DanceSystem):
         return moves_of(courses, self.params)
 
 
-# Corpora that were read before: the second dance from the same files does not read and measure them again.
+# Corpora that were read before are kept, not read and measured again
 
 SIGNATURE = 2  # raise it when the same files give another choreographer than before
 MOST_FILES = 50_000  # below a folder that holds more nothing is kept

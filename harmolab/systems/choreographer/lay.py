@@ -1,6 +1,6 @@
-"""Which recorded beat is danced to which beat of the music, by dynamic programming; and the dance of these beats.
+"""A dance of recorded beats: chosen for the beats of the music by dynamic programming, then laid on them.
 
-Chosen beats are laid on the beats of the music: turned and shifted onto each other, faded, with whole bones, on feet.
+Laid beats are turned and shifted onto each other, faded, with whole bones, on feet.
 """
 
 import zlib
@@ -227,7 +227,7 @@ def _traced(links: list[tuple[IntArray, IntArray]], last: int) -> IntArray:
     return np.array(path[::-1])
 
 
-# Chosen beats laid on the beats of the music.
+# Chosen beats laid on the beats of the music
 
 FADE = 0.5  # beats to either side of a seam
 

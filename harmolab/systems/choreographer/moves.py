@@ -1,4 +1,7 @@
-"""Recorded beats as things that can be danced: how far apart they are, where they stand in the bar, what fits them.
+"""Recorded beats as things that can be danced: costs, their pulse, how far apart they are, where in the bar they stand.
+
+Costs say how much a seam, another tempo, a beat out of place and a repetition weigh. A motion without beats has a
+pulse: its own rests, chosen so that they come about as often as a song's beats.
 
 A node is one beat of one recording, [k, k + 1). Its borders are the beats k and k + 1. Around every border and every
 middle of a beat lies a cloud: the joints at some moments from half a beat before to half a beat after. The distance of
@@ -36,7 +39,7 @@ from harmolab.verdict.bar_pattern import (
     pattern_sums,
 )
 
-# The numbers of the choreographer: what a seam, another tempo, a beat out of place and a repetition cost.
+# Costs of a seam, another tempo, a beat out of place and a repetition
 
 # Costs of a choice that is to be avoided, in centimetres of seam. Never infinite: a small corpus must still dance.
 TOO_SHORT, TOO_LONG = 60.0, 80.0
@@ -103,7 +106,7 @@ class ChoreographerParams:
             raise ValueError("alike, forgetting and foot_weight must be positive")
 
 
-# The pulse of a motion without beats: its own rests, chosen so that they come about as often as a song's beats.
+# The pulse of a motion without beats
 
 STEP = 0.1  # seconds between moments that may be taken where no rest is near
 SHORTEST, LONGEST = 0.6, 1.6  # of the song's beat
@@ -152,6 +155,8 @@ def pulse(signal: ShapeSignal, period: float) -> FloatArray:
         beats.append(int(before[beats[-1]]))
     return moments[beats[::-1]] if len(beats) > 1 else np.zeros(0)
 
+
+# Beats as nodes, the distances of their clouds, and bar patterns
 
 Complex64 = NDArray[np.complex64]
 Float32 = NDArray[np.float32]

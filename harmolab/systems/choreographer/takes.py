@@ -1,6 +1,6 @@
-"""The recordings that a choreographer takes beats from, and where they come from: folders, files, clips, motions.
+"""Takes, the recordings that a choreographer takes beats from: read from folders, files, clips, motions; on disk.
 
-A corpus of takes on disk: names, tempi and sizes in ``model.json``, movement and beats in ``model.npz`` beside it.
+A corpus of takes on disk has names, tempi and sizes in ``model.json``, movement and beats in ``model.npz`` beside it.
 
 ==============  =======================================================================================
 name            shape and type, and meaning
@@ -276,7 +276,7 @@ def _read(path: Path, root: Path, scale: float | None) -> Take:
     return _take(path.name, motion, files.dance, track, (recorded_offset(path) or 0.0) + start, meter)
 
 
-# A corpus of takes on disk: names, tempi and sizes in ``model.json``, movement and beats in ``model.npz`` beside
+# Takes on disk
 
 CLASS = "Choreographer"
 MOST_TAKES, MOST_BEATS, MOST_METER = 10_000, 1_000_000, 32

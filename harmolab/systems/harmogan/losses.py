@@ -173,7 +173,7 @@ def check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
         raise ValueError(f"mask must be {tuple(motion.shape[:2])}, one entry per frame; got {tuple(mask.shape)}")
 
 
-# Loss terms that the paper does not have: they keep a movement natural while harmony pulls at it.
+# Terms that the paper does not have: they keep a movement natural while harmony pulls at it
 
 RESTING = 1e-3  # metres per frame: less movement than this counts as this much
 STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much
@@ -298,7 +298,7 @@ def _mean(values: Tensor, counted: Tensor) -> Tensor:
     return torch.einsum("nt,nt...->...", counted.to(values.dtype), values) / counted.sum().clamp(min=1)
 
 
-# Loss terms of one batch by name: of pretraining, of the discriminators and of the generator (Eq. 24-32).
+# Terms of one batch by name: of pretraining, discriminators and generator (Eq. 24-32)
 
 TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
 SHAPE = 2.0  # weight of the place test in the harmony loss, where valleys have 1

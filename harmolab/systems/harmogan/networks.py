@@ -1,13 +1,12 @@
-"""The generator of the harmony paper's Sec. 4.2 and its two discriminators.
+"""HarmoGAN's networks: the generator (paper Sec. 4.2), its dances of any length, and the two discriminators.
 
-All of them take the motion code of `common.motion_code` as it is, in metres and seconds, and normalise it with the
-training split's mean and standard deviation, which they keep as buffers.
+All of them take the motion code of `harmolab.systems.training.motion_code` as it is, in metres and seconds, and
+normalise it with the training split's mean and standard deviation, which they keep as buffers.
 
-Dances of any length: meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b).
-
-For every meter the generator is given its music and the beats before it, and as initial poses what was danced in those
-beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its meter is continued from the end of the
-last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
+A dance of any length is made meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b). For every meter
+the generator is given its music and the beats before it, and as initial poses what was danced in those beats (Eq. 23).
+Its output for the beats before (TI = 1) is thrown away; its meter is continued from the end of the last one. The first
+meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
 import math

@@ -1,14 +1,12 @@
-"""The networks of Lee et al. 2019: a coder of dance units, a composer of their codes, a style of music, two critics.
+"""The networks of Lee et al. 2019, the dance units that they code, and dances composed and warped to music's beats.
 
-Poses go through them as numbers of the motion code in standard deviations of the training split, all joints measured
-from the root, whose own x and y then say where the whole body is: so a unit can be shifted.
+Dance units are four beats in 32 frames, beats at frames 3, 11, 19 and 27. A training unit of eight beats is bent in
+time so that its beats lie evenly, and cut in two. A dance is composed in that even time and bent back, so that its
+beats lie on the music's.
 
-Dance units of Lee et al. 2019: four beats in 32 frames, beats at frames 3, 11, 19 and 27; and back to any music.
-
-A training unit of eight beats is bent in time so that its beats lie evenly, and cut in two. A dance is composed in that
-even time and bent back, so that its beats lie on the music's.
-
-A dance unit by unit from the style of a song, brought to its beats: the composer and the warper of Lee et al. 2019.
+The networks are a coder of dance units, a composer of their codes, a style of music, two critics. Poses go through them
+as numbers of the motion code in standard deviations of the training split, all joints measured from the root, whose own
+x and y then say where the whole body is: so a unit can be shifted.
 
 The music acts twice only: as one vector, the style of the whole song, and through its beats. The warper here is what
 the released one means to be: the pose of canonical beat j comes to lie on the j-th music beat, linear in between.
@@ -37,7 +35,7 @@ from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import stored_record
 from harmolab.types import FloatArray, Motion
 
-# Dance units of Lee et al. 2019: four beats in 32 frames, beats at frames 3, 11, 19 and 27; and back to any
+# Dance units: four beats in 32 frames, and back to any music
 
 BEATS, FRAMES = 4, 32  # of a piece
 FIRST, BEAT = 3, 8  # frame of its first beat, frames from beat to beat
@@ -140,7 +138,7 @@ def bent(code: ArrayLike, places: FloatArray) -> FloatArray:
     return values
 
 
-# Parts of the networks of Lee et al. 2019: coders and decoders of poses, units and dances; style of music
+# Networks: coders and decoders of poses, units and dances; style of music; critics
 
 SLOPE = 0.2  # of the bends
 
@@ -398,7 +396,7 @@ def from_root(code: Tensor, root: int, *, backwards: bool = False) -> Tensor:
     return code + offset if backwards else code - offset
 
 
-# A dance unit by unit from the style of a song, brought to its beats: the composer and the warper of Lee et al.
+# Composer and warper: a dance from the style of a song, brought to its beats
 
 EDGE = 1e-9  # frames: rounding
 

@@ -1,7 +1,10 @@
-"""The training of Lee et al. 2019 in three phases: style of music, coder of units, composition; in a folder of its own.
+"""Lee et al. 2019 as a system, and its training in three phases: style of music, coder of units, composition.
 
-The folder is that of HarmoGAN's training (`harmolab.systems.harmogan.train`) without a pose network and without
-pretrained weights.
+The system is trained networks, and the movements that their dances start from. It is measured on known figures,
+held-out music and codes: how much have the networks learnt?
+
+A training has a folder of its own, that of HarmoGAN's training (`harmolab.systems.harmogan.train`) without a pose
+network and without pretrained weights.
 """
 
 import zlib
@@ -25,7 +28,7 @@ from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet, collate
 
-# Lee et al. 2019 as a system: trained networks, and the movements that their dances start from.
+# The system
 
 
 class Lee2019(PresetSystem):
@@ -60,7 +63,7 @@ class Lee2019(PresetSystem):
         return train_lee2019(split, options, params)
 
 
-# Batches of Lee et al. 2019: the networks' output for one in each phase of the training, and its loss terms.
+# Batches, the networks' output for them in each phase, and its loss terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +271,7 @@ def _entropy(logits: Tensor, target: float) -> Tensor:
     return binary_cross_entropy_with_logits(logits, torch.full_like(logits, target))
 
 
-# Measures of how much the networks of Lee et al. 2019 have learnt: on known figures, held-out music and codes.
+# Measures of how much the networks have learnt
 
 CHUNK = 128  # pieces at a time
 
@@ -306,6 +309,8 @@ def critic_accuracy(network: DancingToMusic, batch: Pieces) -> dict[str, float]:
     pairs = verdicts(network, composed(network, batch), batch)
     return {name: float(torch.cat([real > 0, fake < 0]).float().mean()) for name, (real, fake) in pairs.items()}
 
+
+# The training
 
 VALIDATE_EVERY = 10  # epochs
 LEAST_STD = 1e-3  # of a number of a pose: the root of a body never moves to the side

@@ -288,7 +288,7 @@ def _terms(logits: Tensor, shard: Shard, row: object) -> Terms:
     return {"entropy": cross_entropy(logits, label), "right": (logits.argmax(dim=1) == label).float().mean().detach()}
 
 
-# The songs of corpora, each once, with the dance that was danced to it: what the attribute classifier learns
+# The songs of corpora, each once, with the dance that was danced to it
 
 TEST_SHARE = 0.2  # of the songs of each dance
 EXCERPT = 200  # moments (20 s) by which songs are compared

@@ -1,11 +1,9 @@
 """Motion as the networks of Music2Dance take it: positions (our mode) or rotations (the paper's, Sec. 4.4.1).
 
+Rotations are fitted to twenty points of a body, each a joint or the middle of joints. Markers are not joints: two on
+the head, none at pelvis and neck. Forearm markers are left out, since they turn about the arm and make it jump.
+
 A code turns positions into channels and back, frame by frame but for the root's path, whose channels are rates.
-
-Twenty points of a body, each a joint or the middle of joints: what rotations can be fitted to.
-
-Markers are not joints: two on the head, none at pelvis and neck. Forearm markers are left out, since they turn about
-the arm and make it jump.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +22,7 @@ from harmolab.systems.training.about import stored_skeleton
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion, fixed_bones, n_channels
 from harmolab.types import FloatArray, Motion
 
-# Twenty points of a body, each a joint or the middle of joints: what rotations can be fitted to.
+# Twenty points of a body, to which rotations are fitted
 
 _SIDES = (("L", "left"), ("R", "right"))
 _ARM, _LEG = ("shoulder", "elbow", "hand"), ("hip", "knee", "ankle", "toe", "heel")
@@ -73,6 +71,8 @@ def sources(skeleton: Skeleton) -> Mapping[str, list[int]]:
         raise ValueError(f"no joint for {', '.join(missing)}; joints are {', '.join(skeleton.joints)}")
     return joints
 
+
+# Codes of positions and of rotations
 
 ROOT = 7  # channels of the root in the code of rotations
 END_EFFECTORS = ("toe L", "toe R", "head", "hand L", "hand R")

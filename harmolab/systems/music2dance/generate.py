@@ -141,7 +141,7 @@ def _array(values: torch.Tensor) -> SingleArray:
     return np.ascontiguousarray(values.detach().cpu().numpy(), dtype=np.float32)
 
 
-# A whole song.
+# A dance to a whole song
 
 
 @dataclass(frozen=True, eq=False)

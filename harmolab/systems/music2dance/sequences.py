@@ -1,6 +1,7 @@
 """Whole recordings as the networks of Music2Dance take them: music ten times a second, motion and contacts at one rate.
 
-Sequences are kept whole; training windows are cut out of them (`windows`).
+Sequences are kept whole; training windows of eight seconds are cut out of them (`WindowSource`), and drawn so that rare
+movement comes up as often as other movement.
 """
 
 import warnings
@@ -193,7 +194,7 @@ def frames_from(mask: BoolArray, length: int) -> NDArray[np.int64]:
     return total[length:] - total[:-length]
 
 
-# Training windows of Music2Dance: eight seconds of music and motion, drawn so that rare movement comes up as
+# Training windows
 
 N_POSES, N_COMPONENTS = 10, 30  # of a window, by which windows are clustered
 LEAST_STD = 1e-3  # of a channel: the root never moves to the side

@@ -21,7 +21,7 @@ from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms
 from harmolab.systems.training.runs import PoseBank, open_run, spread
 from harmolab.systems.training.splits import Split
 
-# Loss terms of Music2Dance (Eq. 7-11): how likely the recorded frame was, and whether the right feet stand.
+# Loss terms (Eq. 7-11): how likely the recorded frame was, and whether the right feet stand
 
 HALF_LOG_TAU = 0.5 * math.log(2 * math.pi)
 

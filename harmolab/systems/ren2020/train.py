@@ -1,4 +1,9 @@
-"""Ren et al.'s training: the ST-GCN, then generator and discriminators in turn, in a folder of its own.
+"""Ren et al. 2020 as a system, its loss terms, and its training: the ST-GCN, then generator and discriminators.
+
+The system is a generator that makes a whole dance from music and noise in one pass. Each loss term is a mean over
+clips; padding never counts. Codes are motion codes in standard deviations; masks are 1 at real frames.
+
+Generator and discriminators step in turn. A training has a folder of its own:
 
 ==========================  ==================================================================
 settings.json               every setting, and what it was trained on
@@ -8,10 +13,6 @@ history.csv, events.*       losses and validation, epoch by epoch (a table; Tens
 state.safetensors           everything needed to go on after a kill
 model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes it
 ==========================  ==================================================================
-
-Loss terms of Ren et al.'s generator and of its two discriminators; each is a mean over clips. Padding never counts.
-
-Codes are motion codes in standard deviations; masks are 1 at real frames.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +34,7 @@ from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import load_weights
 
-# Ren et al. 2020 as a system: a generator that makes a whole dance from music and noise in one pass.
+# The system
 
 
 class Ren2020(PresetSystem):
@@ -57,7 +58,7 @@ class Ren2020(PresetSystem):
         return train_ren2020(split, options, params)
 
 
-# Loss terms of Ren et al.'s generator and of its two discriminators; each is a mean over clips. Padding never
+# Loss terms of the generator and of its two discriminators
 
 Map = tuple[Tensor, Tensor]  # (N, channels, T) and its mask (N, T)
 
@@ -129,7 +130,7 @@ def _over_frames(values: Tensor, mask: Tensor) -> Tensor:
     return (values * mask).sum(dim=1) / mask.sum(dim=1).clamp(min=1.0)
 
 
-# One step of training on a part of a batch: the dance, and the terms of each player's loss.
+# One step of training on a part of a batch
 
 
 class Networks(NamedTuple):
@@ -211,6 +212,8 @@ def speed_ratio(generator: RenGenerator, code: Tensor, units: Tensors) -> float:
     danced, recorded = (decode(each, generator.fps).diff(dim=1).norm(dim=-1) * both for each in codes)
     return float(danced.sum() / recorded.sum())
 
+
+# The training
 
 ST_GCN = "st_gcn"
 VALIDATE_EVERY = 10  # epochs

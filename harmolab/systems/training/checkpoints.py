@@ -1,8 +1,10 @@
-"""The folder of a run, and its state in one file, from which training resumes as if it had never stopped.
+"""The folder of a run: its history, its settings, and its state in one file, from which training resumes.
 
-Tensors are safetensors; everything else (history, settings) is JSON in the same file's header, so that one rename
-publishes both. Nothing is ever unpickled. A run is resumed only with the settings of ``settings.json`` and the split
-of ``split.json``.
+It resumes as if it had never stopped. Tensors are safetensors; everything else (history, settings) is JSON in the same
+file's header, so that one rename publishes both. Nothing is ever unpickled. A run is resumed only with the settings of
+``settings.json`` and the split of ``split.json``.
+
+The history has one row an epoch: a table for people and notebooks, events for TensorBoard.
 """
 
 import csv
@@ -26,7 +28,7 @@ from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import read_tensors, renamed
 from harmolab.types import BeatTrack, Motion
 
-# The history of a run, one row an epoch: a table for people and notebooks, events for TensorBoard.
+# The history of a run, one row an epoch
 
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
@@ -121,6 +123,9 @@ class Sides(Protocol):
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
 SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
+
+
+# The state and the folder of a run
 
 
 def save_state(

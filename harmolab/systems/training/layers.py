@@ -1,9 +1,9 @@
-"""Parts of several systems' networks: normalisation by the training split, branches over time, a count.
+"""Parts of several systems' networks: normalisation, convolutions over time, motion coding, a coder of songs.
 
-The motion coding of `motion_code` in torch: differentiable, batched, without loops over time.
-
-A code has C = 3 J + 3 channels: the joints of every frame seen from the dancer's heading, above the root's place on the
-floor (metres, J x 3), the root's velocity to the side and forward (m/s), and the yaw rate (rad/s).
+Normalisation is by the statistics of the training split. The motion coding is that of `motion_code` in torch:
+differentiable, batched, without loops over time. A code has C = 3 J + 3 channels: the joints of every frame seen from
+the dancer's heading, above the root's place on the floor (metres, J x 3), the root's velocity to the side and forward
+(m/s), and the yaw rate (rad/s).
 """
 
 from collections.abc import Iterator, Sequence
@@ -144,7 +144,7 @@ def mean_over_time(values: Tensor, mask: Tensor) -> Tensor:
     return (values * mask[:, None]).sum(dim=2) / mask.sum(dim=1, keepdim=True).clamp(min=1.0)
 
 
-# Batch normalisation whose statistics are floating-point numbers only, as weights on disk have to be.
+# Batch normalisation whose statistics are floating-point numbers only, as weights on disk have to be
 
 
 class BatchNorm(nn.Module):
@@ -171,7 +171,7 @@ class BatchNorm(nn.Module):
         return batch_norm(values, *kept, self.weight, self.bias, training=self.training, momentum=self.momentum)
 
 
-# The motion coding of `motion_code` in torch: differentiable, batched, without loops over time.
+# Motion coding in torch
 
 # Root velocity to the side and forward, yaw rate: the last channels of a code.
 PATH_CHANNELS = 3
@@ -250,7 +250,7 @@ def bones(local: Tensor, parents: Sequence[int]) -> Tensor:
     return (local - local[..., above, :]).masked_fill(is_root[:, None], 0.0)
 
 
-# Threads that torch computes with: for timings that shall mean the same on other machines.
+# Threads of torch: one, for timings that shall mean the same on other machines
 
 
 @contextmanager
@@ -264,7 +264,7 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-# From music features to a few numbers a moment: convolutions over time, or layers, and a bidirectional LSTM.
+# Songs: convolutions over time, or layers, and a bidirectional LSTM, to a few numbers a moment
 
 KERNEL = 2  # moments that a convolution spans
 FRAME_LAYERS = (120, 240, 480)  # units of the layers that read each moment alone

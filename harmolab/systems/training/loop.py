@@ -1,13 +1,11 @@
-"""One training loop for every system: phases one after the other; on each batch of a phase its players step in turn.
-
-Runs on a CPU, a GPU or several processes (torchrun) through Lightning Fabric; `shards` sees to it
-that the number of processes does not change the result. The whole state goes to disk between epochs; a run that was
-killed goes on from there.
-
-Units on a device, and batches of them in parts: the same gradients from one process as from several.
+"""One training loop for every system: batches in shards, and phases in which several players step in turn.
 
 Gradients and means are added up over all shards of a batch in the order of the shards. So the same shards give the same
 result to the last bit, whether one process computes them one after the other or each process some of them.
+
+Phases follow one another; on each batch of a phase its players step in turn. The loop runs on a CPU, a GPU or several
+processes (torchrun) through Lightning Fabric; `shards` sees to it that the number of processes does not change the
+result. The whole state goes to disk between epochs; a run that was killed goes on from there.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from harmolab.systems.training.units import Batch, UnitSet, collate
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-# Units on a device, and batches of them in parts: the same gradients from one process as from several.
+# Units on a device, and batches of them in shards
 
 Terms = dict[str, Tensor]  # by name, "total" is what the gradient is of
 
@@ -190,6 +188,8 @@ def _added(fabric: Fabric, values: Tensor) -> Tensor:
         total = total + each
     return total
 
+
+# Phases and players
 
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
 Optimisers = dict[str, torch.optim.Optimizer]

@@ -1,9 +1,10 @@
-"""The beginning and the end of every training: its folder is opened, its phases are run, its weights are written.
+"""A bank of movements that dances start from, and the beginning and the end of every training.
 
-Movements that a dance may start from: a few short clips of training motion, kept beside a generator's weights.
+The bank is a few short clips of training motion, kept beside a generator's weights. Its file is called
+`<weights>_poses.safetensors` and holds one tensor, ``poses`` (K, T0, C) in 16 bits, and the name of each clip's dance
+in its header.
 
-The file is called `<weights>_poses.safetensors` and holds one tensor, ``poses`` (K, T0, C) in 16 bits, and the name of
-each clip's dance in its header.
+A training begins with its folder, which is opened; its phases are run, and its weights are written.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from harmolab.types import FloatArray
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-# Movements that a dance may start from: a few short clips of training motion, kept beside a generator's weights.
+# The bank of movements that a dance may start from
 
 POSES = 48  # clips of a bank
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it
@@ -168,6 +169,8 @@ def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:
             raise ValueError(f"holds poses of shape {poses.shape}; this generator needs {n_channels} channels")
         return PoseBank(poses, tuple(json.loads(about["dances"])))
 
+
+# A run: its folder is opened, its phases are run, its weights are written
 
 MODEL = DEFAULT_STEM
 

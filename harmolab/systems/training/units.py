@@ -1,9 +1,9 @@
-"""Training material of a generator: a unit, a set of units of one body, a padded batch (paper Sec. 4.1).
+"""Training units of a generator: initial poses, units and padded batches, recordings cut into meters (Sec. 4.1).
 
-Training units of a generator: recordings cut into meters with the beats before them (paper Sec. 4.1, Fig. 6).
-
-A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up the unified length; its motion is coded
-as in `harmolab.systems.training.motion_code`. Everything is numpy, at the rate of `FeatureParams.fps`.
+A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up the unified length (paper Sec. 4.1,
+Fig. 6); its motion is coded as in `harmolab.systems.training.motion_code`. Everything is numpy, at the rate of
+`FeatureParams.fps`. A set of units is of one body. A song is cut into meters likewise, to be danced one after the
+other.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -24,7 +24,7 @@ from harmolab.systems.training.groups import Outline, Segment, group_outlines, m
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 
-# Temporal index TI and initial poses V_f: the generator's input from the meter before (paper Sec. 4.1, Eq. 23).
+# Temporal index TI and initial poses V_f, from the meter before (paper Sec. 4.1, Eq. 23)
 
 
 def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
@@ -76,6 +76,8 @@ def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) 
     mean = motion_code[prior].mean(axis=0, dtype=np.float64)
     return np.where(prior[:, None], motion_code, mean).astype(np.float32)
 
+
+# A unit, a set of units of one body, a padded batch
 
 SingleArray = NDArray[np.float32]
 A = TypeVar("A")  # array or tensor
@@ -262,7 +264,7 @@ def _stacked(arrays: Sequence[NDArray[Any]], fill: float | None = None) -> Singl
     return table
 
 
-# Training units of a generator: recordings cut into meters with the beats before them (paper Sec. 4.1, Fig. 6).
+# Recordings cut into meters with the beats before them (paper Sec. 4.1, Fig. 6)
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22
 EXTRA_METER = 4  # beats in the meter of an additional training unit
@@ -530,7 +532,7 @@ def recording_folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]
     return list(folders.values()), notes
 
 
-# From the beats of a song to the meters that are danced one after the other, and the frames of each.
+# Meters of a song that are danced one after the other, and the frames of each
 
 DEFAULT_PERIOD = 0.5  # seconds between beats where the music has none
 LONGEST_INTERVAL = 2.5  # in usual intervals; beats are put into longer ones

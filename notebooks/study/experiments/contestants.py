@@ -268,7 +268,7 @@ def entries(profile: RunProfile, rows: Iterable[str] = tuple(ROWS), *, trainings
     return [Entry(contest, name, ROWS[name].contestants(contest)) for contest, name in pairs]
 
 
-# Their dances are kept under all that they depend on: a comparison that was killed goes on where it was.
+# Their dances, kept under all that they depend on: a comparison that was killed goes on where it was
 
 VERSION = 1  # of what is kept
 

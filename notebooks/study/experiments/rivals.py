@@ -1,4 +1,7 @@
-"""The rival systems of the comparison, trained on the same split as HarmoGAN and kept in the cache folder likewise."""
+"""The rival systems of the comparison, trained on HarmoGAN's split and kept in the cache folder; their entry tests.
+
+The entry tests ask about known figures: is a system, as trained here, trained well enough to be compared?
+"""
 
 import math
 from collections import Counter
@@ -87,7 +90,7 @@ def _run(name: str, train: Any, split: Split, params: Any) -> Path:
     return kept_run(name, about, lambda options: train(split, options, params))
 
 
-# Is a system, as trained here, trained well enough to be compared? It is asked about known figures.
+# Entry tests
 
 
 def _asked(values: dict[str, tuple[float, float, float]]) -> Asked:
