@@ -1,6 +1,7 @@
 """What goes into `harmolab evaluate`: where a dance begins, frames that a system was given, files that are faulty."""
 
 import json
+import os
 import pickle
 import shutil
 from dataclasses import replace
@@ -434,6 +435,33 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
     (tmp_path / "mine" / "thesis.tex").touch()
     mine = run("evaluate", "submit", sound, "--out", tmp_path / "mine")
     assert "thesis.tex, which is no part of a row" in mine.stderr
+
+
+@cases(
+    "about, fault",
+    ({"rows": None}, "holds a run that is not finished; go on with it by --resume"),
+    ({"reference": "synthetic"}, "was made beside saved recorded dances; a row needs their folder by --reference"),
+)
+def test_an_unfinished_table_and_one_without_recorded_dances_is_no_row(
+    sound: Path, tmp_path: Path, about: dict[str, Any], fault: str
+) -> None:
+    folder = shutil.copytree(sound, tmp_path / "table")
+    content = json.loads((folder / "evaluation.json").read_text("utf-8"))
+    content |= {"settings": content["settings"] | about} if "reference" in about else about
+    (folder / "evaluation.json").write_text(json.dumps(content))
+    assert fault in " ".join(run("evaluate", "submit", folder, "--out", tmp_path / "row").stderr.split())
+
+
+def test_a_row_is_of_the_files_that_were_measured(sound: Path, tmp_path: Path) -> None:
+    song = Path(pd.read_csv(sound / "clips.csv")["music"][0])
+    status = song.stat()
+    os.utime(song, ns=(status.st_atime_ns, status.st_mtime_ns + 10**9))
+    assert "has changed since it was measured" in run("evaluate", "submit", sound, "--out", tmp_path / "row").stderr
+    song.rename(tmp_path / "song")
+    assert f"{song}: no such file" in run("evaluate", "submit", sound, "--out", tmp_path / "row").stderr
+    (tmp_path / "song").rename(song)
+    os.utime(song, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert not (tmp_path / "row").exists()
 
 
 def test_a_table_with_missing_dances_is_no_row(sound: Path, tmp_path: Path) -> None:

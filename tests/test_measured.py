@@ -129,6 +129,7 @@ def test_the_difference_is_over_the_songs_of_both() -> None:
     assert [row[name] for name in ("difference", "difference_low", "difference_high", "common")] == [1, 1, 1, 2]
     assert pd.isna(row["rank"])  # two songs are too few
     assert pd.isna(row_of(summary(table, base="y"), "y")["difference"])
+    refused("no system is called 'z'; there are x, y", summary, table, base="z")
 
 
 def test_a_rank_needs_a_direction_and_a_clear_difference() -> None:

@@ -1,6 +1,7 @@
 """`harmolab evaluate --shard` and `evaluate merge`: one table from several runs, to the last bit that of one."""
 
 import json
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -113,6 +114,27 @@ def test_dances_that_came_after_the_shards_are_noticed(sharded: Path, tmp_path: 
         mark.write_text(mark.read_text().replace(str(sharded), str(root)))
     refused("the dances or songs have changed since the shards were measured", merge_shards, folders(root / "shards"),
             tmp_path / "table")  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_dance_that_has_changed_since_its_shard_was_measured_is_named(sharded: Path, tmp_path: Path):
+    dance = max((sharded / "ours").iterdir())
+    status = dance.stat()
+    os.utime(dance, ns=(status.st_atime_ns, status.st_mtime_ns + 10**9))
+    fault = rf"{dance.name} or audio\.wav has changed since it was measured, .* its shard again with --resume"
+    refused(fault, merge_shards, folders(sharded / "shards"), tmp_path / "table")
+    os.utime(dance, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+@pytest.mark.slow
+def test_a_run_that_is_refused_leaves_the_settings_of_the_one_that_is_there(sharded: Path, tmp_path: Path):
+    shard = shutil.copytree(sharded / "shards" / "s1", tmp_path / "s1")
+    table = shutil.copytree(sharded / "one", tmp_path / "one")
+    before = [(folder / "evaluation.json").read_bytes() for folder in (shard, table)]
+    other = settings(sharded, protocols=[])
+    refused("was begun otherwise", measure_shard, other, shard, Shard(1, COUNT), resume=True)
+    refused("was begun otherwise", evaluate_dances, other, table, resume=True)
+    assert [(folder / "evaluation.json").read_bytes() for folder in (shard, table)] == before
 
 
 @pytest.mark.slow

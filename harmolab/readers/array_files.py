@@ -3,7 +3,7 @@
 The shape of an array and the names beside it tell what they hold.
 
 Joints in space as bare numbers are (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO or of
-Human3.6M (that whose bones keep their lengths), from arrays, JSON, pickles.
+Human3.6M (whichever bones keep their lengths), from arrays, JSON, pickles.
 Bailando writes 24 joints under ``pred_position``, in an array file that holds a pickled dictionary, and its training
 data as JSON with ``dance_array``; AIST++ has 17 joints. None of them tells its unit or the axis that points up.
 

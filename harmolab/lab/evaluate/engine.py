@@ -191,6 +191,12 @@ def run_rows(
     return read_rows(out)
 
 
+def check_resumed(tasks: Sequence[Task], out: PathLike, settings: Mapping[str, Any]) -> None:
+    """ValueError where a run in `out` was begun with other tasks, settings or versions."""
+    if tasks and (Path(out) / MANIFEST).is_file():
+        _check_same(Path(out) / MANIFEST, read_manifest(Path(out)), _manifest(tasks, settings))
+
+
 def adopt_rows(
     tasks: Sequence[Task],
     rows: Iterable[Row],

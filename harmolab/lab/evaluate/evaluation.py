@@ -19,6 +19,7 @@ from harmolab.lab.evaluate.engine import (
     MANIFEST,
     check_engine_installed,
     check_free,
+    check_resumed,
     read_manifest,
     read_rows,
     run_rows,
@@ -244,8 +245,8 @@ def evaluate_dances(
     check_unfinished(out, resume=resume, force=force)
     plan = planned(settings, progress=progress)
     if resume:
-        _check_limits(out / ROWS, settings, plan.options)
-    write_mark(out, settings)
+        check_plan_resumed(plan, settings, out)
+    write_mark(out, settings, rows=None)
     parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
     return finished(settings, plan, parts, out)
 
@@ -290,10 +291,21 @@ def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
 
 
 def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
-    """Make the folder of an evaluation, and write its settings there."""
+    """Make the folder of an evaluation, and write its settings there; `rows` is None until all are measured."""
     out.mkdir(parents=True, exist_ok=True)
     about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict(), **more}
     write_json(out / MARK, about)
+
+
+def check_plan_resumed(plan: Plan, settings: EvaluationSettings, out: Path) -> None:
+    """ValueError where the run in a folder was begun with another plan."""
+    _check_limits(out / ROWS, settings, plan.options)
+    check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
+
+
+def _in_order(tasks: Iterable[Pair]) -> list[Pair]:
+    """Tasks in the order in which they are measured."""
+    return sorted(tasks, key=lambda pair: pair.key)
 
 
 def measured_parts(
@@ -301,7 +313,7 @@ def measured_parts(
 ) -> Iterator[pd.DataFrame]:
     """The rows of some tasks of a plan, by `run_rows`."""
     return run_rows(
-        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        _in_order(tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
         stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip
@@ -312,7 +324,10 @@ def finished(settings: EvaluationSettings, plan: Plan, parts: Iterable[pd.DataFr
     saved, tasks = plan.saved, plan.tasks
     controls = () if saved is None else (saved.for_pose_net(weights_digest(plan.options.pose_net)).rows,)
     collected = collect(itertools.chain(controls, written_parts(parts, out / CLIPS, tasks)))
-    return _evaluation(settings, plan.options, (*tasks, *(saved.pairs if saved else ())), collected, plan.unpaired)
+    pairs = (*tasks, *(saved.pairs if saved else ()))
+    evaluation = _evaluation(settings, plan.options, pairs, collected, plan.unpaired)
+    write_mark(out, settings)  # it is complete
+    return evaluation
 
 
 def saved_reference(settings: EvaluationSettings) -> Reference | None:

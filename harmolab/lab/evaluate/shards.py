@@ -19,6 +19,7 @@ from harmolab.lab.evaluate.evaluation import (
     ROWS,
     Evaluation,
     EvaluationSettings,
+    check_plan_resumed,
     check_table_folder,
     check_unfinished,
     finished,
@@ -27,7 +28,7 @@ from harmolab.lab.evaluate.evaluation import (
     write_mark,
 )
 from harmolab.lab.evaluate.pairing import Pair
-from harmolab.lab.evaluate.parts import part_paths, part_rows
+from harmolab.lab.evaluate.parts import STAMP, part_paths, part_rows
 from harmolab.lab.evaluate.sets import FEATURES
 
 Row = dict[str, Any]
@@ -79,6 +80,8 @@ def measure_shard(
     check_table_folder(out, settings, force=force)
     check_unfinished(out, resume=resume, force=force)
     plan = planned(settings, keep=shard.holds, progress=progress)
+    if resume:
+        check_plan_resumed(plan, settings, out)
     write_mark(out, settings, shard=str(shard), rows=None)
     if plan.tasks:
         measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
@@ -111,7 +114,7 @@ def merge_shards(
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
     tasks = sorted(plan.tasks, key=lambda pair: pair.key)
     rows = heapq.merge(*(_rows(path, about["rows"]) for path, about in manifests.items()), key=itemgetter(KEY))
-    write_mark(out, settings)
+    write_mark(out, settings, rows=None)
     counted = progress(_same(tasks, rows), "merged")
     parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES, of=manifests)
     return finished(settings, plan, parts, out)
@@ -170,6 +173,11 @@ def _same(tasks: Iterable[Pair], rows: Iterator[Row]) -> Iterator[Row]:
         row = next(rows, None)
         if row is None or row[KEY] != task.key:
             raise ValueError(f"the dances or songs have changed since the shards were measured ({task.key})")
+        if row.get(STAMP) not in (None, task.stamp):
+            raise ValueError(
+                f"{task.motion} or {task.music.name} has changed since it was measured, in size or time of change; "
+                "measure its shard again with --resume"
+            )
         yield row
     if next(rows, None) is not None:
         raise ValueError("the dances or songs have changed since the shards were measured")

@@ -25,7 +25,9 @@ from harmolab.files import PathLike, plain, read_json, reading, write_json, writ
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK, ROWS
 from harmolab.lab.evaluate.measured import MEASURES
-from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
+from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED, annotation_of, input_stamp
+from harmolab.lab.evaluate.parts import STAMP, part_paths, part_texts
+from harmolab.lab.evaluate.reference import is_saved
 from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.sets import collect
 from harmolab.lab.evaluate.summary import (
@@ -118,13 +120,20 @@ def submission_of(table: PathLike) -> Submission:
     """
     table = Path(table)
     with reading(table / MARK, "an evaluation") as path:
-        settings = read_json(path)["settings"]
+        about = read_json(path)
+        settings = about["settings"]
+        if about.get("rows", 0) is None:
+            raise ValueError("holds a run that is not finished; go on with it by --resume")
+        if is_saved(settings["reference"]):
+            raise ValueError("was made beside saved recorded dances; a row needs their folder by --reference")
     with reading(table / CLIPS, "the dances of an evaluation") as path:
         clips = _dances(path.read_bytes())
     if failed := _failed(table, clips):
         raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
+    _check_unchanged(table, clips)
     dances = clips[[name for name in (*NAMES, *MEASURES, *_published(clips)) if name in clips]]
-    files = file_hashes([*clips["motion"], *clips["music"]])
+    annotations = [path for music in set(clips["music"]) if (path := annotation_of(Path(music))) is not None]
+    files = file_hashes([*clips["motion"], *clips["music"], *annotations])
     options = {name: settings[name] for name in OPTIONS if settings.get(name) not in (None, "", 0) or name == "seed"}
     measured = {
         "kind": "evaluate", "command": _command(settings), "settings": options, "digest": digest_of(files),
@@ -132,6 +141,16 @@ def submission_of(table: PathLike) -> Submission:
         "versions": read_manifest(table / ROWS)["versions"] if (table / ROWS / MANIFEST).is_file() else {},
     }  # fmt: skip
     return Submission(dances, files, measured)
+
+
+def _check_unchanged(table: Path, clips: pd.DataFrame) -> None:
+    """ValueError where a dance or song is not there any more, or is another than was measured."""
+    measured = {text.split(" ")[0] for part in part_paths(table / ROWS) for text in part_texts(part, STAMP)}
+    for motion, music in dict.fromkeys(zip(clips["motion"], clips["music"], strict=True)):
+        if missing := next((path for path in (motion, music) if not Path(path).exists()), None):
+            raise FileNotFoundError(f"{missing}: no such file; go to the folder in which the table was made")
+        if measured and input_stamp(Path(motion), Path(music)) not in measured:
+            raise ValueError(f"{motion} or {music}: has changed since it was measured; measure it again with --resume")
 
 
 def _dances(content: bytes) -> pd.DataFrame:

@@ -89,6 +89,8 @@ def summary(
     0    ours  0.55         0.4     8.0     1
     1  theirs  0.15         NaN     NaN     2
     """
+    if base and base not in set(table[row]):
+        raise ValueError(f"no {row} is called {base!r}; there are {', '.join(sorted(map(str, set(table[row]))))}")
     keys = [*by, "measure"]
     levels = [*keys, row, over, *within]
     # Names that are "" are NaN where the table was read back from a file, and those of sets of dances have no song.
