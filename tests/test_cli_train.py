@@ -115,10 +115,11 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def told(result: Result) -> str:
-    """The one line that a refusal prints; the bar and the count of units may stand before it."""
+    """The one line that a refusal prints; the bar, steps of a slow machine and the count of units may stand before."""
     assert result.exit_code == 2, result.output
     assert "Traceback" not in result.output
     lines = [line for line in result.stderr.splitlines() if not line.startswith("units: ")]
+    lines = [line for line in lines if not re.fullmatch(r"harmolab: [\w ]+: \d+ of \d+ \(\d+ s\)", line)]
     assert len(lines) == 1, result.stderr
     return lines[0]
 

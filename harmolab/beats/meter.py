@@ -136,7 +136,7 @@ def describe_beats(track: BeatTrack) -> str:
 
 def _steadiness(track: BeatTrack) -> str:
     """Steadiness of tracked beats in words, or a warning that the sound does not keep to them."""
-    if not track.quality:
+    if not track.quality and track.times.size < FEWEST:
         return "too few beats to call it steady"
     if track.fit is not None and track.fit < SURE:
         seconds = float(np.ptp(track.times))

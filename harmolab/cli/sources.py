@@ -166,7 +166,7 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
 
 def sound_offset(files: Sources, sound: Audio | None) -> float | None:
     """Second of the song at which a video with this sound begins, and a line on it; None where the sound is unclear."""
-    from harmolab.lab.explain.offset import find_sound_offset
+    from harmolab.lab.explain.offset import REPEATS, find_sound_offset
     from harmolab.readers.audio import load_sound
 
     song, place = load_sound(files.song), None
@@ -174,7 +174,8 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
         place = None if sound is None else find_sound_offset(sound, song)
     if place is None or not place.is_clear:
         return None
-    note(f"{files.motion.name} begins at {round(place.seconds, 2) + 0.0:.2f} s of the song, by its sound")
+    doubt = "" if place.is_unique else f". {REPEATS.removesuffix('.')}"
+    note(f"{files.motion.name} begins at {round(place.seconds, 2) + 0.0:.2f} s of the song, by its sound{doubt}")
     return place.seconds
 
 

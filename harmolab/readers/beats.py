@@ -41,6 +41,7 @@ ANNOTATION_RATE = 1000.0
 
 _MAX_BEATS = 100_000
 _SUFFIXES = (".beats", ".csv", ".txt", ".json")
+_FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
 _LABEL = re.compile(r"^\s*(\S+)\t\1(\t.*)?$")  # a moment in Audacity's labels: its time twice, and perhaps a text
 
 
@@ -79,6 +80,7 @@ class BeatAnnotation:
     source : str, origin of the recording; "" when unknown
     strengths : (B,) array or None (all 1)
     places : (B,) array of int or None, each beat's place in its bar, 0 for the first, where the file names it
+    fit : float or None, the `BeatTrack.fit` of tracked beats that were unsure when they were written
     """
 
     times: FloatArray
@@ -91,6 +93,7 @@ class BeatAnnotation:
     source: str = ""
     strengths: FloatArray | None = None
     places: NDArray[np.int64] | None = None
+    fit: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", _times(self.times, "beat times"))
@@ -127,7 +130,7 @@ class BeatAnnotation:
                 raise ValueError("holds no beats; pass duration for an empty track")
             duration = float(self.times[-1] + (np.median(np.diff(self.times)) if self.times.size > 1 else 1.0))
         strengths = np.ones(self.times.size) if self.strengths is None else self.strengths
-        return BeatTrack(self.times, strengths, ANNOTATION_RATE, duration, self.bar_places())
+        return BeatTrack(self.times, strengths, ANNOTATION_RATE, duration, self.bar_places(), fit=self.fit)
 
     def in_music(self, audio: Audio) -> BeatTrack:
         """The beats on the time line of their sound, with the strengths that Eq. 11 and 19 ask for.
@@ -195,8 +198,12 @@ def load_annotation(path: PathLike) -> BeatAnnotation:
             raise ValueError(f"is no beat annotation that is known; {', '.join(_SUFFIXES)} are read")
         if suffix == ".json":
             return _from_json(file)
-        first, second = _columns(read_text(file), header=suffix != ".beats")
-        return _from_bars(first, second) if suffix == ".beats" else _from_columns(first, second)
+        text = read_text(file)
+        first, second = _columns(text, header=suffix != ".beats")
+        if suffix != ".beats":
+            return _from_columns(first, second)
+        fit = _FIT.search(text)
+        return replace(_from_bars(first, second), fit=float(fit[1]) if fit else None)
 
 
 def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
@@ -220,8 +227,9 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
         raise ValueError(f"{path}: there are no beats to write")
     places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
     lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
-    first = ": ".join([WRITTEN_BY, *([" ".join(comment.split())] if comment else [])])
-    write_text(path, "\n".join([f"# {first}", *lines]) + "\n")
+    first = [f"# {': '.join([WRITTEN_BY, *([' '.join(comment.split())] if comment else [])])}"]
+    doubt = [] if track.is_sure else [f"# fit {track.fit:.2f}: unsure beats; take this line out once they are mended"]
+    write_text(path, "\n".join([*first, *doubt, *lines]) + "\n")
 
 
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
@@ -412,7 +420,10 @@ def tap_grid(taps: FloatArray) -> Grid:
     arrows = np.array([np.exp(2j * np.pi * frequency * taps).mean() for frequency in frequencies])
     best = int(np.abs(arrows).argmax())
     if np.abs(arrows[best]) < LEAST_UNITY:
-        raise ValueError("the taps keep no steady tempo; start again and tap every beat for ten seconds or more")
+        raise ValueError(
+            "the taps keep no steady tempo; start again and tap every beat for ten seconds or more. Of a song whose "
+            "tempo changes, write the moments of the beats into a file, a line each, for --beats"
+        )
     grid = Grid(float(np.angle(arrows[best]) / (2 * np.pi * frequencies[best])), 1.0 / float(frequencies[best]), 0.0)
     near = taps[np.abs(grid.deviations(taps)) < grid.period / 4]
     period, first = np.polyfit(np.round((near - grid.first) / grid.period), near, 1)

@@ -174,6 +174,11 @@ def _caveats(evidence: Evidence) -> list[str]:
     return lines
 
 
+def _may_be_half(evidence: Evidence) -> bool:
+    """True where the body moves twice a beat and the beats were tracked: half of the music's beats may be missing."""
+    return evidence.beats.quality is not None and evidence.time is not None and evidence.time.rate == 2
+
+
 def _advice(evidence: Evidence) -> list[str]:
     """Ways to learn more than this verdict says."""
     lines: list[str] = []
@@ -183,6 +188,11 @@ def _advice(evidence: Evidence) -> list[str]:
         lines.append('What would help: say so if you mean to rest on every second beat (--how "half time").')
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
+    if evidence.pattern is None and evidence.level == 3 and _may_be_half(evidence):
+        lines.append(
+            f"The music was counted at {evidence.tempo:.0f} bpm; the sound does not tell that from "
+            f"{2 * evidence.tempo:.0f}: say the dance (--dance), or give the beats (--beats)."
+        )
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
             'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'

@@ -274,6 +274,7 @@ CLEAR = 13.0  # most other songs stay below; those with a steady beat may not, b
 GAUSSIAN = 1.4826  # standard deviations in a median absolute deviation
 ALONE = 2.0  # times as high as elsewhere; other songs reached 1.6
 REPEATED = 0.8
+REPEATS = "Another place fits nearly as well: the song repeats itself, or another song plays in the video."
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from harmolab.clips import load_clip
 from harmolab.data.recordings import ReadingReport, load_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, named_faults, plain, silent
 from harmolab.lab.explain.filmed import check_sign, filmed_motion, has_body
-from harmolab.lab.explain.offset import find_offset, find_sound_offset
+from harmolab.lab.explain.offset import REPEATS, find_offset, find_sound_offset
 from harmolab.params import HarmonyParams
 from harmolab.readers.audio import video_sound
 from harmolab.readers.motion_file import ReadingKeywords
@@ -311,7 +311,7 @@ class Placement:
         }[self.source]
         doubt = "" if self.is_sure else " The evidence for this place is weak."
         if self.repeats:
-            doubt = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
+            doubt = f" {REPEATS}"
         return f"Your dance begins at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
 
 
