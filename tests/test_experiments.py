@@ -299,6 +299,7 @@ def test_words_about_the_box_add_up_its_walks():
 @cases(
     "late, levels, words",
     (0.6, (4, 3), "ours does, and by the paper's own settings the late dance is even the better one."),
+    (0.497, (4, 3), "by the paper's own settings the late dance is all but as good."),
     (0.4, (4, 4), "ours does not, and by the paper's own settings the late dance is the worse one, too."),
 )
 def test_the_first_finding_says_which_number_falls(late: float, levels: tuple[int, int], words: str):

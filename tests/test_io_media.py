@@ -5,6 +5,7 @@ import struct
 import wave
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -302,6 +303,8 @@ def test_beats_that_were_written_are_read_again(tmp_path: Path):
     path = tmp_path / "song.beats"
     save_beats(path, track([0.5, 1.0, 1.5, 2.0], bar_places=[2, 0, 1, 2]), comment="by\nhand")
     assert path.read_text() == "# written by harmolab: by hand\n0.5000 3\n1.0000 1\n1.5000 2\n2.0000 3\n"
+    save_beats(path, replace(track([0.25, 1.0]), quality=0.9, fit=0.5))
+    assert not load_beats(path).is_sure and load_beats(path).fit == 0.5  # they are no better for being in a file
     save_beats(path, track([0.25, 1.0]))
     assert path.read_text() == "# written by harmolab\n0.2500\n1.0000\n"
     assert (load_annotation(path).meter, load_annotation(path).downbeats) == (None, None)

@@ -163,6 +163,13 @@ def test_another_tempo_is_level_one_and_is_told(tempo: float) -> None:
     assert own and float(own[1]) == pytest.approx(tempo, abs=0.3)
 
 
+def test_who_moves_twice_a_beat_of_tracked_music_hears_that_it_may_be_twice_as_fast() -> None:
+    tracked, annotated = (judged(dancer(every=0.5), replace(BEATS, quality=quality)) for quality in (1.0, None))
+    assert tracked.verdict == annotated.verdict and tracked.level == 3
+    words = "The music was counted at 120 bpm; the sound does not tell that from 240: say the dance"
+    assert words in " ".join(tracked.remarks) and words not in " ".join(annotated.remarks)
+
+
 @cases("rate, words", (2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats"))
 @pytest.mark.parametrize("phase", [0.0, 0.3, 0.6])
 def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:

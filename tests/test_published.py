@@ -33,10 +33,11 @@ def test_digest_changes_with_what_is_computed_and_not_with_words_or_with_what_dr
         "drawn otherwise": [f"{drawing.replace('return x', 'return 2 * x')}x = 1", "y = 2"],
         "another number": [f"{drawing}x = 2", "y = 2"],
     }
-    digests = {
-        name: experiment_digest(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code) for code in codes]))
-        for name, codes in cells.items()
-    }
+    digests = {}
+    for name, codes in cells.items():
+        own = [nbformat.v4.new_code_cell(code) for code in codes]
+        says = nbformat.v4.new_code_cell(f"words = {name!r}", metadata={"tags": ["finding"]})
+        digests[name] = experiment_digest(nbformat.v4.new_notebook(cells=[says, *own]))
     assert digests["as it is"] == digests["commented"] == digests["drawn otherwise"] != digests["another number"]
 
 

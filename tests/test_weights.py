@@ -315,3 +315,9 @@ def test_banks_missing_damaged_foreign_and_for_another_skeleton_are_refused_by_f
 )
 def test_bank_checks_itself(poses: np.ndarray, dances: tuple[str, ...], fault: str):
     refused(fault, PoseBank, poses, dances)
+
+
+def test_weights_of_a_training_that_was_stopped_are_named_as_such(tmp_path: Path):
+    (tmp_path / "settings.json").write_text("{}")
+    with pytest.raises(FileNotFoundError, match="its training has not ended; go on with the same command and --resume"):
+        read_about(tmp_path)

@@ -179,7 +179,10 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     listener = trained if is_asked and isinstance(trained, Listener) else None
     knows_bars = getattr(trained, "knows_bars", True)
     remarks = (*getattr(trained, "remarks", ()), *_not_asked(dance, knows_bars=knows_bars))
-    limits, composer = getattr(trained, "limits", None), trained if getattr(trained, "sketches", None) else None
+    composer = trained if getattr(trained, "sketches", None) else None
+    if (limits := getattr(trained, "limits", None)) is not None:
+        limits, few = _measure(limits)
+        remarks += few
     return Dancer(trained, taken, None, limits, knows_bars, remarks, listener, composer=composer)
 
 
@@ -253,9 +256,14 @@ def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Danc
     height = standing_height(choreographer.takes[0].motion.positions)
     if not LOWEST <= height <= HIGHEST:
         note(f"these recordings are of a body {height:.2g} m tall; for other units pass --scale (CMU's BVH: 0.056444)")
-    limits = choreographer.limits
+    limits, few = _measure(choreographer.limits)
+    return _dancer(context, choreographer, limits, *few)
+
+
+def _measure(limits: LikenessLimits | None) -> tuple[LikenessLimits | None, tuple[str, ...]]:
+    """Limits of recordings that are enough to be a measure; none, and a remark, where they are too few."""
     is_measure = limits is not None and limits.windows >= FEWEST_WINDOWS
-    return _dancer(context, choreographer, limits) if is_measure else _dancer(context, choreographer, None, TOO_FEW)
+    return (limits, ()) if is_measure else (None, (TOO_FEW,))
 
 
 def _dancer(

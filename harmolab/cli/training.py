@@ -45,7 +45,7 @@ def train(
     epochs: Annotated[int | None, typer.Option(min=0, show_default="200; 30; its preset's")] = None,
     velocity_weight: Annotated[float | None, typer.Option(show_default="0, the paper's loss")] = None,
     step: Annotated[int, typer.Option(min=1)] = 2,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1)] = 1,
     split_seed: Annotated[int, typer.Option(min=0)] = 0,
     shards: Annotated[int, typer.Option(min=1)] = 1,
     resume: Annotated[bool, typer.Option("--resume")] = False,
@@ -120,7 +120,7 @@ def train(
     representation : Motion of music2dance and feet.
     phase1 : music2dance's epochs of learning from recorded frames.
     phase2 : Its epochs of learning from its own frames.
-    epochs : Epochs of feet, attributes, ren2020 and audio2body; of both phases of lee2019.
+    epochs : Epochs of feet, attributes, ren2020 and audio2body; of lee2019's last two phases, after 100 of style.
     velocity_weight : feet's weight of the speed of standing feet, positions only.
     step : Beats between the starts of training units.
     seed : Of first weights, order of the units and the pose network.
@@ -143,6 +143,9 @@ def train(
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; {TRAIN_HINT}") from None
+    history = Path(out) / "history.csv"
+    if first and history.is_file() and len(history.read_text("utf-8").splitlines()) < 2:
+        note("no epoch was trained: these are first weights, which have learnt nothing")
     if first and system in PARTS:
         typer.echo(f"trained: {out}, a part of {PARTS[system]}, which uses it where it is RUN/{system}")
     elif first and system in PLAYERS:

@@ -439,8 +439,8 @@ def are_world_landmarks(landmarks: NDArray[Any]) -> bool:
     if landmarks.ndim != 3 or landmarks.shape[1] != _LANDMARKS or landmarks.shape[2] not in (3, 4):
         return False
     hips = landmarks[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :2].mean(axis=1)
-    seen = hips[~np.isnan(hips).any(axis=1)]
-    return bool(len(seen)) and bool(np.median(np.abs(seen).max(axis=1)) < _ORIGIN)
+    places = hips[~np.isnan(hips).any(axis=1)]
+    return bool(len(places)) and bool(np.median(np.abs(places).max(axis=1)) < _ORIGIN)
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, reading
 
 FORMAT = 1
 DEFAULT_STEM = "model"
+SETTINGS = "settings.json"  # of a run, from its first moment on; the weights come at its end
 MOST_JOINTS = 1000  # a description beyond is not one of ours
 _WHAT = "weights of harmolab"
 _PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
@@ -23,6 +24,8 @@ _SUFFIXES = (".safetensors", ".npz", ".json")
 def read_about(path: PathLike) -> dict[str, Any]:
     """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
     file = json_file(weights_stem(path))
+    if not file.exists() and file.with_name(SETTINGS).exists():
+        raise FileNotFoundError(f"{path}: its training has not ended; go on with the same command and --resume")
     with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
         about = read_json(file)
         if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):

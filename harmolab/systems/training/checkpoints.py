@@ -24,6 +24,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from harmolab import files
+from harmolab.systems.training.about import SETTINGS
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.weights import read_tensors, renamed
 from harmolab.types import BeatTrack, Motion
@@ -122,7 +123,7 @@ class Sides(Protocol):
 
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
-SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
+SPLIT, LOCK = "split.json", ".lock"
 
 
 # The state and the folder of a run
@@ -268,8 +269,9 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
     """ValueError naming the first entry in which two dictionaries differ."""
-    for name in sorted(stored.keys() | settings.keys()):
-        old, new = stored.get(name), settings.get(name)
+    pairs = {name: (stored.get(name), settings.get(name)) for name in sorted(stored.keys() | settings.keys())}
+    # A seed says more than the groups that follow from it.
+    for name, (old, new) in sorted(pairs.items(), key=lambda item: isinstance(item[1][0], dict | list)):
         if isinstance(old, dict) and isinstance(new, dict):
             _compare(path, {f"{name}.{key}": old[key] for key in old}, {f"{name}.{key}": new[key] for key in new})
         elif old != new:
