@@ -4,8 +4,8 @@ import json
 import struct
 import wave
 from collections.abc import Callable, Iterable
-from fractions import Fraction
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import av
