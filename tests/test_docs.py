@@ -390,6 +390,13 @@ def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newco
     newcomer.paste(README)
     for block in blocks_in(README, "python"):
         assert newcomer.run("python", "-c", block).stdout.strip()
+    table = pd.read_csv(newcomer.folder / "table" / "table.csv").set_index("system")
+    tutorial = (ROOT / "docs" / "tutorial_model.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\w+) \| ([-.\d]+) \| ([-.\d]+) \| ([-.\d]+) \| ([-.\d]+) \|$", tutorial, re.MULTILINE)
+    assert len(rows) == 6
+    for measure, *numbers in rows:
+        columns = ["ours", "recorded", "recorded, other song", "frozen pose"]
+        np.testing.assert_allclose(table.loc[columns, measure], list(map(float, numbers)), atol=0.0051)
 
 
 def test_commands_of_the_tutorial_for_models_are_those_of_the_readme_which_run():

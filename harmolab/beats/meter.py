@@ -128,7 +128,7 @@ def describe_beats(track: BeatTrack) -> str:
     one = '"one": not known'
     if track.bar_places is not None:
         one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
-    if track.quality is None:
+    if track.quality is None and track.is_sure:
         return f"annotated, {track.tempo:.1f} bpm; {one}"
     steadiness = _steadiness(track)
     return f"{track.tempo:.1f} bpm, {steadiness}; {one}"
@@ -136,14 +136,15 @@ def describe_beats(track: BeatTrack) -> str:
 
 def _steadiness(track: BeatTrack) -> str:
     """Steadiness of tracked beats in words, or a warning that the sound does not keep to them."""
-    if not track.quality and track.times.size < FEWEST:
+    quality = track.quality or 0.0
+    if not quality and track.times.size < FEWEST:
         return "too few beats to call it steady"
     if track.fit is not None and track.fit < SURE:
         seconds = float(np.ptp(track.times))
         lost = (1 - track.fit) * seconds
         return f"unsure: in about {lost:.0f} of {seconds:.0f} s the sound does not keep to these beats"
-    share = f"({track.quality:.0%} of tracked beats on one grid)"
-    if track.quality >= STEADY:
+    share = f"({quality:.0%} of tracked beats on one grid)"
+    if quality >= STEADY:
         return f"steady {share}"
     return f"not steady {share}, followed beat by beat{_course(track.times)}"
 

@@ -132,7 +132,7 @@ def submission_of(table: PathLike) -> Submission:
         raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
     _check_unchanged(table, clips)
     dances = clips[[name for name in (*NAMES, *MEASURES, *_published(clips)) if name in clips]]
-    annotations = [path for music in set(clips["music"]) if (path := annotation_of(Path(music))) is not None]
+    annotations = [beats for music in set(clips["music"]) if (beats := annotation_of(Path(music))) is not None]
     files = file_hashes([*clips["motion"], *clips["music"], *annotations])
     options = {name: settings[name] for name in OPTIONS if settings.get(name) not in (None, "", 0) or name == "seed"}
     measured = {
