@@ -221,7 +221,16 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("1.0 1\n1.5 2\n2.0 4\n2.5 1\n3.0 2\n", None, [1, 2, 4, 1, 2]),
     ("1.0 1.0\n1.5 1.5\n2.0 2.0\n", None, [1, 1, 1]),
     ("1.0\t1.0\t1\n1.5\t1.5\tsecond, weak\n2.0\t2.0\t\n", None, [1, 1, 1]),
-    ids=["madmom", "from the third beat", "strong and weak", "strengths that skip", "Audacity", "labels with a text"],
+    ("time\n1.0\t1.0\tbar 1\n1.5\n2.0\t2.0\t\n", None, [1, 1, 1]),
+    ids=[
+        "madmom",
+        "from the third beat",
+        "strong and weak",
+        "strengths that skip",
+        "Audacity",
+        "labels with a text",
+        "mixed",
+    ],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
     for name in ("song.txt", "song.csv"):

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from harmolab.body.skeletons import Skeleton
 from harmolab.readers.bvh import load_bvh, save_bvh
 from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, keypoints_motion, load_keypoints
-from harmolab.readers.motion import load_motion, load_offset, save_motion
+from harmolab.readers.motion import load_motion, load_offset, read_motion, save_motion
 from harmolab.types import Motion
 from tests.builders import ARM, bone_lengths, cases, missing, refused
 
@@ -552,8 +552,9 @@ def test_landmarks_whose_hips_stay_at_the_origin_are_in_metres(tmp_path: Path, c
     body = np.random.default_rng(1).normal(scale=0.3, size=(10, 33, 4))
     body[..., 3] = 0.9
     body[:, 24, :3] = -body[:, 23, :3]
-    motion = load_motion(save(tmp_path / "d.npy", body[..., :columns]), fps=25, up="y")
-    assert motion.skeleton == MEDIAPIPE_33
+    body[:, 0, 1] = -0.6  # the nose: y points down
+    motion, _, notes = read_motion(save(tmp_path / "d.npy", body[..., :columns]), fps=25)
+    assert motion.skeleton == MEDIAPIPE_33 and "guessed: the hips stay at the origin" in notes[-1]
     np.testing.assert_allclose(motion.positions, body[..., :3] * [1, -1, -1])
     picture = save(tmp_path / "e.npy", np.clip(body[..., :columns] + 0.5, 0, 1))
     assert load_motion(picture, fps=25).positions.shape[2] == (3 if columns == 3 else 2)

@@ -554,6 +554,18 @@ def swinging_bones(skeleton: Skeleton, frames: int = 60) -> np.ndarray:
     return joints
 
 
+def test_open_arms_and_noise_make_no_other_skeleton(tmp_path: Path):
+    names, places = COCO_17.joints, np.zeros((17, 3))
+    arms = {"shoulder": (0.2, 1.4), "elbow": (0.5, 1.4), "wrist": (0.75, 1.4)}
+    others = {"hip": (0.1, 0.9), "knee": (0.1, 0.5), "ankle": (0.1, 0.1), "eye": (0.03, 1.65), "ear": (0.07, 1.62)}
+    for name, (x, y) in (arms | others).items():
+        places[names.index(f"left_{name}"), :2], places[names.index(f"right_{name}"), :2] = (x, y), (-x, y)
+    places[0, 1] = 1.6
+    for noise in (0.0, 0.01, 0.03):
+        joints = places + np.random.default_rng(4).normal(scale=noise, size=(60, 17, 3)) * (noise > 0)
+        assert read_motion(saved(tmp_path / "d.npy", joints), fps=30, up="y").motion.skeleton == COCO_17
+
+
 @cases("skeleton", HUMAN36M_17, COCO_17)
 def test_17_joints_are_those_of_the_skeleton_whose_bones_keep_their_lengths(tmp_path: Path, skeleton: Skeleton):
     joints = swinging_bones(skeleton) + np.random.default_rng(3).normal(scale=0.01, size=(60, 17, 3))

@@ -47,7 +47,7 @@ KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "pos
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
 _STRETCH = 0.5
 _STEADY = 0.25  # the same of all bones, above which it is told
-_BETTER = 0.75  # share of the one skeleton's stretch below which the other's is smaller
+_BETTER = 0.75  # share of the one skeleton's spread of lengths below which the other's is smaller
 _FRAME_KEY = "3d_pose"
 
 
@@ -147,7 +147,8 @@ def _upright(places: FloatArray, skeleton: Skeleton, options: motion_file.Readin
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
     """ValueError where the left thigh changes its length as no bone does."""
     hip, knee = (skeleton.joints.index(f"left_{part}") for part in ("hip", "knee"))
-    if not _stretch(joints, [(hip, knee)]) <= _STRETCH:
+    spread, length = _spread_and_length(joints, [(hip, knee)])
+    if not spread <= _STRETCH * length:
         raise ValueError(
             "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
             "from .npz or .pkl with poses and trans"
@@ -155,22 +156,28 @@ def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
 
 
 def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[motion_file.Assumption, ...]]:
-    """The skeleton of joints (T, J, 3) whose bones keep their lengths, and a remark where those of none do."""
+    """The skeleton of joints (T, J, 3) whose bones keep their lengths, and remarks on what that leaves open."""
     usual = SKELETONS[joints.shape[1]]
+    skeleton, remarks = usual, list[motion_file.Assumption]()
     other = _OTHERS.get(joints.shape[1], usual)
-    skeleton = other if _stretch(joints, other.bones) < _BETTER * _stretch(joints, usual.bones) else usual
-    if (stretch := _stretch(joints, skeleton.bones)) <= _STEADY:
-        return skeleton, ()
-    reason = f"bones change their lengths by {stretch:.0%}; SMPL rotations are read from .npz or .pkl"
-    return skeleton, (motion_file.Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"),)
+    # Not as shares of the lengths: those would favour whichever skeleton joins what lies far apart.
+    if _spread_and_length(joints, other.bones)[0] < _BETTER * _spread_and_length(joints, usual.bones)[0]:
+        skeleton, name = other, _NAMES[other]
+        brief = f"order of joints guessed: {name}"
+        remarks.append(motion_file.Assumption(f"the joints of {name} (guessed: its bones keep their lengths)", brief))
+    spread, length = _spread_and_length(joints, skeleton.bones)
+    if not spread <= _STEADY * length:
+        reason = f"bones change their lengths by {spread / length:.0%}; SMPL rotations are read from .npz or .pkl"
+        remarks.append(motion_file.Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"))
+    return skeleton, tuple(remarks)
 
 
-def _stretch(joints: FloatArray, bones: Sequence[tuple[int, int]]) -> float:
-    """Standard deviations over means of the lengths of bones, both summed."""
+def _spread_and_length(joints: FloatArray, bones: Sequence[tuple[int, int]]) -> tuple[float, float]:
+    """Standard deviations and means of the lengths of bones, each summed."""
     parents, children = np.array(bones).T
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.linalg.norm(joints[:, children] - joints[:, parents], axis=2)
-        return float(lengths.std(axis=0).sum() / lengths.mean(axis=0).sum())
+        return float(lengths.std(axis=0).sum()), float(lengths.mean(axis=0).sum())
 
 
 # HumanML3D vectors
@@ -225,6 +232,9 @@ def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) ->
 _NAMED = motion_file.Assumption(
     f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",
     f"{AIST_FPS:g} frames a second assumed by the name",
+)
+_WORLD = motion_file.Assumption(
+    "MediaPipe's landmarks in metres (guessed: the hips stay at the origin)", "landmarks in metres guessed"
 )
 _METRES = motion_file.Assumption(
     "metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres"
@@ -295,7 +305,8 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
             return _joint_motion(values, file, options)
         named, notes = _named_rate(file, options)
         rate = options.rate(named)
-        is_world = keypoints.are_world_landmarks(values)
+        is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
+        notes += (_WORLD,) if is_world else ()
         if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return motion_file.as_read(
                 keypoints.keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes

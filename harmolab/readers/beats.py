@@ -42,7 +42,8 @@ ANNOTATION_RATE = 1000.0
 _MAX_BEATS = 100_000
 _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
-_LABEL = re.compile(r"^\s*(\S+)\t\1(\t.*)?$")  # a moment in Audacity's labels: its time twice, and perhaps a text
+_MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
+_LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
 
 
 @dataclass(frozen=True)
@@ -228,15 +229,18 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
     places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
     lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
     first = [f"# {': '.join([WRITTEN_BY, *([' '.join(comment.split())] if comment else [])])}"]
-    doubt = [] if track.is_sure else [f"# fit {track.fit:.2f}: unsure beats; take this line out once they are mended"]
+    fit = math.floor(100 * (track.fit or 0.0)) / 100  # never up to what is sure
+    doubt = [] if track.is_sure else [f"# fit {fit:.2f}: unsure beats; take this line out once they are mended"]
     write_text(path, "\n".join([*first, *doubt, *lines]) + "\n")
 
 
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
-    if header and all(_LABEL.match(line) for _, line in lines if line.strip()):
+    if header:
         lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
+    if header and all(_MOMENT.match(line) for _, line in lines if line.strip()):
+        lines = [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]
     rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines]

@@ -435,12 +435,15 @@ def _at_the_corner(places: NDArray[Any]) -> BoolArray:
 
 
 def are_world_landmarks(landmarks: NDArray[Any]) -> bool:
-    """True for MediaPipe's landmarks (T, 33, 3 or 4) whose hips stay at the origin, as those in metres do."""
+    """True for MediaPipe's landmarks (T, 33, 3 or 4) in metres: y points down, and the hips stay at the origin."""
     if landmarks.ndim != 3 or landmarks.shape[1] != _LANDMARKS or landmarks.shape[2] not in (3, 4):
         return False
-    hips = landmarks[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :2].mean(axis=1)
-    places = hips[~np.isnan(hips).any(axis=1)]
-    return bool(len(places)) and bool(np.median(np.abs(places).max(axis=1)) < _ORIGIN)
+    bodies = landmarks[~np.isnan(landmarks).any(axis=(1, 2)) & landmarks[..., :2].any(axis=(1, 2))]
+    if not len(bodies):
+        return False
+    hips = bodies[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :2].mean(axis=1)
+    noses = bodies[:, MEDIAPIPE_33.joints.index("nose"), 1]
+    return bool(np.median(np.abs(hips).max(axis=1)) < _ORIGIN and np.median(noses) < -_ORIGIN)
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, Evidence
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
+FASTEST = 240.0  # beats a minute: music that is counted faster is none
 FEW_BEATS = 48  # about half of the recorded dancers pass the time test with so many
 TOLD = {"rest": "you rest on it", "hit": "you hit it", "half time": "you rest on every second one"}
 PLACES = {"rest": "a rest on the beat", "hit": "a hit on the beat", "half time": "a rest on every second beat"}
@@ -176,7 +177,8 @@ def _caveats(evidence: Evidence) -> list[str]:
 
 def _may_be_half(evidence: Evidence) -> bool:
     """True where the body moves twice a beat and the beats were tracked: half of the music's beats may be missing."""
-    return evidence.beats.quality is not None and evidence.time is not None and evidence.time.rate == 2
+    is_double = evidence.time is not None and evidence.time.rate == 2
+    return is_double and evidence.beats.quality is not None and 2 * evidence.tempo <= FASTEST
 
 
 def _advice(evidence: Evidence) -> list[str]:

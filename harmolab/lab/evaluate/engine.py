@@ -198,13 +198,7 @@ def check_resumed(tasks: Sequence[Task], out: PathLike, settings: Mapping[str, A
 
 
 def adopt_rows(
-    tasks: Sequence[Task],
-    rows: Iterable[Row],
-    out: PathLike,
-    *,
-    settings: Mapping[str, Any],
-    part_rows: int,
-    of: Mapping[Path, Mapping[str, Any]],
+    tasks: Sequence[Task], rows: Iterable[Row], out: PathLike, *, settings: Mapping[str, Any], part_rows: int
 ) -> Iterator[pd.DataFrame]:
     """The table of rows that runs elsewhere have measured, written as `run_rows` would have done in one run.
 
@@ -212,20 +206,19 @@ def adopt_rows(
     ----------
     tasks, out, settings, part_rows : as in `run_rows`; a run in `out` is replaced
     rows : the row of each task, in their order, with "key" and "error" first
-    of : folder of each run that they come from -> its manifest
-
-    Raises
-    ------
-    ValueError
-        A run was begun with other settings or versions; names the folder and what differs.
     """
-    out, manifest = Path(out), _manifest(tasks, settings)
-    common = {name: manifest[name] for name in ("format", "settings", "versions")}
-    for folder, other in of.items():
-        _check_same(folder / MANIFEST, {name: other.get(name) for name in common}, common)
-    with _open_folder(out, manifest, resume=False, force=True):
+    out = Path(out)
+    with _open_folder(out, _manifest(tasks, settings), resume=False, force=True):
         write_parts(out, part_rows, enumerate(rows))
     return read_rows(out)
+
+
+def check_alike(tasks: Sequence[Task], settings: Mapping[str, Any], runs: Mapping[Path, Mapping[str, Any]]) -> None:
+    """ValueError where a run (folder -> manifest) was begun with other settings or versions; names it and them."""
+    manifest = _manifest(tasks, settings)
+    common = {name: manifest[name] for name in ("format", "settings", "versions")}
+    for folder, other in runs.items():
+        _check_same(folder / MANIFEST, {name: other.get(name) for name in common}, common)
 
 
 def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,13 +6,14 @@ A dance belongs to a shard by a hash of its name, so a shard needs nothing of th
 import hashlib
 import heapq
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, Progress, read_json, reading, silent
-from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_engine_installed, read_manifest
+from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_alike, check_engine_installed, read_manifest
 from harmolab.lab.evaluate.evaluation import (
     MARK,
     PART_DANCES,
@@ -113,10 +114,11 @@ def merge_shards(
     plan = planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
     tasks = sorted(plan.tasks, key=lambda pair: pair.key)
-    rows = heapq.merge(*(_rows(path, about["rows"]) for path, about in manifests.items()), key=itemgetter(KEY))
+    check_alike(tasks, plan.options.to_dict(), manifests)
+    deque(_same(tasks, _merged(manifests)), maxlen=0)  # before anything is written
     write_mark(out, settings, rows=None)
-    counted = progress(_same(tasks, rows), "merged")
-    parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES, of=manifests)
+    counted = progress(_same(tasks, _merged(manifests)), "merged")
+    parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES)
     return finished(settings, plan, parts, out)
 
 
@@ -150,6 +152,11 @@ def _common_settings(shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSett
     return EvaluationSettings(**first[1]["settings"])
 
 
+def _merged(manifests: Mapping[Path, Mapping[str, Any]]) -> Iterator[Row]:
+    """The rows of all shards in the order of their keys."""
+    return heapq.merge(*(_rows(path, about["rows"]) for path, about in manifests.items()), key=itemgetter(KEY))
+
+
 def _rows(folder: Path, count: int) -> Iterator[Row]:
     """The rows of a shard in the order of their keys, as they were measured: without what they lack."""
     number = 0
@@ -175,8 +182,8 @@ def _same(tasks: Iterable[Pair], rows: Iterator[Row]) -> Iterator[Row]:
             raise ValueError(f"the dances or songs have changed since the shards were measured ({task.key})")
         if row.get(STAMP) not in (None, task.stamp):
             raise ValueError(
-                f"{task.motion} or {task.music.name} has changed since it was measured, in size or time of change; "
-                "measure its shard again with --resume"
+                f"{task.motion} or {task.music.name} has changed since it was measured, in size or time of change "
+                "(a copy keeps it by cp -p); measure its shard again with --resume"
             )
         yield row
     if next(rows, None) is not None:

@@ -150,7 +150,10 @@ def _check_unchanged(table: Path, clips: pd.DataFrame) -> None:
         if missing := next((path for path in (motion, music) if not Path(path).exists()), None):
             raise FileNotFoundError(f"{missing}: no such file; go to the folder in which the table was made")
         if measured and input_stamp(Path(motion), Path(music)) not in measured:
-            raise ValueError(f"{motion} or {music}: has changed since it was measured; measure it again with --resume")
+            raise ValueError(
+                f"{motion} or {music}: has changed since it was measured, in size or time of change (a copy keeps it "
+                "by cp -p); measure it again with --resume"
+            )
 
 
 def _dances(content: bytes) -> pd.DataFrame:
