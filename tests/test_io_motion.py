@@ -562,7 +562,9 @@ def test_landmarks_whose_hips_stay_at_the_origin_are_in_metres(tmp_path: Path, c
         "fps": 25.0,
         "frames": [[dict(zip(("x", "y", "z", "visibility"), row, strict=False)) for row in body[0]]] * 2,
     }
-    assert load_motion(as_json(tmp_path / "d.json", told)).positions.shape == (2, 33, 3)
+    from_json, _, notes = read_motion(as_json(tmp_path / "d.json", told))
+    assert from_json.positions.shape == (2, 33, 3) and "guessed: the hips stay at the origin" in notes[-1]
+    assert not read_motion(as_json(tmp_path / "t.json", {**told, "world": True})).notes
     assert load_motion(as_json(tmp_path / "p.json", {**told, "world": False})).positions.shape == (2, 33, 2)
 
 

@@ -285,7 +285,8 @@ def load_json(path: PathLike, options: motion_file.ReadingOptions) -> motion_fil
         if values is None:
             rate = own if options.as_defaults and own is not None else options.fps
             motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
-            return motion_file.as_read(motion, "key points", options)
+            is_guessed = motion.positions.shape[2] == 3 and not (isinstance(content, dict) and "world" in content)
+            return motion_file.as_read(motion, "key points", options, *([_WORLD] if is_guessed else []))
         return _joint_motion(values, file, options, own)
 
 
@@ -308,9 +309,8 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
         is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
         notes += (_WORLD,) if is_world else ()
         if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-            return motion_file.as_read(
-                keypoints.keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes
-            )
+            motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
+            return motion_file.as_read(motion, "key points", options, *notes)
         unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
         places = in_metres(values, 1.0 if options.scale is None else options.scale)
         motion = checked_motion(places, rate, keypoints.named_skeleton(values.shape[1]))

@@ -241,12 +241,7 @@ def evaluate_dances(
     """
     check_engine_installed(jobs, scheduler)
     out = Path(out)
-    check_table_folder(out, settings, force=force)
-    check_unfinished(out, resume=resume, force=force)
-    plan = planned(settings, progress=progress)
-    if resume:
-        check_plan_resumed(plan, settings, out)
-    write_mark(out, settings, rows=None)
+    plan = begun(settings, out, resume=resume, force=force, progress=progress)
     parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
     return finished(settings, plan, parts, out)
 
@@ -283,7 +278,25 @@ def planned(settings: EvaluationSettings, *, keep: Keep = lambda pair: True, pro
     return Plan(options, (*(pair for pair in pairs if pair.kind != RECORDED), *controls), saved, unpaired)
 
 
-def check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
+def begun(
+    settings: EvaluationSettings, out: Path, *, resume: bool, force: bool, progress: Progress,
+    keep: Keep = lambda pair: True, **mark: Any,
+) -> Plan:  # fmt: skip
+    """The plan of a run in a folder, which gets its settings, unfinished, once nothing speaks against it.
+
+    `mark` is written beside the settings. Errors as `evaluate_dances`.
+    """
+    check_table_folder(out, settings, force=force)
+    _check_unfinished(out, resume=resume, force=force)
+    plan = planned(settings, keep=keep, progress=progress)
+    if resume:
+        _check_limits(out / ROWS, settings, plan.options)
+        check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
+    write_mark(out, settings, rows=None, **mark)
+    return plan
+
+
+def _check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
     """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
     check_free(out / ROWS)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
@@ -295,12 +308,6 @@ def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
     out.mkdir(parents=True, exist_ok=True)
     about = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict(), **more}
     write_json(out / MARK, about)
-
-
-def check_plan_resumed(plan: Plan, settings: EvaluationSettings, out: Path) -> None:
-    """ValueError where the run in a folder was begun with another plan."""
-    _check_limits(out / ROWS, settings, plan.options)
-    check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
 
 
 def _in_order(tasks: Iterable[Pair]) -> list[Pair]:

@@ -20,9 +20,8 @@ from harmolab.lab.evaluate.evaluation import (
     ROWS,
     Evaluation,
     EvaluationSettings,
-    check_plan_resumed,
+    begun,
     check_table_folder,
-    check_unfinished,
     finished,
     measured_parts,
     planned,
@@ -78,12 +77,9 @@ def measure_shard(
     """
     check_engine_installed(jobs, scheduler)
     out = Path(out)
-    check_table_folder(out, settings, force=force)
-    check_unfinished(out, resume=resume, force=force)
-    plan = planned(settings, keep=shard.holds, progress=progress)
-    if resume:
-        check_plan_resumed(plan, settings, out)
-    write_mark(out, settings, shard=str(shard), rows=None)
+    plan = begun(
+        settings, out, resume=resume, force=force, progress=progress, keep=shard.holds, shard=str(shard)
+    )  # fmt: skip
     if plan.tasks:
         measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
     write_mark(out, settings, shard=str(shard), rows=len(plan.tasks))  # it is complete
