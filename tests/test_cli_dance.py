@@ -31,7 +31,7 @@ from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.systems.choreographer import banks
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.training.dancing import synthesize_dance
+from harmolab.systems.training.song_to_dance import synthesize_dance
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.runs import PoseBank, load_poses, save_poses

@@ -116,6 +116,7 @@ class Worker:
         with suppress(EOFError, OSError):
             while True:
                 hear(self, self._pipe.recv())
+        self._process.join()  # its pipe ends a moment before it does, and it is not to be taken for alive
         hear(self, {"broken": True})
 
     @property

@@ -178,7 +178,7 @@ def _caveats(evidence: Evidence) -> list[str]:
 def _may_be_half(evidence: Evidence) -> bool:
     """True where the body moves twice a beat and the beats were tracked: half of the music's beats may be missing."""
     is_double = evidence.time is not None and evidence.time.rate == 2
-    return is_double and evidence.beats.quality is not None and 2 * evidence.tempo <= FASTEST
+    return is_double and evidence.beats.quality is not None and round(2 * evidence.tempo) <= FASTEST
 
 
 def _advice(evidence: Evidence) -> list[str]:

@@ -24,7 +24,7 @@ from harmolab.body.skeletons import Skeleton, joint_part, subtree
 from harmolab.files import PathLike
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training import layers
-from harmolab.systems.training.dancing import DanceInput, DancerNetwork
+from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.loop import Tensors
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import PoseNet

@@ -17,7 +17,7 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.dancing import DanceInput, DancerNetwork
+from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import (
     PATH_CHANNELS,

@@ -11,7 +11,7 @@ from torch import nn
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
-from harmolab.systems.training.dancing import danced
+from harmolab.systems.training.song_to_dance import danced
 from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
 from harmolab.systems.training.runs import PoseBank, load_poses, poses_path, save_poses
@@ -72,7 +72,7 @@ class Learner:
 
 
 class NetworkSystem(Learner, DanceSystem):
-    """A trained network that dances (`harmolab.systems.training.dancing.Dancer`), of the class `network`.
+    """A trained network that dances (`harmolab.systems.training.song_to_dance.Dancer`), of the class `network`.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class NetworkSystem(Learner, DanceSystem):
         return () if self.poses is None else tuple(self.poses.dances)
 
     def respond(self, request: DanceRequest) -> Motion:
-        """The dance that is asked for (`harmolab.systems.training.dancing`)."""
+        """The dance that is asked for (`harmolab.systems.training.song_to_dance`)."""
         return danced(self.generator, self.poses, request)
 
     def save(self, folder: PathLike) -> None:
