@@ -29,9 +29,9 @@ from .lab.compare.auc import compare as compare
 from .lab.evaluate.metric import DanceMetric as DanceMetric
 from .lab.evaluate.metric import evaluate as evaluate
 from .lab.harmonise import harmonise as harmonise
-from .metrics.beats import beat_align as beat_align
-from .metrics.beats import mir_eval_scores as mir_eval_scores
-from .metrics.beats import other_scores as other_scores
+from .metrics.beat_alignment import beat_align as beat_align
+from .metrics.beat_alignment import mir_eval_scores as mir_eval_scores
+from .metrics.beat_alignment import other_scores as other_scores
 from .metrics.features import diversity as diversity
 from .metrics.features import frechet_distance as frechet_distance
 from .metrics.likeness import LikenessLimits as LikenessLimits

@@ -31,10 +31,10 @@ from harmolab.readers.motion import load_motion, load_offset, save_motion
 from harmolab.systems.choreographer import banks
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.training.song_to_dance import synthesize_dance
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import bone_lengths, encode_motion
 from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
+from harmolab.systems.training.song_to_dance import synthesize_dance
 from harmolab.systems.training.weights import save_weights
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion

@@ -17,7 +17,7 @@ from harmolab.files import plain
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.scores import LAGS, hit_scores, shifted_music
 from harmolab.lab.compare.windows import cut_clips, dance_patterns, learn_patterns
-from harmolab.metrics.beats import beat_align
+from harmolab.metrics.beat_alignment import beat_align
 from harmolab.params import BarPattern
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.types import Audio, Clip, Motion

@@ -19,9 +19,9 @@ from harmolab.systems.lee2019.networks import DancingToMusic, line
 from harmolab.systems.training import loop as training_loop
 from harmolab.systems.training import network_system
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.song_to_dance import DanceInput
 from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.loop import Shard, step
+from harmolab.systems.training.song_to_dance import DanceInput
 from harmolab.systems.training.units import DanceUnit, MeterFrames, UnitSet, load_units
 from harmolab.systems.training.weights import load_weights
 from study.experiments import rivals

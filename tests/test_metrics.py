@@ -12,7 +12,7 @@ from benchmarks import bench_motion_features
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.metrics import beats as alignment
+from harmolab.metrics import beat_alignment as alignment
 from harmolab.metrics import features
 from harmolab.metrics.quality import STEP, bone_error, foot_skating, freezing, jerk, largest_step, pfc, relative_jerk
 from harmolab.readers.keypoints import COCO_17

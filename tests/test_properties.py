@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.metrics.beats import other_scores
+from harmolab.metrics.beat_alignment import other_scores
 from harmolab.params import CHOICES, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import chance_level, f_score, harmony_from_hits, hit_mask, score_harmony
 from harmolab.shape_speed import shape_signal, shape_speed

@@ -20,7 +20,7 @@ from harmolab.body.skeletons import Skeleton, skeleton_part
 from harmolab.lab.evaluate.pairing import GENERATED, Pair
 from harmolab.lab.evaluate.protocols import PROTOCOLS, published_music_and_motion
 from harmolab.lab.evaluate.rows import RowOptions, pair_clip, protocol_numbers
-from harmolab.metrics.beats import beat_align
+from harmolab.metrics.beat_alignment import beat_align
 from harmolab.metrics.features import kinetic_features, standardise
 from harmolab.metrics.quality import pfc
 from harmolab.readers.audio import load_audio

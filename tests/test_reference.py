@@ -12,7 +12,7 @@ import pytest
 from harmolab.beats.visual import curve_beats
 from harmolab.body.kinematics import smooth, turning_points
 from harmolab.data.recordings import load_recording
-from harmolab.metrics.beats import beat_align, kinematic_params
+from harmolab.metrics.beat_alignment import beat_align, kinematic_params
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.score import audio_mask, normalise_strengths, score_harmony, strength_steps, visual_mask
 from harmolab.shape_speed import ShapeSignal, shape_speed

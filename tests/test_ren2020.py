@@ -20,9 +20,9 @@ from harmolab.systems.ren2020.networks import STGCN, GraphBlock, partitions
 from harmolab.systems.ren2020.train import danced, players
 from harmolab.systems.training import loop
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.song_to_dance import DanceInput
 from harmolab.systems.training.layers import BatchNorm, parameter_count
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tensors, epoch_shards, fit, make_fabric
+from harmolab.systems.training.song_to_dance import DanceInput
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import MeterFrames
 from harmolab.systems.training.weights import load_weights, save_weights

@@ -13,7 +13,7 @@ from harmolab import significance
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import score_clip, score_motion

@@ -21,8 +21,8 @@ from .music2dance.params import Music2DanceParams as Music2DanceParams
 from .music2dance.system import Music2Dance as Music2Dance
 from .ren2020.params import RenParams as RenParams
 from .ren2020.train import Ren2020 as Ren2020
-from .training.song_to_dance import synthesize_dance as synthesize_dance
 from .training.features import FeatureParams as FeatureParams
 from .training.loop import Phase as Phase
 from .training.loop import fit as fit
+from .training.song_to_dance import synthesize_dance as synthesize_dance
 from .training.units import collate as collate

@@ -32,7 +32,7 @@ import numpy as np
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
-from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed

@@ -26,7 +26,7 @@ from harmolab.files import plain
 from harmolab.lab.compare import windows
 from harmolab.lab.compare.batch import BeatBatch, rescore
 from harmolab.lab.compare.windows import usable
-from harmolab.metrics.beats import other_scores
+from harmolab.metrics.beat_alignment import other_scores
 from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import ShapeSpeed, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray

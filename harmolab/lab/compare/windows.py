@@ -21,7 +21,7 @@ from harmolab.clips import corpus_recordings
 from harmolab.data import recordings as folders
 from harmolab.data.recordings import recording_beats
 from harmolab.files import PathLike, Progress, silent
-from harmolab.metrics.beats import kinematic_params
+from harmolab.metrics.beat_alignment import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.shape_speed import RATE, SMOOTHING, shape_signal, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion

@@ -25,7 +25,7 @@ from harmolab.body.kinematics import NANOMETRE, in_body, joint_speed
 from harmolab.body.skeletons import HIPS, body_frame, heading, turned
 from harmolab.lab.evaluate.pairing import RECORDED
 from harmolab.lab.evaluate.sets import FEATURES, SETS, feature_cells, set_numbers
-from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.metrics.features import geometric_features, kinetic_features
 from harmolab.metrics.likeness import MEASURES as BODY_MEASURES
 from harmolab.metrics.likeness import Likeness, LikenessLimits, likeness

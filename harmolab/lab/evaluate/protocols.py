@@ -24,7 +24,7 @@ from harmolab.beats.audio import CACHE_VERSION, HOP, librosa_beats
 from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_joints, skeleton_part
 from harmolab.files import Arrays, cached_once
 from harmolab.lab.evaluate.pairing import input_stamp
-from harmolab.metrics.beats import beat_align
+from harmolab.metrics.beat_alignment import beat_align
 from harmolab.metrics.features import (
     AIST_FPS,
     diversity,

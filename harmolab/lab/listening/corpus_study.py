@@ -21,7 +21,7 @@ from harmolab.clips import corpus_recordings
 from harmolab.data.recordings import Problem, load_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
-from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion, score_clip

@@ -27,10 +27,10 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.params import HarmonyParams
 from harmolab.systems.lee2019.params import Beats, LeeParams
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, local_joints, parameter_count
 from harmolab.systems.training.motion_code import continued, frames_at
+from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import stored_record
 from harmolab.types import FloatArray, Motion

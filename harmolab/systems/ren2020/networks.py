@@ -17,7 +17,6 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import (
     PATH_CHANNELS,
@@ -30,6 +29,7 @@ from harmolab.systems.training.layers import (
 )
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import EMBEDDING, resample
+from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.weights import MOST_LAYERS, stored_record, whole
 from harmolab.types import FloatArray
 

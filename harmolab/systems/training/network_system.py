@@ -11,10 +11,10 @@ from torch import nn
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
-from harmolab.systems.training.song_to_dance import danced
 from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
 from harmolab.systems.training.runs import PoseBank, load_poses, poses_path, save_poses
+from harmolab.systems.training.song_to_dance import danced
 from harmolab.systems.training.splits import SIDES, Split, split_units
 from harmolab.systems.training.units import UnitSet, load_units
 from harmolab.systems.training.weights import load_weights, save_weights
