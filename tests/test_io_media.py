@@ -495,6 +495,16 @@ def test_a_video_of_variable_rate_shows_each_picture_for_its_time(tmp_path: Path
     assert (np.diff(shown) >= 0).all()
 
 
+def test_frames_at_some_places_are_those_of_the_whole_video(tmp_path: Path):
+    write_at(tmp_path / "v.mp4", [*(i / 40 for i in range(20)), *(0.5 + i / 10 for i in range(5)), 1.0, 1.025])
+    video = video_frames(tmp_path / "v.mp4", colour=True)
+    frames = list(video)
+    for places in ({0, 2, 14, 15, 16, len(frames) - 1}, {3}, {len(frames)}, ()):
+        pictures = dict(video.at(places))
+        assert [*pictures] == sorted(place for place in places if place < len(frames))
+        assert all(np.array_equal(picture, frames[place]) for place, picture in pictures.items())
+
+
 def test_a_picture_track_that_starts_late_holds_its_first_picture_from_the_start_of_the_file(tmp_path: Path):
     write_at(tmp_path / "v.mp4", [0.4 + i / 25 for i in range(20)], audio_seconds=1.2)
     video = video_frames(tmp_path / "v.mp4")

@@ -6,7 +6,7 @@ pictures are opened (no playlists, no network), and reading stops at a number of
 
 import itertools
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast
 
 import av
 import numpy as np
-from av.video.reformatter import ColorRange, Colorspace
+from av.video.reformatter import ColorRange, Colorspace, VideoReformatter
 from numpy.typing import NDArray
 
 from harmolab.files import WRITTEN_BY, PathLike, atomic_write, reading
@@ -93,6 +93,21 @@ class VideoFrames:
 
     def __iter__(self) -> Iterator[Frame]:
         """(H, W) or (H, W, 3) uint8 arrays; ValueError names the file when it turns out to be damaged or cut off."""
+        scaler = VideoReformatter()
+        for picture, count in self._pictures():
+            yield from itertools.repeat(self._frame(picture, scaler), count)
+
+    def at(self, places: Collection[int]) -> Iterator[tuple[int, Frame]]:
+        """(number, frame) of the frames with these numbers, in order; reading stops at the last, errors as above."""
+        scaler, index, last = VideoReformatter(), 0, max(places, default=-1)
+        for picture, count in self._pictures() if places else ():
+            yield from ((at, self._frame(picture, scaler)) for at in range(index, index + count) if at in places)
+            index += count
+            if index > last:
+                return
+
+    def _pictures(self) -> Iterator[tuple[av.VideoFrame, int]]:
+        """The file's pictures that come out, each with the number of frames that it is shown for."""
         with _opened(self.path) as (container, stream):
             held: av.VideoFrame | None = None
             index = 0  # of the next frame to come out
@@ -101,18 +116,18 @@ class VideoFrames:
                 if place >= self.max_frames:
                     raise ValueError(f"has more than max_frames={self.max_frames} frames; cut it into parts")
                 if held is not None and place > index:
-                    yield from itertools.repeat(self._frame(held), place - index)
+                    yield held, place - index
                     index = place
                 held = picture
             if held is not None:
-                yield self._frame(held)
+                yield held, 1
 
-    def _frame(self, picture: av.VideoFrame) -> Frame:
-        """A picture, small and upright."""
+    def _frame(self, picture: av.VideoFrame, scaler: VideoReformatter) -> Frame:
+        """A picture, small and upright; one scaler for all pictures of a file spares setting it up for each."""
         turns = _quarter_turns(picture)
         height, width = (self.width, self.height) if turns % 2 else (self.height, self.width)
         pixels = "rgb24" if self.colour else "gray"
-        small = picture.reformat(height=height, width=width, format=pixels, interpolation="AREA").to_ndarray()
+        small = scaler.reformat(picture, height=height, width=width, format=pixels, interpolation="AREA").to_ndarray()
         return np.array(np.rot90(small, turns), dtype=np.uint8, order="C")
 
 

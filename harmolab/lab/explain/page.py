@@ -139,12 +139,9 @@ def _stills(dance: OwnDance) -> Iterator[Still]:
     video = video_frames(dance.performance.path, height=STRIP_HEIGHT, colour=True)
     places = np.unique(np.linspace(0, beats.size - 1, STRIP_COUNT).round().astype(int))
     frames = {round((beats[place] + dance.skipped) * video.fps): place for place in places}
-    for frame, picture in enumerate(video):
-        if frame in frames:
-            place = frames[frame]
-            yield Still(float(beats[place] + dance.skipped), _jpeg(picture), bool(pairs[place] >= 0))
-        if frame >= max(frames):
-            return
+    for frame, picture in video.at(frames):
+        place = frames[frame]
+        yield Still(float(beats[place] + dance.skipped), _jpeg(picture), bool(pairs[place] >= 0))
 
 
 def _jpeg(picture: NDArray[np.uint8]) -> str:
