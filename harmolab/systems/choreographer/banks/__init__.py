@@ -13,6 +13,7 @@ No bank knows the beats that it was danced to: each song cuts it anew, at the re
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -34,7 +35,7 @@ PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, 
 
 
 def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
-    """The choreographer of a style that comes with harmolab.
+    """The choreographer of a style that comes with harmolab; of one process always the same, which reads it once.
 
     Parameters
     ----------
@@ -50,9 +51,13 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
-    if style == "puppet":
-        return Choreographer.of(puppets(dance or "cha-cha"))
-    return Choreographer.load(FOLDER / style)
+    return _bank(style, (dance or "cha-cha") if style == "puppet" else "")
+
+
+@cache
+def _bank(style: str, dance: str) -> Choreographer:
+    """The choreographer of `shipped_bank`, with what it has measured of its recordings."""
+    return Choreographer.of(puppets(dance)) if style == "puppet" else Choreographer.load(FOLDER / style)
 
 
 def puppets(dance: str, *, clips: int = PUPPETS, seconds: float = PUPPET_SECONDS) -> list[Clip]:
