@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import Recording
 from harmolab.data.synthetic import synthetic_motion
+from harmolab.lab.compare import rows
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.scores import DiscriminantLessons, FittedScore, PatternScores, beat_features, recording_lags
 from harmolab.lab.compare.windows import MOMENTS, SIGNALS, FitBatch, bounce, cut_clips, signal_batch, turned_signals
@@ -32,10 +33,14 @@ SECONDS = 12.0
 
 
 @pytest.fixture(autouse=True)
-def no_cache(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is kept of silent songs; recorded ones are listened to once."""
+def scores_alone(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is kept of silent songs, nor are their recordings judged: no score of a clip follows from a verdict.
+
+    Recorded songs are listened to once.
+    """
     if "data" not in request.keywords:
         monkeypatch.setenv("HARMOLAB_CACHE", "off")
+        monkeypatch.setattr(rows, "recording_verdict", lambda recording, beats, clips: None)
 
 
 def bobbing(seed: int, *, peak: float = 0.0, height: float = 0.05) -> Motion:
