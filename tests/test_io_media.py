@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import soundfile
+from av.video.reformatter import VideoReformatter
 
 from harmolab.files import WRITTEN_BY
 from harmolab.lab.render.scene import render_dance
@@ -707,6 +708,7 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(swinging_arm: Call
     change = {i: _difference(drawn[i - 1], drawn[i + 1]) for i in range(10, len(drawn) - 10, 7)}
     moving = [i for i in change if change[i] > 0.5 * max(change.values())]  # not where the arm turns back
     assert len(moving) > 20 and moving[-1] > 0.9 * len(drawn) == 0.9 * SECONDS * FPS
+    scaler = VideoReformatter()
     for name in ("x.mp4", "x.webm"):
         write_video(tmp_path / name, drawn, FPS, audio=Audio(samples, 22050))
         sound, rate = sounding(tmp_path / name)
@@ -715,7 +717,8 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(swinging_arm: Call
             middle = beat - 0.1 + (around * np.arange(around.size)).sum() / around.sum() / rate
             assert middle == pytest.approx(beat + 0.01, abs=0.003), (name, beat)
         with av.open(str(tmp_path / name)) as container:
-            shown = [(frame.time, frame.to_ndarray(format="rgb24")) for frame in container.decode(video=0)]
+            pictures = ((frame.time, scaler.reformat(frame, format="rgb24")) for frame in container.decode(video=0))
+            shown = [(time, picture.to_ndarray()) for time, picture in pictures]
         assert len(shown) == len(drawn)
         lit = np.array([picture[8:10, 8:10, 0].mean() < 128 for _, picture in shown])  # the middle of the disc is blue
         times = np.array([time for time, _ in shown])
