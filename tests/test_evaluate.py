@@ -348,10 +348,13 @@ def test_more_songs_than_are_kept_become_groups(monkeypatch: pytest.MonkeyPatch,
     assert (difference.low, difference.high) == pytest.approx((-1, -1))  # the groups are paired as the songs are
 
 
+def differences_of(rows: pd.DataFrame) -> list[summary.Difference]:
+    means, interval = collect([rows]).song_means, partial(summary.song_interval, count=500)
+    return summary.system_differences(means, list(rows["system"].unique()), interval=interval)
+
+
 def ranks_of(*, better: int = 1, **systems: Iterable[float]) -> dict[str, int]:
-    means, interval = collect([rows_of(of_songs(**systems))]).song_means, partial(summary.song_interval, count=500)
-    differences = summary.system_differences(means, [*systems], interval=interval)
-    return summary.ranks(differences, [*systems], "harmony", better=better)
+    return summary.ranks(differences_of(rows_of(of_songs(**systems))), [*systems], "harmony", better=better)
 
 
 def test_a_clear_difference_is_a_rank(rng: np.random.Generator) -> None:
