@@ -504,7 +504,7 @@ def flailing(motion: Motion, seed: int) -> Motion:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [3, 20])
+@pytest.mark.parametrize("count", [3, 10])
 def test_the_first_sentence_of_the_page_is_true_of_dances_that_are_known(tmp_path: Path, count: int) -> None:
     songs = sorted(write_corpus(tmp_path / "songs", clips=count, seconds=SECONDS, fps=30.0, seed=4).glob("clip_*"))
     motions = [load_motion(song / "motion.npz") for song in songs]
@@ -792,9 +792,8 @@ def test_page_fits_its_window_and_asks_for_nothing(chromium: Any, planted: Path,
 
 
 @pytest.mark.slow
-def test_the_page_is_the_same_to_the_byte_each_time(table: Evaluation) -> None:
-    one = replace(table, extremes={"on the beat": table.extremes["on the beat"][1:] * 2})
-    assert evaluation_page.evaluation_page(one) == evaluation_page.evaluation_page(one)
+def test_the_page_is_the_same_to_the_byte_each_time(planted: Path, table: Evaluation) -> None:
+    assert evaluation_page.evaluation_page(table) == (planted / "table" / "index.html").read_text("utf-8")
 
 
 @pytest.mark.slow
