@@ -180,13 +180,14 @@ class Steps:
         self._likeness: Float32 | None = None
         if moves.seams.is_dense:
             lengths = (0, shortest, max(shortest, params.longest_run))
-            self._kinds = [self._priced(self._every, np.full(len(moves), run)) for run in lengths]
+            seams = moves.seam_rows(self._every, params)
+            self._kinds = [self._priced(self._every, np.full(len(moves), run), *seams) for run in lengths]
             self._likeness = self._alike(self._every)
 
     def costs(self, nodes: IntArray, run: IntArray) -> Float32:
         """Cost (P, N) of going from each of `nodes` to any, after runs of so many beats (P,)."""
         if not self._kinds:
-            return self._priced(nodes, run)
+            return self._priced(nodes, run, *self._moves.seam_rows(nodes, self._params))
         kind = np.where(run < self._shortest, 0, np.where(run < self._params.longest_run, 1, 2))
         rows = np.empty((nodes.size, len(self._moves)), np.float32)
         for number, kept in enumerate(self._kinds):
@@ -202,11 +203,10 @@ class Steps:
         distance = self._moves.seams.pairs(self._moves.start[before] + 1, self._moves.start[now])
         return np.asarray((self._moves.following[before] == now) | (distance < self._params.twin))
 
-    def _priced(self, nodes: IntArray, run: IntArray) -> Float32:
-        """`costs`, computed."""
+    def _priced(self, nodes: IntArray, run: IntArray, distance: Float32, seam: Float32) -> Float32:
+        """`costs`, computed of the distances and prices (P, N) of `Moves.seam_rows`."""
         moves, params = self._moves, self._params
-        distance, cost = moves.seam_rows(nodes, params)
-        twins, is_long = distance < params.twin, run >= params.longest_run
+        twins, is_long, cost = distance < params.twin, run >= params.longest_run, seam.copy()
         cost += np.float32(mv.TOO_SHORT) * ((run < self._shortest)[:, None] & ~twins)
         cost += np.float32(mv.TOO_LONG) * (is_long[:, None] & twins)
         rows = np.flatnonzero(moves.following[nodes] >= 0)
