@@ -35,10 +35,11 @@ SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_ep
 PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
 # 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4.
 PATTERNS = (BarPattern.stop_on_the_beat(),)
+SHORTER = {"pretrain_epochs": 2, "adversarial_epochs": 2}
 CASES = {
-    "paper": PAPER,
-    "paper_shards": replace(PAPER, shards=2),
-    "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
+    "paper": replace(PAPER, **SHORTER),
+    "paper_shards": replace(PAPER, shards=2, **SHORTER),
+    "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5, **SHORTER),
 }
 
 
