@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
@@ -358,7 +358,7 @@ def _likeness(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
     query = query[first : first + EXCERPT]
     if len(song) < len(query):
         return 0.0
-    products = fftconvolve(song, query[::-1], mode="valid", axes=0).sum(axis=1)
+    products = scipy.signal.fftconvolve(song, query[::-1], mode="valid", axes=0).sum(axis=1)
     energy = np.concatenate([[0.0], np.cumsum((song**2).sum(axis=1))])
     norms = np.sqrt(np.maximum((energy[len(query) :] - energy[: -len(query)]) * (query**2).sum(), 0.0))
     return float((products / np.maximum(norms, 1e-6)).max())

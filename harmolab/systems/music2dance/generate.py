@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 from scipy.special import expit
 
 from harmolab.files import Progress
@@ -275,7 +275,7 @@ def correlated_draws(shape: tuple[int, int], memory: float, rng: np.random.Gener
         return draws
     share = np.exp(-1 / memory)
     draws[1:] *= np.sqrt(1 - share**2)
-    return lfilter([1.0], [1.0, -share], draws, axis=0).astype(np.float32)
+    return scipy.signal.lfilter([1.0], [1.0, -share], draws, axis=0).astype(np.float32)
 
 
 def _scale(scale: Normaliser) -> tuple[FloatArray, FloatArray]:
