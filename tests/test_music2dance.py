@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import json
 import os
 import re
 import shutil
@@ -397,22 +398,35 @@ def history(folder: Path) -> list[dict[str, str]]:
 # Kill -9
 
 
-@pytest.mark.slow
-@cases("name, epoch, phase", ("music2dance", 2, "feedback"), ("feet", 2, "feet"), ids=["phase 2", "feet"])
-def test_a_killed_training_resumes_to_the_same_history(
-    name: str, epoch: int, phase: str, runs: Callable[[str], Path], corpus: Path, tmp_path: Path
-):
-    arguments = (corpus, "--out", tmp_path / "run", *TRAININGS[name])
+# Name of a training -> its phase when it is killed.
+KILLED = {"music2dance": "feedback", "feet": "feet"}
+EPOCH = 2
+
+
+@pytest.fixture(scope="module")
+def killed(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of runs by name, killed in their third epoch."""
+    home = tmp_path_factory.mktemp("killed")
+    trainings = [[*map(str, (corpus, "--out", home / name, *TRAININGS[name]))] for name in KILLED]
     path = os.pathsep.join([str(SCRIPT.parents[1]), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, str(SCRIPT), str(epoch), *map(str, arguments)]
-    child = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
-    assert child.returncode == -signal.SIGKILL, child.stderr
-    assert not (tmp_path / "run" / "model.json").exists()
-    assert len(history(tmp_path / "run")) == epoch
-    assert history(runs(name))[epoch]["phase"] == phase
-    succeed(*arguments, "--resume")
+    command, environment = [sys.executable, str(SCRIPT), str(EPOCH), json.dumps(trainings)], {"PYTHONPATH": path}
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1:] == [str([-signal.SIGKILL.value] * len(KILLED))], done.stderr
+    return home
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KILLED)
+def test_a_killed_training_resumes_to_the_same_history(
+    name: str, killed: Path, runs: Callable[[str], Path], corpus: Path
+):
+    run = killed / name
+    assert not (run / "model.json").exists()
+    assert len(history(run)) == EPOCH
+    assert history(runs(name))[EPOCH]["phase"] == KILLED[name]
+    succeed(corpus, "--out", run, *TRAININGS[name], "--resume")
     for file in ("history.csv", "model.safetensors", "split.json", "settings.json"):
-        assert (tmp_path / "run" / file).read_bytes() == (runs(name) / file).read_bytes(), file
+        assert (run / file).read_bytes() == (runs(name) / file).read_bytes(), file
 
 
 # Options

@@ -1,15 +1,17 @@
 """Trainings of Music2Dance and its parts by the command, small enough for tests.
 
-`python tiny_music2dance.py EPOCH ARGUMENTS...` is `harmolab train ARGUMENTS...`, killed (SIGKILL) when the second batch
-of that epoch begins.
+`python tiny_music2dance.py EPOCH TRAININGS` is `harmolab train ARGUMENTS...` for each of TRAININGS, lists of arguments
+as JSON, killed (SIGKILL) when the second batch of that epoch begins. It prints how each ended.
 """
 
+import json
 import os
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 from unittest.mock import patch
 
@@ -62,8 +64,16 @@ def killed_in(epoch: int) -> Iterator[None]:
         yield
 
 
+def ended(epoch: int, arguments: list[str]) -> int:
+    """Exit code of a training that is killed in an epoch: it is forked, and need not import torch and Fabric first."""
+    if child := os.fork():
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    with killed_in(epoch):
+        os._exit(trained(*arguments).exit_code)
+
+
 if __name__ == "__main__":
     sys.modules["torchmetrics"] = None  # type: ignore[assignment]  # Fabric asks for its version by importing it: seconds
     torch.set_num_threads(1)
-    with killed_in(int(sys.argv[1])):
-        sys.exit(trained(*sys.argv[2:]).exit_code)
+    import_module("lightning_fabric")
+    print([ended(int(sys.argv[1]), arguments) for arguments in json.loads(sys.argv[2])])
