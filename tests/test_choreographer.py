@@ -1002,15 +1002,6 @@ def test_shipped_takes_are_small_and_have_limits(style: str, names: Any, fps: fl
     assert False not in [likeness(take.motion, limits=bank.limits).passed for take in bank.takes]
 
 
-def test_a_bank_is_read_once_and_dances_as_before_whatever_it_danced_meanwhile():
-    bank, fresh = shipped_bank("indian"), Choreographer.load(FOLDER / "indian")
-    slow, fast = (planted_clip(ClipSettings(dance, seconds=12.0)).clip.audio for dance in ("rumba", "jive"))
-    bank.choreograph(fast, seed=1)
-    assert shipped_bank("indian") is bank
-    dances = [one.choreograph(slow, seed=1).motion.positions for one in (bank, fresh)]
-    np.testing.assert_array_equal(*dances)
-
-
 def test_no_recording_but_those_of_the_notice_is_shipped():
     shipped = {path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*") if path.suffix not in (".py", ".pyc")}
     files = {f"{style}/model.{suffix}" for style in (*TAKES, DREAMT) for suffix in ("json", "npz")}

@@ -13,7 +13,6 @@ No bank knows the beats that it was danced to: each song cuts it anew, at the re
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -35,7 +34,7 @@ PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, 
 
 
 def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
-    """The choreographer of a style that comes with harmolab; of one process always the same, which reads it once.
+    """The choreographer of a style that comes with harmolab.
 
     Parameters
     ----------
@@ -51,13 +50,9 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
-    return _bank(style, (dance or "cha-cha") if style == "puppet" else "")
-
-
-@cache
-def _bank(style: str, dance: str) -> Choreographer:
-    """The choreographer of `shipped_bank`, with what it has measured of its recordings."""
-    return Choreographer.of(puppets(dance)) if style == "puppet" else Choreographer.load(FOLDER / style)
+    if style == "puppet":
+        return Choreographer.of(puppets(dance or "cha-cha"))
+    return Choreographer.load(FOLDER / style)
 
 
 def puppets(dance: str, *, clips: int = PUPPETS, seconds: float = PUPPET_SECONDS) -> list[Clip]:
