@@ -165,10 +165,11 @@ def without_glitches(motion: Motion) -> Motion:
     if motion.positions.shape[1] < FEWEST or len(motion.positions) < 3:
         return motion
     positions = _centred(motion.positions)
-    middle = np.median([positions[:-2], positions[1:-1], positions[2:]], axis=0)
+    before, after = positions[:-2], positions[2:]
+    middle = np.clip(positions[1:-1], np.minimum(before, after), np.maximum(before, after))
     middle = np.concatenate([middle[:1], middle, middle[-1:]])
     away = np.linalg.norm(positions - middle, axis=-1)
-    beside = np.linalg.norm(positions[2:] - positions[:-2], axis=-1)
+    beside = np.linalg.norm(after - before, axis=-1)
     ends = np.linalg.norm(np.diff(positions[[1, 2, -3, -2]], axis=0)[[0, 2]], axis=-1)
     beside = np.concatenate([ends[:1], beside, ends[1:]])
     size = np.median(np.sqrt(np.square(positions).sum(axis=-1).mean(axis=-1)))
@@ -210,7 +211,7 @@ def unturn(positions: FloatArray) -> FloatArray:
 
 
 def _centred(positions: FloatArray) -> FloatArray:
-    return positions - positions.mean(axis=1, keepdims=True)
+    return positions - np.einsum("tjd->td", positions)[:, None] / positions.shape[1]
 
 
 def _velocity(positions: FloatArray, fps: float) -> FloatArray:
@@ -224,9 +225,15 @@ def _without_rotation(shape: FloatArray, velocity: FloatArray) -> FloatArray:
     trace = np.trace(outer, axis1=1, axis2=2)
     inertia = trace[:, None, None] * np.eye(3) - outer
     inertia += np.maximum(2 * RIDGE * trace, np.finfo(float).tiny)[:, None, None] * np.eye(3)
-    moment = np.cross(shape, velocity).sum(axis=1)
+    moment = _cross(shape, velocity).sum(axis=1)
     rotation = np.linalg.solve(inertia, moment[..., None])[..., 0]
-    return velocity - np.cross(rotation[:, None], shape)
+    return velocity - _cross(rotation[:, None], shape)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products (..., 3), in half the time of `numpy.cross`."""
+    (x0, y0, z0), (x1, y1, z1) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1], axis=-1)
 
 
 def _without_affine(shape: FloatArray, velocity: FloatArray) -> FloatArray:

@@ -190,7 +190,9 @@ class _Agreement(NamedTuple):
 def _agreement(phase: FloatArray, blocks: _Blocks, cycle: int) -> _Agreement:
     """The agreement of blocks on every grid, for movements that recur after `cycle` beats."""
     turn = np.zeros(blocks.deviations.shape, np.complex128)
-    turn[:, :-1] = np.exp(-2j * np.pi / cycle * RATIOS[:, None] * phase)
+    angle = -2 * np.pi / cycle * RATIOS[:, None] * phase
+    np.cos(angle, out=turn.real[:, :-1])
+    np.sin(angle, out=turn.imag[:, :-1])
     wave, variance, harmonics = blocks.deviations.astype(np.complex128), np.zeros(N_RATIOS), []
     for _ in range(2 * cycle):
         wave *= turn
