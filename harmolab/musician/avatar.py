@@ -11,7 +11,7 @@ from harmolab.body.rotations import directions, normal_part, two_bones
 from harmolab.body.skeletons import Skeleton, turned
 from harmolab.readers import player_points
 from harmolab.readers.player_points import CORNERS, FINGERS, INSTRUMENTS, KEY_LINES, PHALANGES, SIDES
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_choice, check_settings
 from harmolab.types import BoolArray, FloatArray, Motion
 
 # Settings of the avatar (Sec. 5), and the measures of its body.
@@ -66,9 +66,7 @@ class AvatarParams:
     seat: float = 0.45
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("percentile", "seat"), not_negative=("smoothing", "least_forearm", "dead_band"))
-        if self.depth not in ("root", "linear"):
-            raise ValueError(f"depth must be root or linear, got {self.depth!r}")
+        check_settings(self, not_negative=("smoothing", "least_forearm", "dead_band"), free=("piano_turn",))
         if self.percentile > 100:
             raise ValueError(f"percentile must be 100 at most, got {self.percentile}")
         if not abs(self.piano_turn) < np.radians(80.0):
@@ -499,8 +497,7 @@ def avatar(points: Motion, instrument: str, *, params: AvatarParams | None = Non
         For another instrument, points in space, or points without both shoulders.
     """
     params = AvatarParams() if params is None else params
-    if instrument not in INSTRUMENTS:
-        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    check_choice("instrument", instrument, INSTRUMENTS)
     if points.positions.shape[2] != 2:
         raise ValueError("an avatar is put together from the points of a picture, (T, P, 2); these are in space")
     placed = placed_points(points, turn=params.piano_turn if instrument == "piano" else 0.0)

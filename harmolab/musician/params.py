@@ -1,11 +1,11 @@
 """Settings of Audio to Body Dynamics. The defaults are those under the captions of its Tables 1 and 2 (violin)."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args, get_type_hints
+from typing import Literal
 
 from harmolab.musician.cleaning import Alignment, Gaps
 from harmolab.readers.player_points import INSTRUMENTS
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_choice, check_settings
 
 Hears = Literal["sound", "notes"]
 Tones = Literal["none", "chroma", "semitones"]
@@ -85,25 +85,7 @@ class Audio2BodyParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        positive = [
-            "fps",
-            "mfcc",
-            "mels",
-            "components",
-            "upsample",
-            "hidden",
-            "layers",
-            "rate",
-            "sequence",
-            "carry",
-            "batch",
-        ]
-        check_numbers(
-            self, positive=[*positive, "data_share", "shards"], not_negative=["delay", "dropout", "epochs", "seed"]
-        )
-        for name, hint in get_type_hints(type(self)).items():
-            if (choices := get_args(hint)) and getattr(self, name) not in choices:
-                raise ValueError(f"{name} must be {' or '.join(choices)}, got {getattr(self, name)!r}")
+        check_settings(self, not_negative=("delay", "dropout", "epochs", "seed"))
         if self.dropout >= 1 or self.data_share > 1 or self.mfcc > self.mels:
             raise ValueError("dropout and data_share are shares, and there are no more coefficients than bands")
         if self.components > 1 and self.components != int(self.components):
@@ -115,8 +97,7 @@ class Audio2BodyParams:
     @classmethod
     def tables(cls, instrument: str = "violin") -> "Audio2BodyParams":
         """As under the captions of Table 1 (violin) or Table 2 (piano); ValueError for another instrument."""
-        if instrument not in INSTRUMENTS:
-            raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+        check_choice("instrument", instrument, INSTRUMENTS)
         return cls() if instrument == "violin" else cls(dropout=0.1, rate=1e-3)
 
     @classmethod

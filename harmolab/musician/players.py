@@ -18,6 +18,7 @@ from harmolab.data.synthetic.music import Mixer, tone
 from harmolab.data.synthetic.music import Voice as SoundVoice
 from harmolab.readers import player_points
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PHALANGES, PLAYER_50, SIDES, hand_joints
+from harmolab.systems.training.features import check_choice
 from harmolab.types import Audio, FloatArray, IntArray, Notes
 
 TEMPI = (66.0, 112.0)  # beats per minute
@@ -90,8 +91,7 @@ def planted_piece(instrument: str, seconds: float, seed: int) -> PlantedPiece:
     ValueError
         For another instrument, or less than a second.
     """
-    if instrument not in VOICES:
-        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    check_choice("instrument", instrument, INSTRUMENTS)
     if not 2 * REST <= seconds < np.inf:
         raise ValueError(f"a piece begins and ends with {REST} s of rest, so it lasts at least 1 s, got {seconds} s")
     rng = np.random.default_rng([seed, INSTRUMENTS.index(instrument)])
@@ -171,8 +171,7 @@ def rendered_notes(
     ValueError
         For an instrument, length or rate out of range.
     """
-    if instrument not in TIMBRES:
-        raise ValueError(f"instrument must be {' or '.join(TIMBRES)}, got {instrument!r}")
+    check_choice("instrument", instrument, INSTRUMENTS)
     if not (8000 <= sample_rate <= 192000 and float(sample_rate).is_integer()):
         raise ValueError(f"sample_rate must be a whole number from 8000 to 192000 Hz, got {sample_rate}")
     if not 1 / sample_rate <= seconds <= 3600:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ModelParams:
     bounded: bool = False
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("hidden", "layers", "pose_features", "discriminator"))
+        check_settings(self)
 
     @classmethod
     def paper(cls) -> "ModelParams":
@@ -127,14 +127,9 @@ class TrainParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "critic_share", "tau_start", "tau_end")
-
         weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
-        check_numbers(
-            self,
-            positive=(*rates, "epsilon", "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
-            not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed", "sketches", "shifted"),
-        )
+        epochs = ("pretrain_epochs", "adversarial_epochs")
+        check_settings(self, not_negative=(*weights, *epochs, "seed", "sketches", "shifted"))
         if self.patience is not None and self.patience < 1:
             raise ValueError(f"patience must be a positive number of epochs or None, got {self.patience}")
         for name in ("pretrain_drops", "adversarial_drops"):

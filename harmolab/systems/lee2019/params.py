@@ -7,7 +7,7 @@ docs/readings_rivals.md lists where we depart from it.
 from dataclasses import dataclass, fields
 from typing import Literal
 
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 
 Beats = Literal["kinematic", "music"]
 
@@ -99,15 +99,11 @@ class LeeParams:
 
     def __post_init__(self) -> None:
         layers = [field.name for field in fields(self) if field.name.endswith("_layers")]
-        free = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_weight"))]
-        free += ["shift_x", "shift_y", "still", "redraws", "seed"]
-        positive = [field.name for field in fields(self) if field.name not in {*layers, *free, "beats"}]
-        check_numbers(self, positive=positive, not_negative=free)
+        may_be_zero = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_weight"))]
+        check_settings(self, not_negative=[*may_be_zero, "shift_x", "shift_y", "still", "redraws", "seed"])
         for name in layers:
             if not getattr(self, name) or min(getattr(self, name)) < 1:
                 raise ValueError(f"{name} must be the units of one or more layers, got {getattr(self, name)}")
-        if self.beats not in ("kinematic", "music"):
-            raise ValueError(f"beats must be kinematic or music, got {self.beats!r}")
 
     @classmethod
     def paper(cls) -> "LeeParams":

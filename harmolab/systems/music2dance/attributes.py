@@ -23,7 +23,7 @@ from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS, PRESETS
 from harmolab.systems.training import layers
 from harmolab.systems.training.about import read_about
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
 from harmolab.systems.training.network_system import Learner, preset_settings
 from harmolab.systems.training.runs import open_run
@@ -32,7 +32,6 @@ from harmolab.systems.training.weights import load_weights, stored_record
 from harmolab.types import FloatArray
 
 Front = Literal["convolution", "frames"]
-FRONTS: tuple[Front, ...] = ("convolution", "frames")
 N_AUDIO = 15
 MOST_CLASSES, LONGEST_NAME = 256, 64
 MOST_OVERLAP = 30  # windows that a moment of a song may be part of; more would only fill the memory
@@ -71,10 +70,7 @@ class AttributeParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        positive = ("hidden", "window", "hop", "rate", "batch_size", "learning_rate")
-        check_numbers(self, positive=positive, not_negative=("dropout", "epochs", "seed"))
-        if self.front not in FRONTS:
-            raise ValueError(f"front must be {' or '.join(FRONTS)}, got {self.front!r}")
+        check_settings(self, not_negative=("dropout", "epochs", "seed"))
         if not self.channels or min(self.channels) < 1 or self.dropout >= 1:
             raise ValueError("convolutions need channels, and dropout must leave something")
         if self.n_cells < 1 or self.rate > MOST_RATE or self.window > min(MOST_SECONDS, MOST_OVERLAP * self.hop):

@@ -21,7 +21,7 @@ from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, MotionCode, 
 from harmolab.systems.music2dance.params import MOST_REACH, Music2DanceParams, Representation
 from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, Windows, load_sequences, training_windows
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, decode, drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, epoch_order, make_fabric
 from harmolab.systems.training.network_system import Learner, changed, noticed_split
@@ -31,7 +31,6 @@ from harmolab.systems.training.weights import load_weights, stored_record
 from harmolab.types import FloatArray
 
 Kind = Literal["convolution", "lstm"]
-KINDS: tuple[Kind, ...] = ("convolution", "lstm")
 KERNEL, CONTACTS = 3, 2
 LEG_PARTS = ("hip", "knee", "ankle", "heel", "toe")
 REACH = 4  # standard deviations of a Gaussian filter, on either side
@@ -69,10 +68,8 @@ class FootParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        free = ("noise", "flipped", "smooth_weight", "velocity_weight", "epochs", "seed")
-        check_numbers(self, positive=("channels", "batch_size", "learning_rate"), not_negative=free)
-        if self.kind not in KINDS:
-            raise ValueError(f"kind must be {' or '.join(KINDS)}, got {self.kind!r}")
+        may_be_zero = ("noise", "flipped", "smooth_weight", "velocity_weight", "epochs", "seed")
+        check_settings(self, not_negative=may_be_zero)
         if not self.dilations or min(self.dilations) < 1 or not 0 < self.smoothing[0] <= self.smoothing[1]:
             raise ValueError("dilations must be one or more frames, and smoothing two rising numbers of frames")
         if sum(self.dilations) > MOST_REACH:

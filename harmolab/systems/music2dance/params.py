@@ -7,15 +7,12 @@ are those of its authors' code for the second version; docs/readings_music2dance
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 
 Representation = Literal["positions", "rotations"]
 Features = Literal["attributes", "mel"]
 Generator = Literal["wavenet", "lstm"]
 
-REPRESENTATIONS: tuple[Representation, ...] = ("positions", "rotations")
-FEATURES: tuple[Features, ...] = ("attributes", "mel")
-GENERATORS: tuple[Generator, ...] = ("wavenet", "lstm")
 PRESETS = ("recommended", "paper")
 # Beyond these, settings in a file are not ours: they would only fill the memory.
 MOST_REACH, MOST_RATE, MOST_SECONDS = 4096, 240.0, 60.0
@@ -50,9 +47,7 @@ class SongParams:
     hop: float = 4.0
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("rate", "mels", "hidden", "window", "hop"), not_negative=("dropout",))
-        if self.features not in FEATURES:
-            raise ValueError(f"features must be {' or '.join(FEATURES)}, got {self.features!r}")
+        check_settings(self, not_negative=("dropout",))
         if not self.channels or min(self.channels) < 1 or self.dropout >= 1 or self.hop > self.window:
             raise ValueError("a song needs convolutions with channels, a dropout below 1, and a hop within its window")
 
@@ -142,14 +137,9 @@ class Music2DanceParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        free = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_drop", "_seconds"))]
-        free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "draw_memory", "smoothing", "seed"]
-        numbers = [field.name for field in fields(self) if type(field.default) in (int, float)]
-        positive = [name for name in numbers if name not in {*free, "temperature"}]
-        check_numbers(self, positive=positive, not_negative=free)
-        for name, choices in (("generator", GENERATORS), ("representation", REPRESENTATIONS)):
-            if getattr(self, name) not in choices:
-                raise ValueError(f"{name} must be {' or '.join(choices)}, got {getattr(self, name)!r}")
+        zeros = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_drop", "_seconds"))]
+        zeros += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "draw_memory", "smoothing", "seed"]
+        check_settings(self, not_negative=zeros, free=("temperature",))
         if not self.dilations or min(self.dilations) < 1:
             raise ValueError(f"dilations must be one or more frames, got {self.dilations}")
         if self.song.window != self.window:

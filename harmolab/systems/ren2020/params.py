@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.features import check_settings
 
 BLOCKS = 10  # of the ST-GCN, whose maps the perceptual loss compares
 
@@ -77,10 +77,8 @@ class RenParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        free = ("dropout", "epochs", "seed", "block_weights")
         weights = [name for name in vars(self) if name.endswith("_weight")]
-        positive = [name for name in vars(self) if name not in {*free, *weights}]
-        check_numbers(self, positive=positive, not_negative=[*weights, "dropout", "epochs", "seed"])
+        check_settings(self, not_negative=[*weights, "dropout", "epochs", "seed"])
         if self.dropout >= 1:
             raise ValueError(f"dropout must leave something, got {self.dropout}")
         if len(self.block_weights) != BLOCKS or not all(0 <= weight < math.inf for weight in self.block_weights):

@@ -2,9 +2,9 @@
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import soxr
@@ -18,12 +18,23 @@ from harmolab.types import Audio, BeatTrack, FloatArray
 # Settings of the input of a system: frame rate, audio features, length of a training unit (paper Sec. 4.1).
 
 
-def check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
-    """ValueError, with name and value, for a number out of range."""
-    for name in (*positive, *not_negative):
-        number = getattr(settings, name)
-        if not 0 <= number < math.inf or (number == 0 and name in positive):
-            raise ValueError(f"{name} must be {'positive' if name in positive else 'zero or more'}, got {number}")
+def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: Collection[str] = ()) -> None:
+    """ValueError, with name and value, unless numbers are positive and choices among those of their `Literal`.
+
+    Parameters
+    ----------
+    settings : a dataclass; fields of other types are not looked at
+    not_negative : names of the numbers that may be zero as well
+    free : of those that are not looked at
+    """
+    for name, hint in get_type_hints(type(settings)).items():
+        value = getattr(settings, name)
+        if get_origin(hint) is Literal:
+            check_choice(name, value, get_args(hint))
+        elif hint in (int, float) and name not in free:
+            can_be_zero = name in not_negative
+            if not 0 <= value < math.inf or (value == 0 and not can_be_zero):
+                raise ValueError(f"{name} must be {'zero or more' if can_be_zero else 'positive'}, got {value}")
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
@@ -57,7 +68,7 @@ class FeatureParams:
     unit_beats: int = 8
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("fps", "n_mfcc"))
+        check_settings(self, free=("unit_beats",))
         if self.unit_beats < 7:
             raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
 
