@@ -32,7 +32,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -93,22 +93,23 @@ def find_audio(folder: PathLike) -> Path:
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
 
 
-def load_danced(
-    folder: Path,
-    *,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-    splices: bool = False,
-) -> tuple[Motion, float]:
+class SkeletonsKeywords(TypedDict, total=False):
+    """Keywords of `load_skeletons`, with its defaults."""
+
+    clock: float
+    points: int
+    travel: bool
+    ground: bool
+    splices: bool
+
+
+def load_danced(folder: Path, **keywords: Unpack[SkeletonsKeywords]) -> tuple[Motion, float]:
     """The motion of one folder and the audio time of its first frame, start_position / 25 fps, in seconds.
 
     Parameters
     ----------
     folder : Path
-    clock, points, travel, ground, splices
-        As in `load_skeletons`.
+    keywords : clock, points, travel, ground, splices; as in `load_skeletons`
 
     Raises
     ------
@@ -116,9 +117,7 @@ def load_danced(
         Both name the file. A motion whose length does not fit config.json is an error.
     """
     span = load_config(folder / "config.json")
-    motion = load_skeletons(
-        folder / "skeletons.json", clock=clock, points=points, travel=travel, ground=ground, splices=splices
-    )
+    motion = load_skeletons(folder / "skeletons.json", **keywords)
     share = motion.n_frames / (span.end - span.start)
     if not _SPAN_SHARES[0] <= share <= _SPAN_SHARES[1]:
         raise ValueError(
@@ -351,14 +350,7 @@ def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
 
 
 def load_recording(
-    folder: PathLike,
-    *,
-    sample_rate: float | None = 22050.0,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-    splices: bool = False,
+    folder: PathLike, *, sample_rate: float | None = 22050.0, **keywords: Unpack[SkeletonsKeywords]
 ) -> Recording:
     """One folder: the clip with its annotated beats, and the annotation.
 
@@ -367,7 +359,7 @@ def load_recording(
     folder : str or path
     sample_rate : float or None, hertz
         As in `load_audio`.
-    clock, points, travel, ground, splices
+    keywords : clock, points, travel, ground, splices
         For the Tang layout only; as in `harmolab.data.recordings.load_skeletons`.
 
     Raises
@@ -385,7 +377,7 @@ def load_recording(
     if is_own:
         motion, offset = load_motion(folder / "motion.npz"), recorded_offset(folder) or 0.0
     else:
-        motion, offset = load_danced(folder, clock=clock, points=points, travel=travel, ground=ground, splices=splices)
+        motion, offset = load_danced(folder, **keywords)
     audio = load_audio(find_audio(folder), sample_rate=sample_rate)
     beyond = offset + motion.duration - audio.duration
     if is_own and beyond > max(1.0, 0.05 * audio.duration):
