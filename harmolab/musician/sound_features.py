@@ -3,16 +3,15 @@
 Frame t speaks of the time from t / fps to (t + 1) / fps; its middle is half a frame later than key point t.
 """
 
-import hashlib
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import soxr
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from harmolab.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.musician.params import HIGH_TONE, KEYS, LOW_TONE, LOWEST_KEY, Audio2BodyParams
+from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, FloatArray, Notes
 
 SingleArray = NDArray[np.float32]
@@ -40,14 +39,9 @@ def sound_features(
     cached : bool, by content
     """
     names = (params.fps, params.mfcc, params.mels, params.energy_delta, params.tones, n_frames, start)
-    digest = hashlib.sha256(f"audio2body {CACHE_VERSION} {audio.sample_rate} {names}".encode())
-    digest.update(np.ascontiguousarray(audio.samples, dtype=np.float32).data)
-    key = digest.hexdigest()[:40] if cached and cache_folder() else ""
-    stored = (cached_arrays(key) or {}).get("sound")
-    if stored is None or stored.shape != (n_frames, params.n_sound) or not np.isfinite(stored).all():
-        stored = _listened(audio, params, n_frames, start)
-        keep_arrays(key, {"sound": stored})
-    return stored.astype(np.float32)
+    words = f"audio2body {CACHE_VERSION} {audio.sample_rate} {names}"
+    listen = partial(_listened, audio, params, n_frames, start)
+    return cached_table(audio, words, params.n_sound, listen) if cached else listen()
 
 
 def _listened(audio: Audio, params: Audio2BodyParams, n_frames: int, start: float) -> SingleArray:

@@ -3,16 +3,12 @@
 The paper takes them from madmom. Ours are librosa's onsets and chroma and the project's own beats.
 """
 
-import hashlib
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import soxr
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, LATENESS, audio_beats
-from harmolab.files import cache_folder, cached_arrays, keep_arrays
+from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, BeatTrack, FloatArray
 
 SingleArray = NDArray[np.float32]
@@ -42,7 +38,8 @@ def music_features(audio: Audio, beats: BeatTrack, *, meter: int = 4, rate: floa
     rate : float, hertz
     """
     cells = n_cells(audio, rate)
-    sound = _cached(audio, f"attributes {rate}", lambda samples: _listen(samples, cells, rate))
+    words = f"music {CACHE_VERSION} {audio.sample_rate} attributes {rate}"
+    sound = cached_table(audio, words, len(CHANNELS) - 2, lambda: _listen(_samples(audio), cells, rate))
     ones = beats.select(beats.bar_places == 0 if beats.bar_places is not None else accented_place(beats, meter=meter))
     marks = [marked(track.times, cells, rate) for track in (beats, ones)]
     return np.column_stack([sound[:, 0], *marks, sound[:, 1:]]).astype(np.float32)
@@ -56,7 +53,8 @@ def blind_features(audio: Audio, *, rate: float = 10.0) -> SingleArray:
 def mel_features(audio: Audio, *, rate: float = 10.0, bands: int = 80) -> SingleArray:
     """A mel spectrogram at moments 0, 1 / rate, ... of audio time: (M, bands) decibels from -80 to 0 (loudest)."""
     cells = n_cells(audio, rate)
-    return _cached(audio, f"mel {rate} {bands}", lambda samples: _mel(samples, cells, rate, bands))
+    words = f"music {CACHE_VERSION} {audio.sample_rate} mel {rate} {bands}"
+    return cached_table(audio, words, bands, lambda: _mel(_samples(audio), cells, rate, bands))
 
 
 def marked(times: FloatArray, cells: int, rate: float) -> FloatArray:
@@ -80,18 +78,6 @@ def accented_place(beats: BeatTrack, *, meter: int = 4) -> NDArray[np.bool_]:
     places = np.arange(len(beats)) % meter
     means = [beats.strengths[places == place].mean() for place in range(min(meter, len(beats)))]
     return places == (int(np.argmax(means)) if means else 0)
-
-
-def _cached(audio: Audio, what: str, analyse: Callable[[FloatArray], NDArray[Any]]) -> SingleArray:
-    """An analysis of a sound, from the cache where it is there and finite."""
-    digest = hashlib.sha256(f"music {CACHE_VERSION} {audio.sample_rate} {what}".encode())
-    digest.update(np.ascontiguousarray(audio.samples, dtype=np.float32).data)
-    key = digest.hexdigest()[:40] if cache_folder() else ""
-    stored = (cached_arrays(key) or {}).get("music")
-    if stored is None or stored.ndim != 2 or not np.isfinite(stored).all():
-        stored = analyse(_samples(audio)).astype(np.float32)
-        keep_arrays(key, {"music": stored})
-    return stored.astype(np.float32)
 
 
 def _samples(audio: Audio) -> FloatArray:

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -11,7 +11,7 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, onset_envelope
-from harmolab.files import cache_folder, cached_arrays, keep_arrays
+from harmolab.files import cached_arrays, keep_arrays
 from harmolab.systems.training.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray
 
@@ -166,12 +166,29 @@ def mfcc(audio: Audio, count: int) -> SingleArray:
 
     Recordings at another rate than 22050 hertz are resampled first.
     """
-    key = _key(audio, count) if cache_folder() else ""
-    stored = _sound(cached_arrays(key), count)
-    if stored is None:
-        stored = _analyse(audio, count)
-        keep_arrays(key, {"mfcc": stored})
-    return stored
+    words = f"mfcc {CACHE_VERSION} {audio.sample_rate} {count} {HOP}"
+    return cached_table(audio, words, count, lambda: _analyse(audio, count))
+
+
+def cached_table(audio: Audio, words: str, columns: int, analyse: Callable[[], NDArray[Any]]) -> SingleArray:
+    """A table (N, `columns`) of a sound, from the cache where it is there and sound.
+
+    Parameters
+    ----------
+    audio : Audio
+    words : name of the analysis, its version, the sample rate, and whatever else changes the numbers
+    columns : int
+    analyse : function() -> (N, `columns`) array
+    """
+    digest, name = hashlib.sha256(words.encode()), words.partition(" ")[0]
+    digest.update(np.ascontiguousarray(audio.samples, dtype=np.float32).data)
+    key = digest.hexdigest()[:40]
+    table = (cached_arrays(key) or {}).get(name, np.zeros(0))
+    is_finite = table.dtype == np.float32 and table.size and np.isfinite(table).all()
+    if not is_finite or table.shape[1:] != (columns,):
+        table = analyse().astype(np.float32)
+        keep_arrays(key, {name: table})
+    return table
 
 
 def _analyse(audio: Audio, count: int) -> SingleArray:
@@ -190,19 +207,3 @@ def _analyse(audio: Audio, count: int) -> SingleArray:
 def _sampled(table: NDArray[np.floating], rate: float, times: FloatArray) -> FloatArray:
     """Rows of `table` (F, K) at `rate` hertz, linearly interpolated at `times`: (T, K) array; the ends hold."""
     return frames_at(table, np.clip(times * rate, 0.0, len(table) - 1))
-
-
-def _key(audio: Audio, count: int) -> str:
-    """Content hash: samples, rate, number of coefficients, version of the analysis."""
-    digest = hashlib.sha256(f"mfcc {CACHE_VERSION} {audio.sample_rate} {count} {HOP}".encode())
-    digest.update(np.ascontiguousarray(audio.samples, dtype=np.float32).data)
-    return digest.hexdigest()[:40]
-
-
-def _sound(arrays: Mapping[str, NDArray[Any]] | None, count: int) -> SingleArray | None:
-    """The cached MFCC; None without or where they are no finite table of `count` columns."""
-    try:
-        table: SingleArray = (arrays or {})["mfcc"].astype(np.float32)
-    except (KeyError, ValueError):
-        return None
-    return table if table.ndim == 2 and len(table) and table.shape[1] == count and np.isfinite(table).all() else None
