@@ -16,17 +16,8 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.systems.ren2020.params import RenParams
+from harmolab.systems.training import layers
 from harmolab.systems.training.about import stored_skeleton
-from harmolab.systems.training.features import FeatureParams
-from harmolab.systems.training.layers import (
-    PATH_CHANNELS,
-    BatchNorm,
-    MotionBranch,
-    Normaliser,
-    drawn_by,
-    mean_over_time,
-    perceptron,
-)
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import EMBEDDING, resample
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
@@ -77,7 +68,7 @@ class STGCN(nn.Module):
             raise ValueError(f"fps, channels and frames must be positive, got {fps}, {channels} and {frames}")
         ancestors(skeleton.parents)  # refuses bones in a circle
         self.skeleton, self.channels, self.fps, self.frames = skeleton, channels, float(fps), frames
-        self.motion_scale = Normaliser(3 * len(skeleton.joints) + PATH_CHANNELS)
+        self.motion_scale = layers.Normaliser(3 * len(skeleton.joints) + layers.PATH_CHANNELS)
         sizes = (3, *(channels * width for width in WIDTHS))
         shares = partitions(skeleton)
         self.blocks = nn.ModuleList(
@@ -88,7 +79,7 @@ class STGCN(nn.Module):
 
     def features(self, code: Tensor, mask: Tensor) -> list[Tensor]:
         """Maps (N, channels, frames, J) of the ten blocks, of motion codes (N, T, C) in standard deviations."""
-        clip = resample(code[..., :-PATH_CHANNELS], mask, self.frames)
+        clip = resample(code[..., : -layers.PATH_CHANNELS], mask, self.frames)
         maps = [clip.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2)]
         for block in self.blocks:
             maps.append(block(maps[-1]))
@@ -120,14 +111,13 @@ class GraphBlock(nn.Module):
         self.register_buffer("shares", shares.clone())
         self.edges = nn.Parameter(torch.ones_like(shares))
         self.spatial = nn.Conv2d(n_in, PARTITIONS * n_out, 1)
-        self.spatial_norm, self.temporal_norm = BatchNorm(n_out), BatchNorm(n_out)
+        self.spatial_norm, self.temporal_norm = layers.BatchNorm(n_out), layers.BatchNorm(n_out)
         self.temporal = nn.Conv2d(n_out, n_out, (TEMPORAL, 1), (stride, 1), padding=(TEMPORAL // 2, 0))
         self.past: nn.Module | None = None
-        if residual:
-            same = n_in == n_out and stride == 1
-            self.past = (
-                nn.Identity() if same else nn.Sequential(nn.Conv2d(n_in, n_out, 1, (stride, 1)), BatchNorm(n_out))
-            )
+        if residual and n_in == n_out and stride == 1:
+            self.past = nn.Identity()
+        elif residual:
+            self.past = nn.Sequential(nn.Conv2d(n_in, n_out, 1, (stride, 1)), layers.BatchNorm(n_out))
 
     def forward(self, values: Tensor) -> Tensor:
         spread = self.spatial(values).unflatten(1, (PARTITIONS, -1))  # (N, 3, out, T, J)
@@ -163,8 +153,10 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        layers = ((nn.Linear(channels, channels), BatchNorm(channels, momentum=1.0), nn.ReLU()) for _ in range(2))
-        self.layers = nn.Sequential(*(layer for half in layers for layer in half))
+        halves = (
+            (nn.Linear(channels, channels), layers.BatchNorm(channels, momentum=1.0), nn.ReLU()) for _ in range(2)
+        )
+        self.layers = nn.Sequential(*(layer for half in halves for layer in half))
 
     def forward(self, values: Tensor) -> Tensor:
         return values + self.layers(values)
@@ -182,12 +174,9 @@ class RenGenerator(DancerNetwork):
     system = "ren2020"
     params: RenParams
 
-    def __init__(
-        self, params: RenParams, n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float,
-        features: FeatureParams | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
-        self.hearing = MusicEncoder(params, n_audio)
+    def prepare(self, params: RenParams) -> None:
+        """Encoders of music and noise, and the blocks that make a pose of both."""
+        self.hearing = MusicEncoder(params, self.n_audio)
         self.chance = nn.GRU(params.noise, params.noise, batch_first=True)
         self.joining = nn.Linear(params.hidden + params.noise, params.body)
         self.blocks = nn.Sequential(*(ResidualBlock(params.body) for _ in range(params.blocks)))
@@ -216,7 +205,7 @@ class RenGenerator(DancerNetwork):
     def drawn(self, audio: Tensor, mask: Tensor, seed: int) -> Tensor:
         """As `forward`, in evaluation mode, with noise drawn by `seed`: nothing is left out."""
         was_training = self.training
-        with drawn_by(seed, mask.device):
+        with layers.drawn_by(seed, mask.device):
             code = self.eval()(audio, mask, self.noise(*mask.shape))
         self.train(was_training)
         return code
@@ -251,7 +240,7 @@ def settle(generator: RenGenerator, audio: Tensor, mask: Tensor, *, seed: int) -
     audio, mask : (N, T, F) music and (N, T) mask of the training units
     seed : int, of the noise
     """
-    with drawn_by(seed):
+    with layers.drawn_by(seed):
         generator.train()(audio, mask, generator.noise(*mask.shape))
     generator.eval()
 
@@ -267,7 +256,7 @@ class LocalDiscriminator(nn.Module):
     def __init__(self, params: RenParams, n_motion: int) -> None:
         super().__init__()
         self.size, self.step = params.window_frames, params.window_step_frames
-        self.seeing = MotionBranch(2 * n_motion, params.discriminator)
+        self.seeing = layers.MotionBranch(2 * n_motion, params.discriminator)
         self.verdict = nn.Linear(4 * params.discriminator, 1)
 
     def forward(self, code: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
@@ -276,7 +265,7 @@ class LocalDiscriminator(nn.Module):
         counted = masks.amin(dim=2)
         whole_windows = counted > 0.5
         movement = self.seeing(pieces[whole_windows].transpose(1, 2), masks[whole_windows])
-        logits = self.verdict(mean_over_time(*movement)).squeeze(-1)
+        logits = self.verdict(layers.mean_over_time(*movement)).squeeze(-1)
         return torch.zeros_like(counted, dtype=logits.dtype).index_put((whole_windows,), logits), counted
 
 
@@ -296,9 +285,9 @@ class GlobalDiscriminator(nn.Module):
         self.attending = nn.Sequential(
             nn.Linear(params.hidden, params.attention), nn.Tanh(), nn.Linear(params.attention, 1)
         )
-        self.seeing = MotionBranch(2 * n_motion, params.discriminator)
+        self.seeing = layers.MotionBranch(2 * n_motion, params.discriminator)
         size = params.hidden + 4 * params.discriminator
-        self.verdict = perceptron(size, size, 1)
+        self.verdict = layers.perceptron(size, size, 1)
 
     def music(self, audio: Tensor, mask: Tensor) -> Tensor:
         """(N, hidden): features of the music (N, T, F, normalised), their mean over time weighted by self-attention.
@@ -315,4 +304,4 @@ class GlobalDiscriminator(nn.Module):
 
     def judge(self, music: Tensor, last: tuple[Tensor, Tensor]) -> Tensor:
         """Logits (N,) of music (N, hidden) and the last of `maps`."""
-        return self.verdict(torch.cat([music, mean_over_time(*last)], dim=-1)).squeeze(-1)
+        return self.verdict(torch.cat([music, layers.mean_over_time(*last)], dim=-1)).squeeze(-1)

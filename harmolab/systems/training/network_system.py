@@ -72,7 +72,7 @@ class Learner:
 
 
 class NetworkSystem(Learner, DanceSystem):
-    """A trained network that dances (`harmolab.systems.training.song_to_dance.Dancer`), of the class `network`.
+    """A trained network that dances (`harmolab.systems.training.song_to_dance.DancerNetwork`), of the class `network`.
 
     Parameters
     ----------

@@ -1,14 +1,14 @@
 """From a song to a dance, for every network that moves a body by a motion code: what it gets, and what follows.
 
-A network that dances is a `Dancer`: it says which music features it hears and which body it moves, and its method
-``code`` turns a `DanceInput` into a motion code. Beats, features and the movement to start from are prepared here, and
-bones, floor and feet are seen to here, for all of them alike.
+A network that dances is a `DancerNetwork`: it says which music features it hears and which body it moves, and its
+method ``code`` turns a `DanceInput` into a motion code. Beats, features and the movement to start from are prepared
+here, and bones, floor and feet are seen to here, for all of them alike.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -60,111 +60,6 @@ class DanceInput:
         return self.meters[0].begin
 
 
-class Dancer(Protocol):
-    """A network that dances to a song (a torch module)."""
-
-    features: FeatureParams | None
-    fps: float
-    skeleton: Skeleton
-    bone_lengths: Tensor
-    n_motion: int
-    motion_scale: Normaliser
-
-    def code(self, source: DanceInput, seed: int) -> FloatArray:
-        """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
-
-
-def synthesize_dance(dancer: Dancer, audio: Audio, *, poses: PoseBank | None = None, **options: Any) -> Motion:
-    """A dance to music, at the dancer's frame rate; frame 0 belongs to the audio time `start`.
-
-    Parameters
-    ----------
-    dancer : Dancer that knows its audio features, such as HarmoGAN's `Generator`
-    audio : Audio, the whole recording
-    poses : PoseBank of movements to start from
-        Left out: the mean pose at rest.
-    options : of `DanceRequest`: ``beats``, ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet``,
-        ``progress``; the dance starts from a movement of ``dance`` if the bank has one
-
-    Returns
-    -------
-    Motion; the dancer starts at x = z = 0 facing +z, and stands on y = 0
-
-    Raises
-    ------
-    ValueError
-        If `start` or `seconds` lies outside the music, `dance` is unknown to both the bank and the tempo table, the
-        poses or `initial` do not fit the dancer, or it was built without features.
-
-    Examples
-    --------
-    >>> from harmolab.systems.harmogan.networks import load_generator
-    >>> generator = load_generator("run/model")  # doctest: +SKIP
-    >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
-    """
-    return danced(dancer, poses, DanceRequest(audio, **options))
-
-
-def danced(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> Motion:
-    """`synthesize_dance` of a request."""
-    source = _dance_input(dancer, poses, request)
-    code = _with_bones(dancer, dancer.code(source, request.seed))
-    positions = decode_motion(code, dancer.fps, dancer.skeleton)
-    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=request.plant_feet)
-    return Motion(positions, dancer.fps, dancer.skeleton)
-
-
-def _dance_input(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> DanceInput:
-    """The record of what a network is told of a song."""
-    audio, start, features = request.audio, request.start, dancer.features
-    frames = request.n_frames(dancer.fps)
-    if features is None:
-        raise ValueError("this network does not say which audio features it hears; build it with features=...")
-    request.check_dance(() if poses is None else poses.dances)
-    track = request.track()
-    meters = meter_frames(track, features, start=start, n_frames=frames, fps=dancer.fps)
-    times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
-    beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
-    return DanceInput(
-        audio=audio_features(audio, track, times, features),
-        song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
-        beats=(beats - start) * features.fps,
-        meters=meters,
-        prior=_prior(dancer, poses, request, meters[0]),
-        n_frames=frames,
-        progress=request.progress,
-    )
-
-
-def _prior(dancer: Dancer, poses: PoseBank | None, request: DanceRequest, first: MeterFrames) -> FloatArray:
-    """The code of the movement that a dance goes on from, in the beats before its first meter."""
-    if request.initial is None:  # a movement of the bank fills the beats before a meter of four
-        code = _first_movement(dancer, poses, request)
-        return retimed(code[-max(1, round(first.share * len(code))) :], first.meter - first.begin)
-    check_initial(request.initial, dancer.skeleton, "the generator")
-    # It keeps its speed, and ends where the dance begins, which may be inside a meter.
-    return retimed(coded(request.initial, dancer.fps)[first.begin :], -first.begin)
-
-
-def _first_movement(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> FloatArray:
-    """The motion code (T0, C) that a dance starts from, drawn by its seed; without a bank the mean pose, at rest."""
-    if poses is None:
-        mean = dancer.motion_scale.mean.detach().cpu().double().numpy().copy()
-        mean[-PATH_CHANNELS:] = 0.0
-        return mean[None]
-    clips = poses.of(request.dance)
-    if clips.shape[2] != dancer.n_motion:
-        raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {clips.shape}")
-    return poses.drawn(request.dance, request.seed)
-
-
-def _with_bones(dancer: Dancer, code: FloatArray) -> FloatArray:
-    """The code (T, C) with every bone at the dancer's length, which fading at a border has changed a little."""
-    local = local_joints(torch.from_numpy(code)[None])
-    fixed = fix_bones(local, dancer.skeleton.parents, dancer.bone_lengths.cpu().double())
-    return np.concatenate([fixed[0].flatten(1).numpy(), code[:, -PATH_CHANNELS:]], axis=1)
-
-
 # The base of generators: music features in, motion code out, at one frame rate, of one body.
 
 
@@ -212,6 +107,10 @@ class DancerNetwork(Normalised):
     def prepare(self, params: Any) -> None:
         """The network's own layers, where they follow from its sizes and its body alone."""
 
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
+        """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
+        raise NotImplementedError
+
     def _check(self) -> None:
         ancestors(self.skeleton.parents)  # refuses bones in a circle
         n_joints, lengths = len(self.skeleton.joints), self.bone_lengths
@@ -249,3 +148,95 @@ class DancerNetwork(Normalised):
             "fps": float(build["fps"]),
             "features": None if build["features"] is None else FeatureParams(**build["features"]),
         }
+
+
+# A dance to a song
+
+
+def synthesize_dance(dancer: DancerNetwork, audio: Audio, *, poses: PoseBank | None = None, **options: Any) -> Motion:
+    """A dance to music, at the dancer's frame rate; frame 0 belongs to the audio time `start`.
+
+    Parameters
+    ----------
+    dancer : DancerNetwork that knows its audio features, such as HarmoGAN's `Generator`
+    audio : Audio, the whole recording
+    poses : PoseBank of movements to start from
+        Left out: the mean pose at rest.
+    options : of `DanceRequest`: ``beats``, ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet``,
+        ``progress``; the dance starts from a movement of ``dance`` if the bank has one
+
+    Returns
+    -------
+    Motion; the dancer starts at x = z = 0 facing +z, and stands on y = 0
+
+    Raises
+    ------
+    ValueError
+        If `start` or `seconds` lies outside the music, `dance` is unknown to both the bank and the tempo table, the
+        poses or `initial` do not fit the dancer, or it was built without features.
+
+    Examples
+    --------
+    >>> from harmolab.systems.harmogan.networks import load_generator
+    >>> generator = load_generator("run/model")  # doctest: +SKIP
+    >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
+    """
+    return danced(dancer, poses, DanceRequest(audio, **options))
+
+
+def danced(dancer: DancerNetwork, poses: PoseBank | None, request: DanceRequest) -> Motion:
+    """`synthesize_dance` of a request."""
+    source = _dance_input(dancer, poses, request)
+    code = _with_bones(dancer, dancer.code(source, request.seed))
+    positions = decode_motion(code, dancer.fps, dancer.skeleton)
+    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=request.plant_feet)
+    return Motion(positions, dancer.fps, dancer.skeleton)
+
+
+def _dance_input(dancer: DancerNetwork, poses: PoseBank | None, request: DanceRequest) -> DanceInput:
+    """The record of what a network is told of a song."""
+    audio, start = request.audio, request.start
+    frames, features = request.n_frames(dancer.fps), dancer.audio_params
+    request.check_dance(() if poses is None else poses.dances)
+    track = request.track()
+    meters = meter_frames(track, features, start=start, n_frames=frames, fps=dancer.fps)
+    times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
+    beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
+    return DanceInput(
+        audio=audio_features(audio, track, times, features),
+        song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
+        beats=(beats - start) * features.fps,
+        meters=meters,
+        prior=_prior(dancer, poses, request, meters[0]),
+        n_frames=frames,
+        progress=request.progress,
+    )
+
+
+def _prior(dancer: DancerNetwork, poses: PoseBank | None, request: DanceRequest, first: MeterFrames) -> FloatArray:
+    """The code of the movement that a dance goes on from, in the beats before its first meter."""
+    if request.initial is None:  # a movement of the bank fills the beats before a meter of four
+        code = _first_movement(dancer, poses, request)
+        return retimed(code[-max(1, round(first.share * len(code))) :], first.meter - first.begin)
+    check_initial(request.initial, dancer.skeleton, "the generator")
+    # It keeps its speed, and ends where the dance begins, which may be inside a meter.
+    return retimed(coded(request.initial, dancer.fps)[first.begin :], -first.begin)
+
+
+def _first_movement(dancer: DancerNetwork, poses: PoseBank | None, request: DanceRequest) -> FloatArray:
+    """The motion code (T0, C) that a dance starts from, drawn by its seed; without a bank the mean pose, at rest."""
+    if poses is None:
+        mean = dancer.motion_scale.mean.detach().cpu().double().numpy().copy()
+        mean[-PATH_CHANNELS:] = 0.0
+        return mean[None]
+    clips = poses.of(request.dance)
+    if clips.shape[2] != dancer.n_motion:
+        raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {clips.shape}")
+    return poses.drawn(request.dance, request.seed)
+
+
+def _with_bones(dancer: DancerNetwork, code: FloatArray) -> FloatArray:
+    """The code (T, C) with every bone at the dancer's length, which fading at a border has changed a little."""
+    local = local_joints(torch.from_numpy(code)[None])
+    fixed = fix_bones(local, dancer.skeleton.parents, dancer.bone_lengths.cpu().double())
+    return np.concatenate([fixed[0].flatten(1).numpy(), code[:, -PATH_CHANNELS:]], axis=1)
