@@ -201,19 +201,11 @@ def even_rows(source: WindowSource, most: int = VALIDATED) -> np.ndarray:
     return np.linspace(0, len(source.places) - 1, count).round().astype(np.int64)
 
 
-class Movement(NamedTuple):
-    """The row of a window, and what is danced in it."""
-
-    row: int
-    dance: str
-
-
 def movements(source: WindowSource, *, seed: int) -> PoseBank:
     """Recorded movement that a dance may go on from, motion and contacts side by side, the dances in turn."""
     params = source.sequences.params
     frames = max(1, round(params.start_seconds * params.fps))
     dances = [source.sequences.sequences[number].dance for number in source.places[:, 0]]
-    every = [Movement(row, dance) for row, dance in enumerate(dances)]
-    selected = spread(every, BANK, np.random.default_rng(seed))
-    clips = [np.concatenate(source.raw(movement.row), axis=1)[:frames] for movement in selected]
-    return PoseBank(np.stack(clips), tuple(movement.dance for movement in selected))
+    rows = spread(dances, BANK, np.random.default_rng(seed))
+    clips = [np.concatenate(source.raw(row), axis=1)[:frames] for row in rows]
+    return PoseBank(np.stack(clips), tuple(dances[row] for row in rows))

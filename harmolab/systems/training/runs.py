@@ -15,7 +15,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,27 +96,18 @@ def pose_bank(units: UnitSet, *, seed: int = 0) -> PoseBank:
     usable = [unit for unit, end in ends if (unit.beats < end).sum() == before]
     if not usable:
         raise ValueError(f"no unit has a meter of {_BEATS_OF_METER} beats to take starting poses from")
-    sample = spread(usable, POSES, np.random.default_rng(seed))
+    rows = spread([unit.dance for unit in usable], POSES, np.random.default_rng(seed))
+    sample = [usable[row] for row in rows]
     frames = round(float(np.median([unit.n_prior for unit in sample])))
     clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in sample]
     return PoseBank(np.stack(clips), tuple(unit.dance for unit in sample))
 
 
-class Danced(Protocol):
-    """Something that is danced: a unit, a window."""
-
-    @property
-    def dance(self) -> str: ...
-
-
-D = TypeVar("D", bound=Danced)
-
-
-def spread(units: Sequence[D], count: int, rng: np.random.Generator) -> list[D]:
-    """Up to `count` units at random, the dances in turn."""
-    shuffled = [units[row] for row in reversed(rng.permutation(len(units)))]
-    queues = [[unit for unit in shuffled if unit.dance == dance] for dance in sorted({unit.dance for unit in units})]
-    return [unit for turn in zip_longest(*queues) for unit in turn if unit is not None][:count]
+def spread(dances: Sequence[str], count: int, rng: np.random.Generator) -> list[int]:
+    """Rows of up to `count` of what has these dances, at random, the dances in turn."""
+    shuffled = rng.permutation(len(dances))[::-1].tolist()
+    queues = [[row for row in shuffled if dances[row] == dance] for dance in sorted({*dances})]
+    return [row for turn in zip_longest(*queues) for row in turn if row is not None][:count]
 
 
 def retimed(code: ArrayLike, n_frames: int) -> FloatArray:
