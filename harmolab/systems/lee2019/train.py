@@ -28,41 +28,6 @@ from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet, collate
 
-# The system
-
-
-class Lee2019(PresetSystem):
-    """The rival "Dancing to Music": dances composed of learnt four-beat units, warped to the music's beats.
-
-    Ours, written from facts about the public code and trained on our units; not the authors' model.
-
-    Parameters
-    ----------
-    generator : DancingToMusic
-    poses : PoseBank, optional
-        Movements to start from. Without: the mean pose at rest.
-    meta : JSON-able mapping about its training, kept with the weights
-    """
-
-    network = DancingToMusic
-    settings = LeeParams
-
-    @classmethod
-    def learn(cls, data: list[PathLike], options: TrainOptions, *, epochs: int | None = None, **own: Any) -> None:
-        """`train`; its own keywords as of `PresetSystem.learn`, and
-
-        epochs : int or None, of the phase of units and of that of compositions; the preset's when left out
-        """
-        phases: dict[str, Any] = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
-        super().learn(data, options, **phases, **own)
-
-    @classmethod
-    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
-        """`harmolab.systems.lee2019.train.train_lee2019`, which says what is in the folder."""
-
-        return train_lee2019(split, options, params)
-
-
 # Batches, the networks' output for them in each phase, and its loss terms
 
 
@@ -431,3 +396,33 @@ def validate_composition(network: DancingToMusic, validation: Pieces) -> dict[st
     """The same, and how often each critic is right on unseen sequences."""
     right = {f"val_critic_{name}": value for name, value in critic_accuracy(network, validation).items()}
     return validate_units(network, validation) | right
+
+
+# The system
+
+
+class Lee2019(PresetSystem):
+    """The rival "Dancing to Music": dances composed of learnt four-beat units, warped to the music's beats.
+
+    Ours, written from facts about the public code and trained on our units; not the authors' model.
+
+    Parameters
+    ----------
+    generator : DancingToMusic
+    poses : PoseBank, optional
+        Movements to start from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network = DancingToMusic
+    settings = LeeParams
+    train_network = staticmethod(train_lee2019)
+
+    @classmethod
+    def learn(cls, data: list[PathLike], options: TrainOptions, *, epochs: int | None = None, **own: Any) -> None:
+        """`train`; its own keywords as of `PresetSystem.learn`, and
+
+        epochs : int or None, of the phase of units and of that of compositions; the preset's when left out
+        """
+        phases: dict[str, Any] = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
+        super().learn(data, options, **phases, **own)

@@ -28,7 +28,7 @@ from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms
 from harmolab.systems.training.network_system import Learner, preset_settings
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.units import recording_folders
-from harmolab.systems.training.weights import load_weights, stored_record
+from harmolab.systems.training.weights import stored_record
 from harmolab.types import FloatArray
 
 Front = Literal["convolution", "frames"]
@@ -383,10 +383,7 @@ def split_songs(songs: Iterable[Song], *, seed: int = 0) -> SongSplit:
 class Attributes(Learner):
     """The attribute classifier (`AttributeClassifier`), as a thing to train."""
 
-    @classmethod
-    def load(cls, folder: PathLike) -> AttributeClassifier:
-        """The classifier in the folder of its run."""
-        return load_weights(folder, AttributeClassifier)
+    result = AttributeClassifier
 
     @classmethod
     def learn(

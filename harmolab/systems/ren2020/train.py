@@ -16,7 +16,7 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -33,30 +33,6 @@ from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import load_weights
-
-# The system
-
-
-class Ren2020(PresetSystem):
-    """A trained generator that dances; another seed is other noise, and another movement to go on from.
-
-    Parameters
-    ----------
-    generator : RenGenerator that knows its audio features
-    poses : PoseBank, optional
-        Movements to go on from. Without: the mean pose at rest.
-    meta : JSON-able mapping about its training, kept with the weights
-    """
-
-    network = RenGenerator
-    settings = RenParams
-
-    @classmethod
-    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
-        """`harmolab.systems.ren2020.train.train_ren2020`, which says what is in the folder."""
-
-        return train_ren2020(split, options, params)
-
 
 # Loss terms of the generator and of its two discriminators
 
@@ -309,3 +285,22 @@ def validate(generator: RenGenerator, train: Tensors, validation: Tensors, param
         "val_pose": float(pose_loss(code, generator.motion_scale(validation.motion), validation.mask)),
         "val_speed": speed_ratio(generator, code, validation),
     }
+
+
+# The system
+
+
+class Ren2020(PresetSystem):
+    """A trained generator that dances; another seed is other noise, and another movement to go on from.
+
+    Parameters
+    ----------
+    generator : RenGenerator that knows its audio features
+    poses : PoseBank, optional
+        Movements to go on from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network = RenGenerator
+    settings = RenParams
+    train_network = staticmethod(train_ren2020)

@@ -1,7 +1,7 @@
 """Systems of one network and a bank of movements, what they share: dancing, saving, loading, material to train on."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
@@ -25,7 +25,14 @@ PRESETS = ("small", "paper")
 
 
 class Learner:
-    """A class that is trained on corpora by one door, `train`; the keywords of its own are those of `learn`."""
+    """A class that is trained on corpora by one door, `train`; the keywords of its own are those of `learn`.
+
+    Attributes
+    ----------
+    result : class of the network that a training gives, where that is all that is loaded
+    """
+
+    result: ClassVar[type[nn.Module]]
 
     @classmethod
     def learn(cls, data: list[PathLike], options: TrainOptions, **own: Any) -> None:
@@ -35,7 +42,7 @@ class Learner:
     @classmethod
     def load(cls, folder: PathLike) -> Any:
         """The result of the training in a folder; errors name the file."""
-        raise NotImplementedError
+        return load_weights(folder, cls.result)
 
     @classmethod
     def train(
@@ -134,11 +141,7 @@ class PresetSystem(NetworkSystem):
     """
 
     settings: ClassVar[type[Any]]
-
-    @classmethod
-    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
-        """Train the network in the folder of `options`."""
-        raise NotImplementedError
+    train_network: Callable[[Split, TrainOptions, Any], object]  # in the folder of the options
 
     @classmethod
     def learn(
