@@ -156,10 +156,6 @@ class Generator(DancerNetwork):
         code_of_meter: FloatArray = self(*inputs).motion[0, n_prior:].double().cpu().numpy()
         return code_of_meter
 
-    def parameter_count(self) -> int:
-        """Number of values that training changes."""
-        return layers.parameter_count(self)
-
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""

@@ -16,7 +16,6 @@ from harmolab.systems.music2dance.codes import MotionCode, stored_code
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import Windows
 from harmolab.systems.training import layers
-from harmolab.systems.training.layers import parameter_count
 from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 
 KERNEL = 2  # frames of a dilated convolution
@@ -170,10 +169,6 @@ class DanceNetwork(layers.Normalised):
         """Every frame predicted from the recorded ones before it ("teacher forcing")."""
         music = self.music_at(windows.music, windows.moments)
         return self.predicted(windows.motion, windows.contacts, music, windows.dance)
-
-    def parameter_count(self) -> int:
-        """Number of values that training changes."""
-        return parameter_count(self)
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""

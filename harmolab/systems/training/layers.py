@@ -94,6 +94,10 @@ class Normalised(nn.Module):
             if isinstance(scale, Normaliser):
                 scale.set(*(statistics[:2] if name == "audio_scale" else statistics[2:]))
 
+    def parameter_count(self) -> int:
+        """Number of values that training changes."""
+        return parameter_count(self)
+
 
 def perceptron(n_in: int, n_hidden: int, n_out: int, *, first: float = 1.0) -> nn.Sequential:
     """Two linear layers with a bend between; the last one's first weights are multiplied by `first`, its bias is 0."""
