@@ -376,8 +376,6 @@ def _followed_people(
         label = f"finding body {len(people) + 1}" if people else "finding the body"
         answers = _Counted(found_people(_pictures(video, stride, people), command), total)
         followed = list(progress(answers, label))
-        if not followed:
-            raise ValueError("shows no pictures")
         person = np.stack([one for one, _ in followed])
         looks = [other for _, other in followed if other is not None]
         people.append(person)

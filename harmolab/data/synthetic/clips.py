@@ -10,7 +10,7 @@ import shutil
 from dataclasses import asdict, dataclass, replace
 from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from harmolab.params import DANCES
 from harmolab.readers.audio import save_audio
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.readers.motion import save_motion
-from harmolab.types import Clip, FloatArray
+from harmolab.types import Clip, FloatArray, Motion
 
 SHORTEST_UNIT = 0.25  # seconds of a figure below which it does not count as being in the clip
 
@@ -221,12 +221,10 @@ def _recorded(settings: ClipSettings) -> dict[str, Any]:
 
 def _write_clip(folder: Path, planted: PlantedClip) -> None:
     """Write a clip's folder in place of what an earlier run left there."""
-    audio, motion = planted.clip.audio, planted.clip.motion
-    if motion is None:
-        raise ValueError(f"{folder}: the clip has no motion")
+    clip = planted.clip
     with atomic_folder(folder) as part:
-        save_audio(part / "audio.wav", audio)
-        save_motion(part / "motion.npz", motion, offset=planted.clip.offset)
+        save_audio(part / "audio.wav", clip.audio)
+        save_motion(part / "motion.npz", cast(Motion, clip.motion), offset=clip.offset)
         write_json(part / "beats.json", _annotation(planted))
 
 

@@ -23,7 +23,7 @@ from harmolab.systems.choreographer.moves import bar_patterns
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.feet import grounded
-from harmolab.systems.training.groups import sequence_name
+from harmolab.systems.training.groups import motion_in_space, sequence_name
 from harmolab.systems.training.motion_code import bone_lengths, coded, fixed_bones
 from harmolab.systems.training.splits import SIDES, Split, stretches, training_spans
 from harmolab.systems.training.units import DanceUnit
@@ -117,18 +117,16 @@ def _danced(
     bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int, *, cleans: bool
 ) -> Song:
     """The sketches of a recording's song, over the time of its movement; and that movement, if it `cleans` it."""
-    clip = recording.clip
+    clip, motion = recording.clip, motion_in_space(recording)
     track = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
-    if clip.motion is None:
-        raise ValueError(f"{recording.folder}: has no motion")
     dances = (
         bank.generate(
-            clip.audio, track, start=clip.offset, seconds=clip.motion.duration, dance=clip.dance or None,
+            clip.audio, track, start=clip.offset, seconds=motion.duration, dance=clip.dance or None,
             seed=params.seed * params.sketches + number,
         )
         for number in range(params.sketches)
     )  # fmt: skip
-    recorded = _clean(clip.motion, fps) if cleans else None
+    recorded = _clean(motion, fps) if cleans else None
     return Song([coded(motion, fps) for motion in dances], recorded, track, clip.offset, pattern)
 
 

@@ -138,10 +138,7 @@ def load_sequences(
 
 
 def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> MotionCode:
-    """The code of motions of one skeleton; ValueError where they have several, or rotations cannot be fitted."""
-    if other := next((motion for motion in motions if motion.skeleton != motions[0].skeleton), None):
-        counts = len(motions[0].skeleton.joints), len(other.skeleton.joints)
-        raise ValueError(f"recordings have different skeletons ({counts[0]} and {counts[1]} joints); train on one body")
+    """The code of motions of one skeleton; ValueError where rotations cannot be fitted."""
     if params.representation == "positions":
         return PositionCode.of(motions)
     return RotationCode.of(motions, end_effectors=params.end_effectors)
