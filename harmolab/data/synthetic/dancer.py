@@ -63,12 +63,8 @@ BOTH_ARMS, UPPER_BODY = slice(9, 19), slice(4, 19)
 POSE_SIZE = 27
 
 REACH = 0.995  # of the leg's length: a knee is never quite straight
+EASY = 0.012  # of the stature that the waist is lower when standing easily
 SOFTNESS = 0.012  # metres over which the waist gives way when a leg is at its reach
-
-
-def waist_height(stature: float) -> float:
-    """Height of the torso point above the floor when standing easily, metres."""
-    return (SHARES["waist"] - 0.012) * stature
 
 
 def joint_positions(poses: FloatArray, lifts: FloatArray, stature: float) -> FloatArray:
@@ -165,7 +161,7 @@ def _foot(foothold: FloatArray, lift: FloatArray, stature: float) -> tuple[Float
 def _torso(poses: FloatArray, hips: list[FloatArray], ankles: list[FloatArray], stature: float) -> FloatArray:
     """(T, 3) the waist: as high as the pose wants, but never higher than both legs reach (a soft minimum)."""
     x, z = poses[:, ROOT].T
-    heights = [waist_height(stature) + poses[:, RISE]]
+    heights = [(SHARES["waist"] - EASY) * stature + poses[:, RISE]]
     leg = REACH * (SHARES["thigh"] + SHARES["shank"]) * stature
     for hip, ankle in zip(hips, ankles, strict=True):
         away = np.hypot(x + hip[:, 0] - ankle[:, 0], z + hip[:, 2] - ankle[:, 2])

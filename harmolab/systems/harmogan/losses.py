@@ -354,11 +354,6 @@ def body_joints(generator: Generator, motion: Tensor) -> Tensor:
     return joints - joints[:, :, root : root + 1]
 
 
-def meter_mask(batch: Tensors) -> Tensor:
-    """(N, T), 1 at the frames of each clip's own meter: those before it (TI = 1) are thrown away in a dance."""
-    return batch.mask * (1 - batch.index)
-
-
 def pose_terms(generator: Generator, output: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
     """L_kl over the 2-D poses and L_mse over the standardised motion (Eq. 24-25)."""
     flat = local_joints(batch.motion)[..., :2]  # recorded 2-D poses V_2d: x and y as seen from the front
@@ -485,7 +480,8 @@ def likeness_ratios(motion: Tensor, batch: Tensors) -> dict[str, float]:
     dict of spread, the mean distance of the joints from their mean place in the clip, and turning, the mean size of the
     clips' mean yaw rate; 1 is as recorded
     """
-    ours, theirs = (spread_and_turning(each, meter_mask(batch)) for each in (motion, batch.motion))
+    own_meter = batch.mask * (1 - batch.index)  # frames before it (TI = 1) are thrown away in a dance
+    ours, theirs = (spread_and_turning(each, own_meter) for each in (motion, batch.motion))
     names = ("spread", "turning")
     return {name: float((a + TINY) / (b + TINY)) for name, a, b in zip(names, ours, theirs, strict=True)}
 
