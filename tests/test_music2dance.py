@@ -313,8 +313,7 @@ def train(sequences: SequenceSet, split: Split) -> seq.WindowSource:
 def test_windows_of_a_held_out_side_count_its_frames_alone(
     sequences: SequenceSet, split: Split, train: seq.WindowSource
 ):
-    about = {"dances": sequences.dances, "statistics": train.statistics}
-    held = seq.WindowSource.of(sequences, split.groups["test"], share=0.25, **about)
+    held = seq.WindowSource.of(sequences, split.groups["test"], share=0.25, statistics=train.statistics)
     batch = held.batch(np.arange(0, len(held.places), 7))
     assert float(batch.valid.mean(dim=1).min()) >= 0.24 and float(batch.valid.mean()) < 1
 

@@ -239,7 +239,6 @@ class WindowSource:
     Parameters
     ----------
     sequences : SequenceSet
-    dances : names of the dances that the network knows
     statistics : Statistics that everything is standardised by
     places : (W, 2) array: number of a sequence, first frame
     weights : (W,) array, how likely each window is drawn; adds up to 1
@@ -248,7 +247,6 @@ class WindowSource:
     """
 
     sequences: SequenceSet
-    dances: tuple[str, ...]
     statistics: Statistics
     places: NDArray[np.int64]
     weights: FloatArray
@@ -261,7 +259,6 @@ class WindowSource:
         sequences: SequenceSet,
         groups: Sequence[str],
         *,
-        dances: tuple[str, ...],
         statistics: Statistics,
         share: float = 1.0,
         device: torch.device | str = "cpu",
@@ -275,7 +272,7 @@ class WindowSource:
             raise ValueError(f"{sequences.units.source}: {_too_short(sequences, groups)}")
         weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
-        return cls(sequences, dances, statistics, places, weights, counted, device)
+        return cls(sequences, statistics, places, weights, counted, device)
 
     def __len__(self) -> int:
         """Windows of an epoch: as many as fit into the recordings without overlap."""
@@ -319,7 +316,7 @@ class WindowSource:
             sequence.contacts[frames],
             cells_from(sequence.music, cell, n_cells(params.song)),
             (moments - cell).astype(np.float32),
-            np.array(self.dances.index(sequence.dance)),
+            np.array(self.sequences.dances.index(sequence.dance)),
             self.counted[number][frames].astype(np.float32),
         )
 
@@ -344,7 +341,7 @@ def training_windows(split: Split, sequences: SequenceSet, device: torch.device 
     """
     groups = split.groups["train"]
     statistics = training_statistics(sequences, groups)
-    source = WindowSource.of(sequences, groups, dances=sequences.dances, statistics=statistics, device=device)
+    source = WindowSource.of(sequences, groups, statistics=statistics, device=device)
     check_leaks(source, split.groups)
     return source
 

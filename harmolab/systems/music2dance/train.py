@@ -103,9 +103,8 @@ def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOption
     fabric, params = make_fabric(accelerator=options.accelerator), sequences.params
     source = training_windows(split, sequences, fabric.device)
     held_out = WindowSource.of(
-        sequences, split.groups["validation"], dances=sequences.dances, statistics=source.statistics, share=HELD_OUT,
-        device=fabric.device,
-    )  # fmt: skip
+        sequences, split.groups["validation"], statistics=source.statistics, share=HELD_OUT, device=fabric.device
+    )
     batching = Batching(params.batch_size, params.shards, params.seed)
     settings = {"music2dance": params, "data": sequences.units.source}
     with open_run(fabric, options, split, settings, batching, len(source)) as run:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -78,8 +77,7 @@ def slid_windows(split: Split, sequences: SequenceSet, *, side: str = "test", mo
     """
     statistics = training_statistics(sequences, split.groups["train"])
     # A share of less than 1 on the training side, too: windows are drawn alike, and only frames of the side count.
-    about: dict[str, Any] = {"dances": sequences.dances, "statistics": statistics, "share": HELD_OUT}
-    source = WindowSource.of(sequences, split.groups[side], **about)
+    source = WindowSource.of(sequences, split.groups[side], statistics=statistics, share=HELD_OUT)
     model = FootModel(FootParams(), sequences.code)  # it knows the channels and their scale, and changes nothing
     model.motion_scale.set(statistics.motion_mean, statistics.motion_std)
     windows = source.batch(rows := even_rows(source, most))
