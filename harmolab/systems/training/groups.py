@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.recordings import Recording
+from harmolab.data.recordings import Recording, true_runs
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.types import FloatArray, IntArray, Motion
 
@@ -107,11 +107,11 @@ def _annotated_stretches(recording: Recording, motion: Motion) -> tuple[FloatArr
 
 def _between_splices(motion: Motion) -> FloatArray:
     """Edges, seconds from frame 0, of the stretches between the middles of splices; ends of the motion included."""
-    changes = np.flatnonzero(np.diff(np.concatenate(([True], motion.valid, [True]))))
     edges = [0.0]
-    for middle in (changes[::2] + changes[1::2]) / 2 / motion.fps:
+    for first, last in true_runs(~motion.valid):
+        middle = (first + last) / 2 / motion.fps
         if middle - edges[-1] >= SHORTEST and motion.duration - middle >= SHORTEST:
-            edges.append(float(middle))
+            edges.append(middle)
     return np.array([*edges, motion.duration])
 
 
