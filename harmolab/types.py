@@ -167,6 +167,11 @@ class Motion(Display):
         return Motion(self.positions[first:last], self.fps, self.skeleton, self.valid[first:last])
 
 
+def share_of_windows(windows: FloatArray) -> float:
+    """Share of (W, 2) windows, their middles and 1 or 0, that have a 1; 0 without any."""
+    return float(windows[:, 1].mean()) if len(windows) else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class BeatTrack(Display):
     """Beats on a time line.
@@ -180,6 +185,8 @@ class BeatTrack(Display):
     bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
     quality : float, of tracked beats: share of them within 70 ms of one steady grid; None for any others
     fit : float, of tracked beats: share of the sounding music that they explain; None for any others
+    windows : (W, 2) array, of tracked beats: the middle (seconds) of each stretch of sounding music, and 1 where they
+        explain it, else 0; `fit` is the share of those within the track's time line; None for any others
     """
 
     times: FloatArray
@@ -189,6 +196,7 @@ class BeatTrack(Display):
     bar_places: IntArray | None = None
     quality: float | None = None
     fit: float | None = None
+    windows: FloatArray | None = None
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
@@ -211,6 +219,9 @@ class BeatTrack(Display):
             if places.shape != times.shape:
                 raise ValueError(f"bar_places must have one entry per beat ({times.size}), got shape {places.shape}")
             object.__setattr__(self, "bar_places", places)
+        if self.windows is not None:
+            object.__setattr__(self, "windows", _frozen(self.windows, "windows"))
+            object.__setattr__(self, "fit", share_of_windows(self.windows))
 
     def __repr__(self) -> str:
         tempo = f", {self.tempo:.1f} a minute" if len(self) > 1 else ""
@@ -240,6 +251,9 @@ class BeatTrack(Display):
     def span(self, start: float, duration: float) -> "BeatTrack":
         """The beats in [start, start + duration), counted from `start`."""
         part = self.select((self.times >= start) & (self.times < start + duration))
+        if self.windows is not None:
+            middles = self.windows[:, 0] - start
+            part = replace(part, windows=self.windows[(middles >= 0) & (middles < duration)] - (start, 0.0))
         return replace(part, times=part.times - start, duration=duration)
 
 

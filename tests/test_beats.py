@@ -488,6 +488,15 @@ def test_music_of_one_tempo_stays_on_one_grid():
     assert "steady (100%" in meters.describe_beats(track)
 
 
+@pytest.mark.parametrize("begins", [True, False])
+def test_beats_are_sure_in_the_part_whose_sound_keeps_to_them_and_in_no_other(begins: bool):
+    parts = [clicks(np.arange(0.4, 40, 0.5), 40.0).samples, np.random.default_rng(3).normal(0, 0.1, 60 * SAMPLE_RATE)]
+    song = listening.audio_beats(Audio(np.concatenate(parts if begins else parts[::-1]), SAMPLE_RATE))
+    clicked, noisy = (song.span(*part) for part in (((0, 40), (40, 60)) if begins else ((60, 40), (0, 60))))
+    assert (clicked.is_sure, noisy.is_sure) == (True, False)
+    assert (clicked.span(8, 20).fit, noisy.span(0, 1).fit) == (1, 0)
+
+
 @pytest.mark.parametrize(("first", "second"), [(100, 118), (120, 96)])
 def test_a_sudden_change_of_tempo_is_followed(first: float, second: float):
     beats = through(np.repeat([60 / first, 60 / second], [first // 2, second // 2]))

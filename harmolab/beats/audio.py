@@ -71,7 +71,7 @@ def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
 LOG = logging.getLogger(__name__)
 COMPILING = "compiling librosa's beat tracker, once on a machine (half a minute)"
 HOP = 512  # samples between onset strengths
-CACHE_VERSION = 4  # raise when the analysis changes
+CACHE_VERSION = 5  # raise when the analysis changes
 # Envelope samples by which onset strength lies behind what annotators tap: 30 ms at 22,050 Hz. There it is 19 to 51 ms
 # on songs of known grid; from 8 to 48 kHz it is 1.0 to 1.6 samples on three recordings.
 LATENESS = 1.3
@@ -119,7 +119,7 @@ def audio_beats(
     Returns
     -------
     BeatTrack; empty for silence. From the first to the last sound, on one steady grid where the music keeps one, with
-    `quality`, the share of the tracked beats that lie on it, and `fit`, the share of the music that the beats explain.
+    `quality`, the share of the tracked beats that lie on it, and `windows`, the music that the beats explain.
     Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
     """
     analysis = _cached_analysis(audio, tempo_range(tempo))
@@ -127,8 +127,8 @@ def audio_beats(
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)
     times = analysis.beats - lateness / rate
     inside = (times >= 0) & (times <= audio.duration)
-    quality, fit = analysis.quality, analysis.fit
-    return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=quality, fit=fit)
+    quality, windows = analysis.quality, analysis.windows
+    return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=quality, windows=windows)
 
 
 def music_beats(clip: Clip) -> BeatTrack:
@@ -219,12 +219,12 @@ def _largest_near(envelope: FloatArray, rate: float, times: FloatArray) -> Float
 
 
 class _Analysis(NamedTuple):
-    """Onset strength, (F,); beats in seconds on the envelope's clock, (B,); quality and fit, see `SteadyBeats`."""
+    """Onset strength, (F,); beats in seconds on the envelope's clock, (B,); quality and windows, see `SteadyBeats`."""
 
     envelope: FloatArray
     beats: FloatArray
     quality: float
-    fit: float
+    windows: FloatArray
 
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> _Analysis:
@@ -254,13 +254,13 @@ def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
     try:
         names = {} if arrays is None else arrays
-        envelope, beats, quality, fit = (names[name].astype(np.float64) for name in _Analysis._fields)
+        envelope, beats, quality, windows = (names[name].astype(np.float64) for name in _Analysis._fields)
     except (KeyError, ValueError):
         return None
     whole = envelope.ndim == beats.ndim == 1 and np.isfinite(envelope).all() and (envelope >= 0).all()
     rising = np.isfinite(beats).all() and (np.diff(beats) > 0).all()
-    single = quality.shape == fit.shape == ()
-    return _Analysis(envelope, beats, float(quality), float(fit)) if whole and rising and single else None
+    shaped = quality.shape == () and windows.shape[1:] == (2,) and np.isfinite(windows).all()
+    return _Analysis(envelope, beats, float(quality), windows) if whole and rising and shaped else None
 
 
 def _key(audio: Audio, settings: tuple[float, float] | None) -> str:

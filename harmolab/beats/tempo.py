@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
-from harmolab.types import FloatArray, IntArray
+from harmolab.types import FloatArray, IntArray, share_of_windows
 
 # Paths of beats through a tempo that moves, and how well beats fit the accents
 
@@ -121,12 +121,15 @@ def window_accents(curve: FloatArray, rate: float, beats: FloatArray, span: tupl
     1 is what beats at random moments have; a window without a beat has 0.
     """
     smooth, times = _smooth(curve, rate), np.arange(curve.size) / rate
+    starts = _sounding_starts(curve, rate, span)
+    return _window_means(beats, np.interp(beats, times, smooth), starts) / _window_means(times, smooth, starts)
+
+
+def _sounding_starts(curve: FloatArray, rate: float, span: tuple[float, float]) -> FloatArray:
+    """(W,) seconds at which the windows begin that are not silent."""
     count = max(1, round(2 * (span[1] - span[0]) / WINDOW) - 1)
-    starts = np.array([span[0] + WINDOW / 2 * number for number in range(count)])
-    level = _window_means(times, smooth, starts)
-    own = _window_means(beats, np.interp(beats, times, smooth), starts)
-    sounding = level > SILENT
-    return own[sounding] / level[sounding]
+    starts = span[0] + WINDOW / 2 * np.arange(count, dtype=np.float64)
+    return starts[_window_means(np.arange(curve.size) / rate, _smooth(curve, rate), starts) > SILENT]
 
 
 def _window_means(times: FloatArray, values: FloatArray, starts: FloatArray) -> FloatArray:
@@ -183,13 +186,18 @@ class Grid(NamedTuple):
 
 
 class SteadyBeats(NamedTuple):
-    """Beats in seconds, (B,) array, the share of the tracked beats within `NEAR` of one constant grid, and the share of
-    the sounding windows that the beats fit.
+    """Beats in seconds, (B,) array, the share of the tracked beats within `NEAR` of one constant grid, and the middle
+    of each sounding window in seconds with a 1 where the beats fit it, (W, 2) array.
     """
 
     times: FloatArray
     quality: float
-    fit: float
+    windows: FloatArray
+
+    @property
+    def fit(self) -> float:
+        """Share of the sounding windows that the beats fit."""
+        return share_of_windows(self.windows)
 
 
 def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: tuple[float, float]) -> SteadyBeats:
@@ -211,7 +219,7 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
     SteadyBeats; with fewer than `FEWEST` tracked beats these, of quality and fit 0.
     """
     if tracked.size < FEWEST:
-        return SteadyBeats(tracked, 0.0, 0.0)
+        return SteadyBeats(tracked, 0.0, np.zeros((0, 2)))
     curve = accents(envelope, rate)
     steps = np.diff(tracked)
     step = float(steps[np.abs(steps / np.median(steps) - 1) < 0.25].mean())
@@ -221,8 +229,10 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
         times, least = grid.beats(*span), FITS_GRID
     else:
         times, least = _moving_beats(curve, rate, grid, span)
-    values = window_accents(curve, rate, smooth_course(times), span)
-    return SteadyBeats(times, quality, float((values >= least).mean()) if values.size else 0.0)
+    fits = window_accents(curve, rate, smooth_course(times), span) >= least
+    starts = _sounding_starts(curve, rate, span)
+    middles = (starts + np.minimum(starts + WINDOW, span[1])) / 2
+    return SteadyBeats(times, quality, np.stack([middles, fits], axis=1))
 
 
 def _moving_beats(curve: FloatArray, rate: float, grid: Grid, span: tuple[float, float]) -> tuple[FloatArray, float]:
