@@ -127,7 +127,8 @@ def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 15.0), (15.0, 30.0)] * 2
     words = f"paper: {scores['paper'].hits.sum()} of {scores['paper'].n_audio} music beats met"
     assert figure.axes[0].get_title(loc="left").startswith(words)
-    assert scores["recommended"].judgement.verdict in figure.axes[2].get_title(loc="left")
+    judgement, title = scores["recommended"].judgement, figure.axes[2].get_title(loc="left")
+    assert judgement.verdict in title and f", p in time = {judgement.p_time:.3f})" in title
     assert [ax.get_xlabel() for ax in figure.axes] == ["", "time in the music (s)"] * 2
     (legend,) = figure.legends
     labels = [text.get_text() for text in legend.get_texts()]

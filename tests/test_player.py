@@ -316,7 +316,7 @@ def test_page_says_level_and_verdict_beside_the_number(long_files: Path, tmp_pat
     number = {name: score[name] for name in ("harmony_above_chance", "level", "verdict")}
     assert data_of(page)["dancers"][0]["number"] == number
     assert f"<td>4 of 4: {score['verdict']}" in page
-    assert f"<td>{score['harmony_above_chance']:.3f} (p = {score['p_time']:.3f})</td>" in page
+    assert f"<td>{score['harmony_above_chance']:.3f} (p in time = {score['p_time']:.3f})</td>" in page
 
 
 def test_page_of_a_part_has_the_number_of_the_whole_dance(long_files: Path, tmp_path: Path) -> None:

@@ -406,8 +406,8 @@ def _with_frame_at(clip: Clip, time: float) -> Clip:
 def _facts(dancer: Dancer) -> dict[str, str]:
     """Name and text of the verdict on a dancer, its remarks, and its number."""
     score = dancer.number or dancer.score
-    p = score.p_value if score.judgement is None else score.judgement.p_time
-    number = "-" if np.isnan(score.above_chance) else f"{score.above_chance:.3f} (p = {p:.3f})"
+    p = f"p = {score.p_value:.3f}" if score.judgement is None else f"p in time = {score.judgement.p_time:.3f}"
+    number = "-" if np.isnan(score.above_chance) else f"{score.above_chance:.3f} ({p})"
     facts = {f"{dancer.name}: harmony above chance": number}
     if score.judgement is None:
         return facts

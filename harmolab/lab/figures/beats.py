@@ -272,8 +272,8 @@ def headline(score: HarmonyScore) -> str:
         if np.isfinite(score.p_value):
             low, high = score.interval
             # Of a verdict the p that decides: whether it is in time.
-            p = score.p_value if score.judgement is None else score.judgement.p_time
-            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, p = {p:.3f})"
+            p = f"p = {score.p_value:.3f}" if score.judgement is None else f"p in time = {score.judgement.p_time:.3f}"
+            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, {p})"
     if score.judgement is not None:
         return number
     return f"{number};  h = {score.harmony:.2f}"
