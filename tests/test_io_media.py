@@ -64,6 +64,16 @@ def test_channels_that_cancel_each_other_are_not_mixed(tmp_path: Path):
     np.testing.assert_allclose(load_audio(tmp_path / "two.wav", sample_rate=None).samples, ramp(), atol=1e-7)
 
 
+def test_channels_of_a_video_that_cancel_each_other_are_not_mixed(tmp_path: Path):
+    with av.open(str(tmp_path / "two.mkv"), "w") as container:
+        stream = container.add_stream("pcm_f32le", rate=RATE, layout="stereo")
+        samples = np.stack([ramp(), -ramp()], axis=1).astype(np.float32).reshape(1, -1)
+        block = av.AudioFrame.from_ndarray(samples, "flt", "stereo")
+        block.sample_rate, block.pts = RATE, 0
+        container.mux([*stream.encode(block), *stream.encode(None)])
+    np.testing.assert_allclose(video_sound(tmp_path / "two.mkv", sample_rate=None).samples, ramp(), atol=1e-6)
+
+
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
     soundfile.write(tmp_path / "ramp.wav", ramp(), RATE, subtype="FLOAT")
     audio = load_audio(tmp_path / "ramp.wav", start=0.25, duration=0.5, sample_rate=None)

@@ -263,15 +263,17 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
         pieces = list(_pieces(container, stream, rate, max_seconds))
         if not pieces:
             raise ValueError("holds no samples of sound")
-        return Audio(np.concatenate(pieces), rate)
+        return Audio(_mixed(np.concatenate(pieces)), rate)
 
 
-def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Iterator[NDArray[np.float32]]:
-    """The samples from the start of the file on; silence first, or the beginning cut, where the sound starts apart.
+def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Iterator[NDArray[Any]]:
+    """Blocks (samples, channels) from the start of the file on; silence first, or the beginning cut, where the sound
+    starts apart.
 
     Silence, too, where sound is missing between two blocks, as players give it.
     """
-    resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
+    layout = stream.codec_context.layout
+    resampler, channels = av.AudioResampler(format="flt", layout=layout, rate=rate), layout.nb_channels
     skip, count, due = None, 0, None
     for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
         if skip is None:
@@ -279,19 +281,20 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             if not (math.isfinite(late) and abs(late) <= MAX_LATE):
                 raise ValueError(f"starts its sound {late:.0f} s from its pictures; its time stamps are damaged")
             skip = max(0, -round(late * rate))
-            yield np.zeros(max(0, round(late * rate)), np.float32)
+            yield np.zeros((max(0, round(late * rate)), channels), np.float32)
         gap = 0.0 if block is None or block.time is None or due is None else block.time - due
-        parts = [part.to_ndarray()[0] for part in resampler.resample(None if gap > GAP else block)]
+        frames = resampler.resample(None if gap > GAP else block)
+        parts = [frame.to_ndarray().reshape(-1, channels) for frame in frames]
         if gap > GAP:
-            resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
-            parts.append(np.zeros(round(min(gap, max_seconds + 1) * rate), np.float32))
-            parts += [part.to_ndarray()[0] for part in resampler.resample(block)]
+            resampler = av.AudioResampler(format="flt", layout=layout, rate=rate)
+            parts.append(np.zeros((round(min(gap, max_seconds + 1) * rate), channels), np.float32))
+            parts += [frame.to_ndarray().reshape(-1, channels) for frame in resampler.resample(block)]
         if block is not None and block.time is not None:
             due = (block.time if due is None or gap > GAP else due) + block.samples / block.sample_rate
         for part in parts:
             samples = part[skip:]
-            skip = max(0, skip - part.size)
-            count += samples.size
+            skip = max(0, skip - len(part))
+            count += len(samples)
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
             yield samples
