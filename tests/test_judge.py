@@ -179,6 +179,12 @@ def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float,
     assert words in judgement.verdict or f"Your own tempo is {120 * rate:.1f} bpm" in judgement.verdict
 
 
+def test_who_moves_once_in_three_beats_hears_of_no_place_in_the_beat() -> None:
+    judgement = judged(dancer(every=3.0))
+    assert (judgement.level, judgement.reading) == (3, "waltz")
+    assert judgement.verdict == "In time, but not with each beat: you move once in 3 beats."
+
+
 def test_a_waltz_is_seen_by_its_threes_without_being_told() -> None:
     times = np.arange(round(SECONDS * 100)) / 100
     course = bar_pattern.evaluate_pattern(DANCE_PATTERNS["waltz"], times / PERIOD)

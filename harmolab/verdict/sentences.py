@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, Evidence
+from harmolab.params import HOW_PATTERNS
+from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, Evidence, has_rate
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FASTEST = 240.0  # beats a minute: music that is counted faster is none
@@ -59,7 +60,8 @@ def _other_rate(evidence: Evidence) -> str:
 
 
 def _in_time(evidence: Evidence) -> str:
-    if not evidence.has_own_rate:
+    # A waltz's threes hold rates that have no place in the beat, such as 2 movements in 3 beats.
+    if not evidence.has_own_rate or not (evidence.pattern or _moves_with_beat(evidence)):
         return _other_rate(evidence)
     if evidence.pattern is None:
         fastest, stillest = _moment_of(evidence, "fastest", "the beat"), _moment_of(evidence, "stillest", "it")
@@ -67,6 +69,10 @@ def _in_time(evidence: Evidence) -> str:
     if evidence.is_near:
         return "In time. Whether you are on the beat cannot be told: other places in it fit as well."
     return f"You keep time, steadily {_late_or_early(evidence)} for {_danced(evidence)}."
+
+
+def _moves_with_beat(evidence: Evidence) -> bool:
+    return evidence.time is not None and has_rate(evidence.time, HOW_PATTERNS["rest"])
 
 
 def _on_the_beat(evidence: Evidence) -> str:
