@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -312,6 +313,10 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(engine, "CONNECT_SECONDS", 0.5)
     with pytest.raises(ConnectionError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"):
         run_rows(Numbers(3), square, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
+    with socket.create_server(("127.0.0.1", 0)) as other:  # takes the call, and never speaks
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(ConnectionError, match=r"answers \(another server does, such as"):
+            run_rows(Numbers(3), square, tmp_path / "other", scheduler=address)
 
 
 def started(*arguments: object) -> subprocess.Popen[str]:
@@ -431,7 +436,7 @@ def test_a_scheduler_that_dies_is_an_error_and_the_run_goes_on_elsewhere(undistu
                 scheduler.kill()
                 _, errors = client.communicate(timeout=120)
             worker.kill()
-    assert client.returncode != 0 and "ConnectionError" in errors
+    assert client.returncode != 0 and "ConnectionError" in errors and " - ERROR - " not in errors
     assert 0 < rows_there(tmp_path / "out") < COUNT
     run_rows(Numbers(COUNT), square, tmp_path / "out", jobs=0, resume=True)
     assert contents(tmp_path / "out") == contents(undisturbed)

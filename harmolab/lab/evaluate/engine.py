@@ -7,6 +7,7 @@ not grow with their number. Several processes need dask (``pip install "dask[dis
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import logging
 import os
@@ -357,15 +358,18 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
     """A client of the scheduler, or of one with `jobs` processes on this machine, which ends with the block."""
     import dask
     from distributed import Client
+    from distributed.utils import LoopRunner, silence_logging_cmgr
 
     if scheduler:
         try:
+            LoopRunner(asynchronous=False).run_sync(_check_scheduler, scheduler)
             client = Client(scheduler, timeout=CONNECT_SECONDS)
             client.wait_for_workers(1, timeout=CONNECT_SECONDS)
         except (OSError, ValueError) as error:
-            fault = " ".join(str(error).split())
+            fault = " ".join(str(error).split()) or "another server does, such as the page of dask's dashboard"
             raise ConnectionError(f"--scheduler {scheduler}: no scheduler with workers answers ({fault})") from None
-        with client:
+        quiet = partial(silence_logging_cmgr, logging.CRITICAL)
+        with quiet("distributed.client"), quiet("tornado.application"), client:
             yield client
         return
     config = {
@@ -383,6 +387,15 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
         # dask gives up on a process that dies while it starts.
         cluster.adapt(minimum=jobs, maximum=jobs, interval="1s")
         yield client
+
+
+async def _check_scheduler(address: str) -> None:
+    """An OSError unless a dask scheduler is at an address; `Client` waits for another server without end."""
+    from distributed import Security
+    from distributed.comm.core import connect
+
+    connection = connect(address, timeout=CONNECT_SECONDS, **Security().get_connection_args("client"))
+    await (await asyncio.wait_for(connection, CONNECT_SECONDS + 1)).close()
 
 
 def _local_cluster(jobs: int) -> LocalCluster:
