@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from harmolab.files import PathLike, Progress, read_json, reading, silent
+from harmolab.files import PathLike, Progress, check_output, read_json, reading, silent
 from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_alike, check_engine_installed, read_manifest
 from harmolab.lab.evaluate.evaluation import (
     MARK,
@@ -102,10 +102,11 @@ def merge_shards(
     FileNotFoundError, ValueError
         A shard is missing, unfinished or of other settings, or the folders of dances have changed; names it.
     """
+    out = Path(out)
+    check_output(out, folders)
     shards = {Path(folder): _mark(Path(folder) / MARK) for folder in folders}
     _check_complete(shards)
     settings = _common_settings(shards)
-    out = Path(out)
     check_table_folder(out, settings, force=force)
     plan = planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
@@ -141,11 +142,12 @@ def _mark(path: Path) -> Mapping[str, Any]:
 
 
 def _common_settings(shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSettings:
-    first, *others = shards.items()
-    for path, about in others:
-        if (name := next((key for key in ("version", "settings") if about[key] != first[1][key]), None)) is not None:
-            raise ValueError(f"{path}: has another {name} than {first[0].name}; measure all shards alike")
-    return EvaluationSettings(**first[1]["settings"])
+    choices = {path: {"version": about.get("version"), **about["settings"]} for path, about in shards.items()}
+    first, usual = next(iter(choices.items()))
+    for path, other in choices.items():
+        if changed := [name for name in {**usual, **other} if usual.get(name) != other.get(name)]:
+            raise ValueError(f"{path}: has another {', '.join(changed)} than {first.name}; measure all shards alike")
+    return EvaluationSettings(**shards[first]["settings"])
 
 
 def _merged(manifests: Mapping[Path, Mapping[str, Any]]) -> Iterator[Row]:
