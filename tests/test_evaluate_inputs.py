@@ -441,6 +441,7 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
     "about, fault",
     ({"rows": None}, "holds a run that is not finished; go on with it by --resume"),
     ({"reference": "synthetic"}, "was made beside saved recorded dances; a row needs their folder by --reference"),
+    ({"reference": "synthetic"}, "since it names the hash of each file: measure anew, into another folder"),
 )
 def test_an_unfinished_table_and_one_without_recorded_dances_is_no_row(
     sound: Path, tmp_path: Path, about: dict[str, Any], fault: str

@@ -125,7 +125,10 @@ def submission_of(table: PathLike) -> Submission:
         if about.get("rows", 0) is None:
             raise ValueError("holds a run that is not finished; go on with it by --resume")
         if is_saved(settings["reference"]):
-            raise ValueError("was made beside saved recorded dances; a row needs their folder by --reference")
+            raise ValueError(
+                "was made beside saved recorded dances; a row needs their folder by --reference, since it names the "
+                "hash of each file: measure anew, into another folder"
+            )
     with reading(table / CLIPS, "the dances of an evaluation") as path:
         clips = _dances(path.read_bytes())
     if failed := _failed(table, clips):
