@@ -121,6 +121,11 @@ def test_npz_that_is_not_as_documented_is_refused(tmp_path: Path, arrays: dict[s
     refused(rf"bad\.npz: .*{fault}", load_motion, tmp_path / "bad.npz")
 
 
+def test_npz_without_a_rate_has_the_one_that_is_passed(tmp_path: Path):
+    np.savez(tmp_path / "walk.npz", positions=walk())
+    assert load_motion(tmp_path / "walk.npz", fps=30).fps == 30
+
+
 # .npy
 
 

@@ -164,10 +164,12 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
         if "positions" not in names and is_parameters(dict.fromkeys(names)):
             return parameter_motion(read_npz(file, dict.fromkeys(MEMBERS, "fiu")), file, options)
         arrays = read_npz(file, _MEMBERS)
+        if options.fps is not None:
+            arrays.setdefault("fps", np.array(options.fps))
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(
-                    f"has no array {name!r}; our .npz needs positions and fps, see harmolab.readers.motion"
+                    f"has no array {name!r}; our .npz needs positions and fps, or --fps; see harmolab.readers.motion"
                 )
         positions, own_rate = arrays["positions"], arrays["fps"]
         units = str(arrays["units"]) if "units" in arrays else "m"
