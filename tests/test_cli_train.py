@@ -284,3 +284,14 @@ def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str])
     with epoch_bar() as report:
         report(epoch("pretrain", 4, {"mse": np.pi * 100, "val_mse": 1 / 3}), 225)
     assert capsys.readouterr().err == "pretrain epoch 5: rate 0.0001  tau 0.25  mse 314  val_mse 0.333\n"
+
+
+def test_epochs_that_take_long_are_told_without_a_validation(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    moments = iter([0.0, 20.0, 40.0, 40.0, 60.0])  # the begin, three epochs, and the line
+    monkeypatch.setattr(training, "monotonic", lambda: next(moments))
+    with epoch_bar() as report:
+        for number in range(3):
+            report({"phase": "ST-GCN", "epoch": number, "train": 1.5}, 40)
+    assert capsys.readouterr().err == "ST-GCN epoch 2: train 1.5\n"

@@ -7,12 +7,13 @@ from contextlib import contextmanager
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from harmolab.cli.common import completed, is_told
-from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
+from harmolab.cli.screen import LEVEL, LONGEST, USUAL, note, plain_errors, progress
 
 if TYPE_CHECKING:
     from harmolab.types import BeatTrack, Motion
@@ -193,7 +194,7 @@ def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
     """A function that shows an epoch: its row of the history and the epoch that its phase ends at.
 
     On a terminal it is a bar, with every loss term and the last validation below it, from the first epoch on. Where
-    standard error is no terminal: a line for each validated epoch.
+    standard error is no terminal: a line for each validated epoch, and for one that ends long after the last line.
     """
     from rich.console import Console, Group
     from rich.live import Live
@@ -206,13 +207,16 @@ def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
     )
     task, live = bar.add_task("", total=None), Live(bar, console=console)
     scores: dict[str, float] = {}  # of the last validation
+    last = monotonic()  # moment of the last line
 
     def show(row: Mapping[str, Any], end: int) -> None:
+        nonlocal last
         values = {name: value for name, value in row.items() if isinstance(value, float)}
         validation = {name.removeprefix("val_"): value for name, value in values.items() if name.startswith("val_")}
         scores.update(validation)
         if not console.is_terminal or LEVEL.get() < USUAL:
-            if validation and LEVEL.get() >= USUAL:
+            if (validation or monotonic() - last >= LONGEST) and LEVEL.get() >= USUAL:
+                last = monotonic()
                 typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {_line(values)}", err=True)
             return
         losses = {name: value for name, value in values.items() if not name.startswith("val_")}
