@@ -173,6 +173,17 @@ def test_resuming_with_another_seed_of_the_split_names_its_file(trained: tuple[P
     assert files(out) == before
 
 
+def test_a_setting_that_is_called_otherwise_is_named_by_its_option_too(
+    monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
+):
+    def train(*given: object, **options: object) -> None:
+        raise ValueError("settings.json: music2dance.first_epochs is 3, but 4 is asked for")
+
+    monkeypatch.setattr("harmolab.systems.music2dance.Music2Dance.train", train)
+    line = told(run(tmp_path, "--out", tmp_path / "run", "--system", "music2dance"))
+    assert line == "harmolab: settings.json: music2dance.first_epochs (--phase1) is 3, but 4 is asked for"
+
+
 @pytest.mark.slow
 def test_defaults_of_the_help_are_those_of_the_settings():
     for name in ("harmony_weight", "pretrain_epochs", "adversarial_epochs"):

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 TRAIN_HINT = "install its packages by: pip install lightning-fabric safetensors tensorboardX torch"
 # Measures of `harmolab evaluate` that some seconds of movement have: harmony needs more.
 VALIDATED = ("beat_align_motion", "beat_align_music", "mir_eval_f", "foot_skating", "freezing", "jerk")
+# Options whose names differ from those of the settings that they are of.
+OPTIONS = {"first_epochs": "--phase1", "second_epochs": "--phase2"}
+OPTIONS |= dict.fromkeys(("unit_epochs", "composition_epochs"), "--epochs")
+SETTING = re.compile(rf"\b(?:{'|'.join(OPTIONS)})\b")
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
@@ -144,6 +149,8 @@ def train(
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; {TRAIN_HINT}") from None
+        except ValueError as error:
+            raise ValueError(SETTING.sub(lambda match: f"{match[0]} ({OPTIONS[match[0]]})", str(error))) from error
     history = Path(out) / "history.csv"
     if first and history.is_file() and len(history.read_text("utf-8").splitlines()) < 2:
         note("no epoch was trained: these are first weights, which have learnt nothing")
