@@ -334,6 +334,23 @@ def test_the_place_in_which_long_settings_differ_is_shown(tmp_path: Path):
 
 
 @cases(
+    "corpus",
+    {"synth/one/motion.npz": "b"},  # changed, gone, new
+    {},
+    {"synth/one/motion.npz": "a", "synth/new/motion.npz": "c"},
+)
+def test_a_recording_that_has_changed_since_is_named(corpus: dict[str, str], tmp_path: Path):
+    split, begun = SimpleNamespace(to_dict=dict), {"synth/one/motion.npz": "a"}
+    for resume in (False, True):
+        with checkpoints.open_folder(tmp_path, {}, split, resume=resume, corpus=lambda: begun):
+            pass
+    fault = f"{tmp_path}/corpus.json: synth/.*/motion.npz is not what it was when this training began; put it back"
+    again = checkpoints.open_folder(tmp_path, {}, split, resume=True, corpus=lambda: corpus)
+    with pytest.raises(ValueError, match=fault), again:
+        pass
+
+
+@cases(
     "name, text, words",
     ("settings.json", "", "settings.json"),
     ("settings.json", "[1]", "settings.json"),

@@ -173,6 +173,20 @@ def test_resuming_with_another_seed_of_the_split_names_its_file(trained: tuple[P
     assert files(out) == before
 
 
+@pytest.mark.slow
+def test_resuming_after_a_movement_has_changed_names_its_file(trained: tuple[Path, Result], run: Run, corpus: Path):
+    out, before = trained[0], files(trained[0])
+    motion = next(corpus.glob("*/motion.npz"))
+    recorded = motion.read_bytes()
+    with np.load(motion) as held:
+        np.savez(motion, **{**held, "positions": 1.01 * held["positions"]})
+    line = told(run(corpus, "--out", out, "--resume"))
+    motion.write_bytes(recorded)
+    name = motion.relative_to(corpus.parent)
+    assert line.startswith(f"harmolab: {out}/corpus.json: {name} is not what it was when this training began")
+    assert files(out) == before
+
+
 def test_a_setting_that_is_called_otherwise_is_named_by_its_option_too(
     monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
 ):

@@ -338,6 +338,11 @@ def missing_parts(folder: PathLike) -> list[str]:
     return missing
 
 
+def recorded_files(folder: Path) -> list[Path]:
+    """All files that the recording in a folder is read from."""
+    return [find_audio(folder), *filter(Path.is_file, (folder / name for name in (*_PARTS, "beats.json")))]
+
+
 def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
     """The recordings at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
     folders, problems = find_recordings(root)

@@ -8,7 +8,14 @@ from typing import Any, Self
 from harmolab.files import PathLike
 from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.performances import Performance, find_performances, load_performance, split_by_piece
+from harmolab.musician.performances import (
+    ABOUT,
+    Performance,
+    find_performances,
+    load_performance,
+    performance_files,
+    split_by_piece,
+)
 from harmolab.musician.sequences import NO_NOTES, NO_SOUND, PlayedSplit, played_set
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
@@ -69,6 +76,13 @@ class Audio2Body(Learner):
         if initial is not None and initial.skeleton != self.network.skeleton:
             raise ValueError(f"initial has other joints than this {self.network.instrument} player")
         return synthesize_performance(self.network, audio, start=start, seconds=seconds, notes=notes)
+
+    @classmethod
+    def files(cls, root: PathLike) -> list[Path]:
+        """The files of performances that are learnt from; those of a folder of frames one by one."""
+        listed = [(folder / ABOUT, performance_files(folder)) for folder in find_performances(root).folders]
+        paths = [path for about, files in listed for path in (about, files.sound, files.notes, *files.points) if path]
+        return [file for path in paths for file in (path.glob("*.json") if path.is_dir() else [path]) if file.is_file()]
 
     def save(self, folder: PathLike) -> None:
         """Write the weights to a folder; it is made unless it exists."""

@@ -2,7 +2,7 @@
 
 It resumes as if it had never stopped. Tensors are safetensors; everything else (history, settings) is JSON in the same
 file's header, so that one rename publishes both. Nothing is ever unpickled. A run is resumed only with the settings of
-``settings.json`` and the split of ``split.json``.
+``settings.json``, the split of ``split.json`` and the recordings of ``corpus.json``.
 
 The history has one row an epoch: a table for people and notebooks, events for TensorBoard.
 """
@@ -88,6 +88,7 @@ def _tag(name: str) -> str:
 
 Notice = Callable[[str], None]
 Measure = Callable[[Sequence[Motion], Sequence[BeatTrack]], Mapping[str, float]]
+Corpus = Callable[[], dict[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +104,7 @@ class TrainOptions:
     notice : called with a line about the material
     progress : function(iterable, label) -> iterable, of the reading
     measure : function(motions, beats) -> name -> number, of dances to validation units; further columns of the history
+    corpus : function() -> file -> digest, of all files that are learnt from; a run is resumed with the same only
     """
 
     out: files.PathLike
@@ -112,6 +114,7 @@ class TrainOptions:
     notice: Notice = lambda line: None
     progress: files.Progress = files.silent
     measure: Measure = lambda motions, beats: {}
+    corpus: Corpus = dict
 
 
 class Sides(Protocol):
@@ -123,7 +126,7 @@ class Sides(Protocol):
 
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
-SPLIT, LOCK = "split.json", ".lock"
+SPLIT, CORPUS, LOCK = "split.json", "corpus.json", ".lock"
 
 
 # The state and the folder of a run
@@ -219,8 +222,10 @@ def check_folder(folder: Path, *, resume: bool) -> None:
 
 
 @contextmanager
-def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume: bool) -> Iterator[None]:
-    """Lock `folder` for this process and write settings.json and split.json, or check those that are there.
+def open_folder(
+    folder: Path, settings: dict[str, Any], split: Sides, *, resume: bool, corpus: Corpus = TrainOptions.corpus
+) -> Iterator[None]:
+    """Lock `folder` for this process and write its settings, split and corpus.json, or check those that are there.
 
     Parameters
     ----------
@@ -228,12 +233,13 @@ def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume:
     settings : JSON-able
     split : Split of the units, or of songs: its `to_dict` says who is on which side
     resume : whether the folder may hold a run
+    corpus : as in `TrainOptions`
 
     Raises
     ------
     ValueError
-        If the folder may not be written to, holds a run with other settings or another split, or another process
-        trains in it.
+        If the folder may not be written to, holds a run with other settings, another split or other recordings, or
+        another process trains in it.
     """
     check_folder(folder, resume=resume)
     folder.mkdir(parents=True, exist_ok=True)
@@ -241,14 +247,26 @@ def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume:
         with FileLock(folder / LOCK, timeout=0):
             for unfinished in folder.glob(".*.tmp"):
                 unfinished.unlink()
+            recorded = _checked_corpus(folder / CORPUS, corpus())
             for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, files.plain(split.to_dict()))):
                 if path.exists():
                     _compare(path, _read(path), content)
                 else:
                     files.write_json(path, content)
+            if recorded:
+                files.write_json(folder / CORPUS, recorded)
             yield
     except Timeout:
         raise ValueError(f"{folder}: another process is training there") from None
+
+
+def _checked_corpus(path: Path, corpus: dict[str, str]) -> dict[str, str]:
+    """The digests of what is learnt from; ValueError naming a file that is not as those in `path` say, if any do."""
+    stored = _read(path) if path.exists() else corpus
+    if changed := sorted(dict(stored.items() ^ corpus.items())):
+        fault = f"{changed[0]} is not what it was when this training began"
+        raise ValueError(f"{path}: {fault}; put it back, or choose another folder")
+    return corpus
 
 
 def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> None:

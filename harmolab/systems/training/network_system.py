@@ -1,13 +1,16 @@
 """Systems of one network and a bank of movements, what they share: dancing, saving, loading, material to train on."""
 
+import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
 from torch import nn
 
+from harmolab.data.recordings import find_recordings, recorded_files
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
@@ -38,6 +41,22 @@ class Learner:
     def learn(cls, data: list[PathLike], options: TrainOptions, **own: Any) -> None:
         """Train on corpora, in the folder of `options`; `own` keywords are checked before anything is read."""
         raise NotImplementedError
+
+    @classmethod
+    def files(cls, root: PathLike) -> list[Path]:
+        """The files of a corpus that are learnt from."""
+        return [file for folder in find_recordings(root).folders for file in recorded_files(folder)]
+
+    @classmethod
+    def digests(cls, data: Sequence[PathLike]) -> dict[str, str]:
+        """File of some corpora, from the name of its corpus on -> SHA-256."""
+        digests = {}
+        for root in data:
+            for file in cls.files(root):
+                name = Path(Path(root).resolve().name, file.relative_to(root)).as_posix()
+                with file.open("rb") as content:
+                    digests[name] = hashlib.file_digest(content, "sha256").hexdigest()
+        return digests
 
     @classmethod
     def load(cls, folder: PathLike) -> Any:
@@ -74,7 +93,9 @@ class Learner:
         """
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume)
-        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress, measure), **own)
+        corpus = partial(cls.digests, [*data])
+        options = TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus)
+        cls.learn([*data], options, **own)
         return cls.load(out)
 
 

@@ -13,6 +13,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -224,12 +225,14 @@ def open_run(
     ------
     ValueError
         If a batch of so many units cannot be shared by so many processes; if `options.out` holds something and `resume`
-        is off, holds a run with other settings, another split or a damaged one, or another process trains in it.
+        is off, holds a run with other settings, another split, other recordings or a damaged one, or another process
+        trains in it.
     """
     check_shards(n_units, batching, fabric.world_size)
     run = Run(fabric, options, plain(dict(settings)), batching)
     first = fabric.is_global_zero
-    with open_folder(run.folder, run.settings, split, resume=options.resume) if first else nullcontext():
+    folder = partial(open_folder, run.folder, run.settings, split, resume=options.resume, corpus=options.corpus)
+    with folder() if first else nullcontext():
         fabric.barrier()
         yield run
         fabric.barrier()
