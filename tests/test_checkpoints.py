@@ -333,6 +333,12 @@ def test_the_place_in_which_long_settings_differ_is_shown(tmp_path: Path):
         pass
 
 
+def test_a_run_of_a_version_that_kept_no_step_goes_on(tmp_path: Path):
+    for resume, split in ((False, {"seed": 0}), (True, {"seed": 0, "step": 4})):
+        with checkpoints.open_folder(tmp_path, {}, SimpleNamespace(to_dict=split.copy), resume=resume):
+            pass
+
+
 @cases(
     "corpus",
     {"synth/one/motion.npz": "b"},  # changed, gone, new

@@ -167,9 +167,12 @@ def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[
 
 
 @pytest.mark.slow
-def test_resuming_with_another_seed_of_the_split_names_its_file(trained: tuple[Path, Result], run: Run, corpus: Path):
+@cases("option, words", ("--split-seed", "seed is 0, but 1"), ("--step", "step is 2, but 1"))
+def test_resuming_with_another_seed_or_step_of_the_units_names_both(
+    option: str, words: str, trained: tuple[Path, Result], run: Run, corpus: Path
+):
     out, before = trained[0], files(trained[0])
-    assert f"{out}/split.json: " in told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
+    assert f"{out}/split.json: {words} is asked for" in told(run(corpus, "--out", out, "--resume", option, 1))
     assert files(out) == before
 
 

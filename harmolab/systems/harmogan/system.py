@@ -141,7 +141,7 @@ class HarmoGAN(NetworkSystem):
         check_choice("params", params, LOSSES)
         settings: TrainParams = changed(getattr(TrainParams, params)(), changes)
         units = load_units(data, getattr(FeatureParams, params)(), step=step, progress=options.progress)
-        split, model = noticed_split(units, split_seed, options.notice), getattr(ModelParams, preset)()
+        split, model = noticed_split(units, split_seed, step, options.notice), getattr(ModelParams, preset)()
         if not settings.sketches:
             train_harmogan(split, options, model=model, params=settings, pretrained=pretrained)
             return

@@ -310,4 +310,4 @@ class Feet(Learner):
         coding = replace(Music2DanceParams.recommended(), representation=representation)
         check_velocity(params, representation)
         sequences = load_sequences(data, coding, step=step, progress=options.progress)
-        train_feet(noticed_split(sequences.units, split_seed, options.notice), sequences, options, params)
+        train_feet(noticed_split(sequences.units, split_seed, step, options.notice), sequences, options, params)

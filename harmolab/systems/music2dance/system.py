@@ -208,7 +208,7 @@ class Music2Dance(NetworkSystem):
         changes = {SHORT_NAMES.get(name, name): value for name, value in changes.items()}
         params = preset_settings(Music2DanceParams, preset, PRESETS, changes)
         sequences = load_sequences(data, params, step=step, progress=options.progress)
-        train_music2dance(noticed_split(sequences.units, split_seed, options.notice), sequences, options)
+        train_music2dance(noticed_split(sequences.units, split_seed, step, options.notice), sequences, options)
 
 
 def stored_part(folder: Path, network: type[Part]) -> Part | None:

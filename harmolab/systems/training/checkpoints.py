@@ -127,6 +127,7 @@ class Sides(Protocol):
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
 SPLIT, CORPUS, LOCK = "split.json", "corpus.json", ".lock"
+_YOUNGER = {"step"}
 
 
 # The state and the folder of a run
@@ -286,8 +287,9 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
-    """ValueError naming the first entry in which two dictionaries differ."""
-    pairs = {name: (stored.get(name), settings.get(name)) for name in sorted(stored.keys() | settings.keys())}
+    """ValueError naming the first entry in which two dictionaries differ; older runs do not say their `_YOUNGER`."""
+    names = sorted(stored.keys() | settings.keys() - _YOUNGER)
+    pairs = {name: (stored.get(name), settings.get(name)) for name in names}
     # A seed says more than the groups that follow from it.
     for name, (old, new) in sorted(pairs.items(), key=lambda item: isinstance(item[1][0], dict | list)):
         if isinstance(old, dict) and isinstance(new, dict):

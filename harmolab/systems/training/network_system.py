@@ -139,8 +139,8 @@ class NetworkSystem(Learner, DanceSystem):
         return cls(generator, poses, read_about(folder)["meta"])
 
 
-def noticed_split(units: UnitSet, split_seed: int, notice: Notice) -> Split:
-    """Units split by motion group; `notice` is called with what was left out, and how many there are.
+def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) -> Split:
+    """Units `step` beats apart split by motion group; `notice` gets what was left out, and how many there are.
 
     Raises
     ------
@@ -148,6 +148,7 @@ def noticed_split(units: UnitSet, split_seed: int, notice: Notice) -> Split:
         For too few recordings.
     """
     split = split_units(units, seed=split_seed)
+    split.settings["step"] = step
     for line in units.notes:
         notice(f"left out: {line}")
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
@@ -184,7 +185,7 @@ class PresetSystem(NetworkSystem):
         """
         params = preset_settings(cls.settings, preset, PRESETS, changes)
         units = load_units(data, FeatureParams.paper(), step=step, progress=options.progress)
-        cls.train_network(noticed_split(units, split_seed, options.notice), options, params)
+        cls.train_network(noticed_split(units, split_seed, step, options.notice), options, params)
 
 
 def preset_settings(settings: type[R], preset: str, presets: Sequence[str], changes: Mapping[str, Any]) -> R:
