@@ -190,6 +190,16 @@ def test_resuming_after_a_movement_has_changed_names_its_file(trained: tuple[Pat
     assert files(out) == before
 
 
+def test_after_ctrl_c_there_is_a_line_that_says_how_to_go_on(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
+    def train(*given: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("harmolab.systems.music2dance.Music2Dance.train", train)
+    result = run(tmp_path, "--out", tmp_path / "run", "--system", "music2dance")
+    assert result.exit_code == 130
+    assert "harmolab: stopped; the same command with --resume goes on from there\n" in result.stderr
+
+
 def test_a_setting_that_is_called_otherwise_is_named_by_its_option_too(
     monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
 ):

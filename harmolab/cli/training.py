@@ -149,6 +149,9 @@ def train(
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; {TRAIN_HINT}") from None
+        except KeyboardInterrupt:
+            note("stopped; the same command with --resume goes on from there")
+            raise
         except ValueError as error:
             raise ValueError(SETTING.sub(lambda match: f"{match[0]} ({OPTIONS[match[0]]})", str(error))) from error
     history = Path(out) / "history.csv"
