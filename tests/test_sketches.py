@@ -35,7 +35,8 @@ def split(corpus: Path) -> Split:
 
 @pytest.fixture(scope="module")
 def of_songs(corpus: Path, split: Split) -> Sketched:
-    return sketched(split, find_recordings(corpus).folders, PARAMS)
+    folders = find_recordings(corpus).folders
+    return sketched(split, (*folders, corpus / "without units and unreadable"), PARAMS)
 
 
 def test_training_units_have_so_many_sketches_and_the_others_one_under_their_name(split: Split, of_songs: Sketched):

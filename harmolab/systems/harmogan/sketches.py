@@ -84,12 +84,11 @@ def sketched(
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
     for folder in progress(folders, "sketching"):
-        recording = load_recording(folder)
-        own = {
-            side: [u for u in getattr(split, side).units if u.sequence == sequence_name(recording)] for side in SIDES
-        }
+        name = sequence_name(folder)
+        own = {side: [unit for unit in getattr(split, side).units if unit.sequence == name] for side in SIDES}
         if not any(own.values()):
-            continue
+            continue  # unread: it may be left out because it cannot be read
+        recording = load_recording(folder)
         others = bank or Choreographer([take for other, each in takes.items() if other != folder.name for take in each])
         number = names.index(recording.clip.dance) if recording.clip.dance in patterns else -1
         song = _danced(others, recording, params, split.train.features.fps, number, cleans=bank is None)

@@ -7,6 +7,7 @@ brought to the same number of poses, so that a figure danced faster is still tha
 
 import itertools
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ def outline(recording: Recording) -> Outline:
     if not figures:
         edges = clip.offset + _between_splices(motion)
         figures = ("",) * (len(edges) - 1)
-    return Outline(sequence_name(recording), clip.dance, edges, figures, _poses(motion, edges - clip.offset))
+    return Outline(sequence_name(recording.folder), clip.dance, edges, figures, _poses(motion, edges - clip.offset))
 
 
 def motion_in_space(recording: Recording) -> Motion:
@@ -90,10 +91,9 @@ def motion_in_space(recording: Recording) -> Motion:
     return motion
 
 
-def sequence_name(recording: Recording) -> str:
-    """Corpus folder and folder of the recording."""
-    folder = recording.folder.resolve()
-    return f"{folder.parent.name}/{folder.name}"
+def sequence_name(folder: Path) -> str:
+    """Corpus folder and folder of a recording."""
+    return f"{folder.resolve().parent.name}/{folder.resolve().name}"
 
 
 def _annotated_stretches(recording: Recording, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:

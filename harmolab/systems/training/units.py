@@ -398,7 +398,7 @@ def _coded(recording: Recording, motion: Motion, track: BeatTrack, params: Featu
     inside = track.select((track.times >= start) & (track.times <= end))
     audio = nothing if bare else audio_features(clip.audio, track, times, params)
     code = nothing if bare else encode_motion(motion.positions, motion.fps, motion.skeleton)
-    return _Coded(sequence_name(recording), clip, motion, inside, audio, code)
+    return _Coded(sequence_name(recording.folder), clip, motion, inside, audio, code)
 
 
 def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra: bool) -> DanceUnit | None:
