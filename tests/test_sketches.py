@@ -103,7 +103,7 @@ def test_bars_name_the_pattern_of_the_dance_and_the_place_of_the_first_beat(corp
 
 def test_one_recording_is_too_few(corpus: Path, split: Split):
     alone = [folder for folder in find_recordings(corpus).folders if folder.name in training_spans(split)][:1]
-    refused("two with training units are needed", sketched, split, alone, PARAMS)
+    refused("two with training units are needed at least; add recordings", sketched, split, alone, PARAMS)
 
 
 def test_dances_without_bars_have_no_pattern(corpus: Path):

@@ -79,7 +79,8 @@ def sketched(
     spans = training_spans(split)
     takes = {} if bank else {folder.name: _takes(folder, spans.get(folder.name, [])) for folder in folders}
     if bank is None and sum(map(bool, takes.values())) < 2:
-        raise ValueError("each song is sketched with the other recordings: two with training units are needed at least")
+        fault = "each song is sketched with the other recordings: two with training units are needed at least"
+        raise ValueError(f"{split.train.source}: {fault}; add recordings, or try another --split-seed")
     patterns = dance_patterns([take for own in takes.values() for take in own])
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
