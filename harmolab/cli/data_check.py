@@ -8,16 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from harmolab.data import oddities
 from harmolab.data import recordings as tang2018
-from harmolab.data.oddities import (
-    Oddity,
-    beat_oddities,
-    body_oddities,
-    late_end,
-    motion_oddities,
-    sound_oddities,
-    span_oddities,
-)
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset
 from harmolab.files import MissingFrameRate, PathLike
 from harmolab.musician import performances
@@ -76,7 +68,7 @@ class FileSummary:
     @property
     def is_faulty(self) -> bool:
         """True for what cannot be read, and for what has a fault (`harmolab.data.oddities`)."""
-        return self.kind == "unreadable" or any(isinstance(one, Oddity) and one.is_fault for one in self.odd)
+        return self.kind == "unreadable" or any(isinstance(one, oddities.Oddity) and one.is_fault for one in self.odd)
 
 
 def check(path: PathLike) -> list[FileSummary]:
@@ -165,7 +157,7 @@ def _sound(path: Path) -> FileSummary:
     note = f"{info.format}, mono" if info.channels == 1 else f"{info.format}, {info.channels} channels"
     odd: tuple[str, ...] = ("longer than an hour: read spans of it; its samples were not looked at",)
     if info.seconds <= 3600:
-        odd = sound_oddities(load_audio(path, sample_rate=None))
+        odd = oddities.sound_oddities(load_audio(path, sample_rate=None))
     return FileSummary(str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=note, odd=odd)
 
 
@@ -177,7 +169,7 @@ def _beats(path: Path) -> FileSummary:
     facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
     facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
     facts += [f"{len(annotation.units)} units"] if annotation.units else []
-    odd = beat_oddities(annotation.times)
+    odd = oddities.beat_oddities(annotation.times)
     return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=odd)
 
 
@@ -193,14 +185,14 @@ def _motion(path: Path) -> FileSummary:
         row = replace(row, offset=recorded_offset(path))
     except ValueError as error:  # of the annotation beside it, which takes nothing from the motion
         row = replace(row, odd=(*row.odd, str(error)))
-    odd = ("holds no frame rate: pass fps", *body_oddities(file.motion))
+    odd = ("holds no frame rate: pass fps", *oddities.body_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 
 
 def _motion_row(path: Path, motion: Motion) -> FileSummary:
     """The row that describes a motion."""
     frames, joints, dimensions = motion.positions.shape
-    note, odd = f"{dimensions}-D", motion_oddities(motion)
+    note, odd = f"{dimensions}-D", oddities.motion_oddities(motion)
     return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
 
 
@@ -214,8 +206,8 @@ def _recording(folder: Path) -> FileSummary:
     if annotation is not None:
         facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
     row = _motion_row(folder, motion)
-    late = late_end(clip.offset, motion, clip.audio)
-    odd = (*span_oddities(folder, motion), *sound_oddities(clip.audio), *row.odd, *late)
+    late = oddities.late_end(clip.offset, motion, clip.audio)
+    odd = (*oddities.span_oddities(folder, motion), *oddities.sound_oddities(clip.audio), *row.odd, *late)
     return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
 
 
@@ -230,7 +222,7 @@ def _performance(folder: Path) -> FileSummary:
     audio, notes = performance.audio, performance.notes
     facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
     facts += [] if notes is None else [f"{len(notes)} notes"]
-    odd = [*(("no sound",) if audio is None else sound_oddities(audio)), *row.odd, *_odd_hands(performance)]
+    odd = [*(("no sound",) if audio is None else oddities.sound_oddities(audio)), *row.odd, *_odd_hands(performance)]
     if not has_rate:
         row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
     return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))

@@ -14,27 +14,11 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
-from harmolab.lab.evaluate import pairing, summary
-from harmolab.lab.evaluate.engine import (
-    MANIFEST,
-    check_engine_installed,
-    check_free,
-    check_resumed,
-    read_manifest,
-    read_rows,
-    run_rows,
-)
-from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net
+from harmolab.lab.evaluate import engine, pairing, summary
+from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net, weights_digest
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
 from harmolab.lab.evaluate.protocols import protocol_of
-from harmolab.lab.evaluate.reference import (
-    Reference,
-    is_saved,
-    load_reference,
-    measured_reference,
-    save_reference,
-    weights_digest,
-)
+from harmolab.lab.evaluate.reference import Reference, is_saved, load_reference, measured_reference, save_reference
 from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_file, recorded_limits
 from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.readers.motion_file import ReadingOptions
@@ -239,7 +223,7 @@ def evaluate_dances(
         A folder is missing or nothing in it goes with a song, no dance of a system can be measured, or `out` must not
         be written to; names the folder or file.
     """
-    check_engine_installed(jobs, scheduler)
+    engine.check_engine_installed(jobs, scheduler)
     out = Path(out)
     plan = begun(settings, out, resume=resume, force=force, progress=progress)
     parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
@@ -291,16 +275,16 @@ def begun(
     plan = planned(settings, keep=keep, progress=progress)
     if resume:
         _check_limits(out / ROWS, settings, plan.options)
-        check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
+        engine.check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
     write_mark(out, settings, rows=None, **mark)
     return plan
 
 
 def _check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
     """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
-    check_free(out / ROWS)
-    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
-        read_rows(out / ROWS)
+    engine.check_free(out / ROWS)
+    if (out / ROWS / engine.MANIFEST).is_file() and not (resume or force):
+        engine.read_rows(out / ROWS)
 
 
 def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
@@ -319,7 +303,7 @@ def measured_parts(
     plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int | None, scheduler: str, resume: bool, progress: Progress
 ) -> Iterator[pd.DataFrame]:
     """The rows of some tasks of a plan, by `run_rows`."""
-    return run_rows(
+    return engine.run_rows(
         _in_order(tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
         stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
@@ -372,9 +356,9 @@ def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> No
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
     """ValueError where a run was begun with other recorded dances, from the limits of which all of its rows follow."""
-    if not (rows / MANIFEST).is_file():
+    if not (rows / engine.MANIFEST).is_file():
         return
-    former, now = read_manifest(rows).get("settings"), plain(options.to_dict())
+    former, now = engine.read_manifest(rows).get("settings"), plain(options.to_dict())
     if isinstance(former, dict) and former != now and {**former, "limits": None} == {**now, "limits": None}:
         raise ValueError(
             f"{settings.reference}: the recorded dances have changed since {rows} was begun, and the likeness of every "

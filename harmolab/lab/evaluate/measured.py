@@ -8,6 +8,7 @@ plainest number of a dance is whether the body comes to rest on the beats, besid
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -366,6 +367,13 @@ def shipped_pose_net() -> Path | None:
     if not has_networks() or spec is None or spec.origin is None:
         return None
     return Path(spec.origin).parent / "weights" / "pose_net"
+
+
+def weights_digest(weights: Path | None) -> str:
+    """A text that changes with the weights of a pose network; "" for none."""
+    from harmolab.systems.training.about import json_file, weights_stem
+
+    return "" if weights is None else hashlib.sha256(json_file(weights_stem(weights)).read_bytes()).hexdigest()[:16]
 
 
 def pose_features(motion: Motion, weights: Path) -> FloatArray | None:

@@ -15,9 +15,10 @@ import pandas as pd
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.oddities import brief_text, faults_of
 from harmolab.files import PathLike, named_faults
-from harmolab.lab.evaluate.measured import MEASURES, Dance, dance_numbers, motion_features, shipped_pose_net
+from harmolab.lab.evaluate import measured
+from harmolab.lab.evaluate.measured import Dance, dance_numbers, motion_features
 from harmolab.lab.evaluate.pairing import GENERATED, RECORDED
-from harmolab.lab.evaluate.reference import Reference, load_reference, weights_digest
+from harmolab.lab.evaluate.reference import Reference, load_reference
 from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
@@ -107,7 +108,7 @@ class DanceMetric:
         seed: int = 0,
     ) -> None:
         self.fps, self.skeleton, self.seed = fps, skeleton, seed
-        self.pose_net = shipped_pose_net()
+        self.pose_net = measured.shipped_pose_net()
         self.reference = self._as_reference(reference)
         self.rows: list[Row] = []
 
@@ -117,7 +118,7 @@ class DanceMetric:
         if not isinstance(reference, Reference | str | os.PathLike):
             return reference_of(_motions(reference, self.fps, self.skeleton), pose_net=self.pose_net)
         saved = reference if isinstance(reference, Reference) else load_reference(reference)
-        return saved.for_pose_net(weights_digest(self.pose_net))
+        return saved.for_pose_net(measured.weights_digest(self.pose_net))
 
     def update(
         self,
@@ -164,7 +165,7 @@ class DanceMetric:
         """
         collected = self._collected()
         means = collected.song_means.mean()
-        numbers = {name: float(means[name]) for name in MEASURES}
+        numbers = {name: float(means[name]) for name in measured.MEASURES}
         if self.reference is None:
             return numbers
         features = {RECORDED: self.reference.features, GENERATED: collected.features[GENERATED]}
@@ -226,7 +227,7 @@ def reference_of(motions: Sequence[Motion], *, pose_net: Path | None = None) -> 
         raise ValueError("the reference holds no motion")
     windows = [each for motion in motions if (each := _windows(motion))]
     limits = LikenessLimits.of_windows(windows, [""] * len(windows)) if windows else None
-    return Reference(pd.DataFrame(rows), limits, pose_net=weights_digest(pose_net))
+    return Reference(pd.DataFrame(rows), limits, pose_net=measured.weights_digest(pose_net))
 
 
 def _windows(motion: Motion) -> tuple[dict[str, float], ...]:

@@ -5,7 +5,6 @@ with the limits of likeness. It holds numbers and names, no movement and no soun
 of one with the folder.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,11 +17,11 @@ import pandas as pd
 
 from harmolab.files import WRITTEN_BY, PathLike, atomic_write, plain, reading
 from harmolab.lab.evaluate.engine import ERROR, KEY, read_rows
+from harmolab.lab.evaluate.measured import weights_digest
 from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED, Pair
 from harmolab.lab.evaluate.sets import feature_names
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.readers.arrays import read_npz
-from harmolab.systems.training.about import json_file, weights_stem
 from harmolab.types import FloatArray
 
 FORMAT = "harmolab reference 1"
@@ -69,11 +68,6 @@ class Reference:
 
 def _pair(row: Mapping[Any, Any]) -> Pair:
     return Pair(row["system"], row["seed"], row["song"], Path(row["motion"]), Path(row["music"]), row["kind"])
-
-
-def weights_digest(weights: Path | None) -> str:
-    """A text that changes with the weights of a pose network; "" for none."""
-    return "" if weights is None else hashlib.sha256(json_file(weights_stem(weights)).read_bytes()).hexdigest()[:16]
 
 
 def measured_reference(

@@ -16,41 +16,12 @@ import numpy as np
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.clips import song_beats
-from harmolab.data.oddities import (
-    Oddity,
-    beat_oddities,
-    brief_text,
-    faults_of,
-    late_end,
-    motion_oddities,
-    sound_oddities,
-    span_oddities,
-)
+from harmolab.data import oddities
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
-from harmolab.lab.evaluate.measured import (
-    BEATS,
-    BODY,
-    HARMONY,
-    PAPER,
-    Dance,
-    dance_numbers,
-    motion_features,
-    silent_frames,
-)
-from harmolab.lab.evaluate.pairing import (
-    FROZEN,
-    GENERATED,
-    LISTED,
-    OTHER_SONG,
-    RECORDED,
-    SLICED,
-    Pair,
-    annotation_of,
-    dance_of,
-    input_stamp,
-    is_named_by_seed,
-)
+from harmolab.lab.evaluate import measured, pairing
+from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER
+from harmolab.lab.evaluate.pairing import FROZEN, GENERATED, OTHER_SONG, RECORDED, Pair
 from harmolab.lab.evaluate.protocols import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
 from harmolab.metrics.likeness import LikenessLimits, window_measures
@@ -64,7 +35,7 @@ from harmolab.verdict.judge import music_and_motion
 # Columns of a dance's numbers, in their order.
 NUMBERS = (*("seconds", *HARMONY, *PAPER, *BEATS), *("pfc", "foot_skating", "freezing", "jerk", "likeness", *BODY))
 KEPT, ASSUMED, ASSUMED_OF_EDGE = "kept in the file", "assumed", "assumed, file of EDGE"
-BEGINS = (LISTED, SLICED, KEPT, ASSUMED, ASSUMED_OF_EDGE)  # sources of the start of a dance in its song
+BEGINS = (pairing.LISTED, pairing.SLICED, KEPT, ASSUMED, ASSUMED_OF_EDGE)  # sources of the start of a dance in its song
 SONGS_KEPT = 2  # songs that a process holds, as dances to one song come in a row
 Row = dict[str, float | int | str]
 
@@ -119,20 +90,20 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     clip = _clip(pair, file.motion)
     odd = () if pair.kind == FROZEN else _oddities(pair, clip)
     music, motion = music_and_motion(clip)
-    silent = silent_frames(motion, clip.shared().audio, music)
+    silent = measured.silent_frames(motion, clip.shared().audio, music)
     joints = motion.skeleton.joints
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
         "skeleton": skeleton_digest(motion.skeleton),
-        "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
+        "beats": "annotated" if pairing.annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
-        "begins": _begins(pair, file), "odd": brief_text(odd), "oddities": "; ".join(odd),
+        "begins": _begins(pair, file), "odd": oddities.brief_text(odd), "oddities": "; ".join(odd),
     }  # fmt: skip
-    dance = Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
-    numbers = dance_numbers(dance, NUMBERS)
+    dance = measured.Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
+    numbers = measured.dance_numbers(dance, NUMBERS)
     # Distances count a recorded dance once, with its own song.
-    features = {} if pair.kind == OTHER_SONG else motion_features(motion, options.pose_net)
+    features = {} if pair.kind == OTHER_SONG else measured.motion_features(motion, options.pose_net)
     remarks = []
     for name in options.protocols:
         own, vectors, remark = protocol_numbers(clip, pair, name)
@@ -174,7 +145,7 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
 
 def _clip(pair: Pair, motion: Motion) -> Clip:
     """As `pair_clip`, of a motion that was read."""
-    song = _song(pair.music, input_stamp(pair.music))
+    song = _song(pair.music, pairing.input_stamp(pair.music))
     start = recorded_offset(pair.motion) if pair.offset is None else pair.offset
     offset = (start or 0.0) + pair.seed_frames / motion.fps
     if pair.kind == OTHER_SONG:
@@ -188,7 +159,7 @@ def _clip(pair: Pair, motion: Motion) -> Clip:
 def _assumptions(pair: Pair, file: MotionFile) -> tuple[str, ...]:
     """Assumptions in short; of a file that is named as FACT names its dances that its seed is in it, too."""
     brief = tuple(one.brief for one in file.assumptions)
-    has_seed = is_named_by_seed(pair.motion) and pair.kind == GENERATED and not pair.seed_frames
+    has_seed = pairing.is_named_by_seed(pair.motion) and pair.kind == GENERATED and not pair.seed_frames
     return (*brief, FACT_SEED.brief) if has_seed and FACT_SEED.brief not in brief else brief
 
 
@@ -201,21 +172,22 @@ def _begins(pair: Pair, file: MotionFile) -> str:
     return ASSUMED_OF_EDGE if file.kind.startswith("EDGE") else ASSUMED
 
 
-def _oddities(pair: Pair, clip: Clip) -> tuple[Oddity, ...]:
+def _oddities(pair: Pair, clip: Clip) -> tuple[oddities.Oddity, ...]:
     """All that `harmolab data check` finds odd in a dance and its song."""
     if clip.motion is None:
         return ()
-    late = () if pair.kind == OTHER_SONG else late_end(clip.offset, clip.motion, clip.audio)
-    span = () if pair.seed_frames else span_oddities(pair.motion, clip.motion)
-    return (*span, *motion_oddities(clip.motion), *late, *_song_oddities(pair.music, input_stamp(pair.music)))
+    late = () if pair.kind == OTHER_SONG else oddities.late_end(clip.offset, clip.motion, clip.audio)
+    span = () if pair.seed_frames else oddities.span_oddities(pair.motion, clip.motion)
+    of_song = _song_oddities(pair.music, pairing.input_stamp(pair.music))
+    return (*span, *oddities.motion_oddities(clip.motion), *late, *of_song)
 
 
 @lru_cache(maxsize=SONGS_KEPT)
-def _song_oddities(music: Path, stamp: str) -> tuple[Oddity, ...]:
+def _song_oddities(music: Path, stamp: str) -> tuple[oddities.Oddity, ...]:
     """Odd things in a song, and in its beats where they are annotated."""
     song = _song(music, stamp)
-    beats = None if annotation_of(music) is None else song.beats
-    return (*sound_oddities(song.audio), *(() if beats is None else beat_oddities(beats.times)))
+    beats = None if pairing.annotation_of(music) is None else song.beats
+    return (*oddities.sound_oddities(song.audio), *(() if beats is None else oddities.beat_oddities(beats.times)))
 
 
 def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
@@ -229,7 +201,7 @@ def pair_file(pair: Pair, options: RowOptions) -> MotionFile:
     )
     if pair.seed_frames:
         file = _without_seed(pair, file)
-    if faults := faults_of(file.motion):
+    if faults := oddities.faults_of(file.motion):
         raise ValueError(f"{pair.motion}: {'; '.join(faults)}")
     if pair.kind != FROZEN:
         return file
@@ -252,7 +224,7 @@ def _without_seed(pair: Pair, file: MotionFile) -> MotionFile:
 @lru_cache(maxsize=SONGS_KEPT)
 def _song(music: Path, _: str) -> Clip:
     """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
-    audio, annotation, dance = load_sound(music), annotation_of(music), dance_of(music)
+    audio, annotation, dance = load_sound(music), pairing.annotation_of(music), pairing.dance_of(music)
     beats = song_beats(audio, dance=dance if dance in DANCES else "", beats=annotation)
     if not len(beats):
         advice = "give them in a file SONG.beats" if annotation is None else "remove it to have the beats tracked"

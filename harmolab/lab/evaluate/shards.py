@@ -13,20 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, Progress, check_output, read_json, reading, silent
+from harmolab.lab.evaluate import evaluation
 from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_alike, check_engine_installed, read_manifest
-from harmolab.lab.evaluate.evaluation import (
-    MARK,
-    PART_DANCES,
-    ROWS,
-    Evaluation,
-    EvaluationSettings,
-    begun,
-    check_table_folder,
-    finished,
-    measured_parts,
-    planned,
-    write_mark,
-)
+from harmolab.lab.evaluate.evaluation import MARK, PART_DANCES, ROWS, Evaluation, EvaluationSettings
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.parts import STAMP, part_paths, part_rows
 from harmolab.lab.evaluate.sets import FEATURES
@@ -77,12 +66,14 @@ def measure_shard(
     """
     check_engine_installed(jobs, scheduler)
     out = Path(out)
-    plan = begun(
+    plan = evaluation.begun(
         settings, out, resume=resume, force=force, progress=progress, keep=shard.holds, shard=str(shard)
     )  # fmt: skip
     if plan.tasks:
-        measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
-    write_mark(out, settings, shard=str(shard), rows=len(plan.tasks))  # it is complete
+        evaluation.measured_parts(
+            plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress
+        )
+    evaluation.write_mark(out, settings, shard=str(shard), rows=len(plan.tasks))  # it is complete
     return len(plan.tasks)
 
 
@@ -107,16 +98,16 @@ def merge_shards(
     shards = {Path(folder): _mark(Path(folder) / MARK) for folder in folders}
     _check_complete(shards)
     settings = _common_settings(shards)
-    check_table_folder(out, settings, force=force)
-    plan = planned(settings, progress=progress)
+    evaluation.check_table_folder(out, settings, force=force)
+    plan = evaluation.planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
     tasks = sorted(plan.tasks, key=lambda pair: pair.key)
     check_alike(tasks, plan.options.to_dict(), manifests)
     deque(_same(tasks, _merged(manifests)), maxlen=0)  # before anything is written
-    write_mark(out, settings, rows=None)
+    evaluation.write_mark(out, settings, rows=None)
     counted = progress(_same(tasks, _merged(manifests)), "merged")
     parts = adopt_rows(tasks, counted, out / ROWS, settings=plan.options.to_dict(), part_rows=PART_DANCES)
-    return finished(settings, plan, parts, out)
+    return evaluation.finished(settings, plan, parts, out)
 
 
 def _check_complete(shards: Mapping[Path, Mapping[str, Any]]) -> None:

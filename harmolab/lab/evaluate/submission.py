@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.lab.evaluate import summary
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK, ROWS
 from harmolab.lab.evaluate.measured import MEASURES
@@ -30,14 +31,6 @@ from harmolab.lab.evaluate.parts import STAMP, part_paths, part_texts
 from harmolab.lab.evaluate.reference import is_saved
 from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.sets import collect
-from harmolab.lab.evaluate.summary import (
-    dance_means,
-    measure_of,
-    ranks,
-    song_interval,
-    system_differences,
-    system_means,
-)
 from harmolab.lab.evaluate.tables import MUSICAL, number_text
 
 ROW, EVIDENCE, FILES, README = "row.json", "evidence.csv", "files.csv", "README.md"
@@ -83,13 +76,13 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
     part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
     collected = collect([part])
     songs = collected.song_means
-    interval = partial(song_interval, count=settings["resamples"], seed=settings["seed"])
+    interval = partial(summary.song_interval, count=settings["resamples"], seed=settings["seed"])
     present = dict.fromkeys(dances["system"])
     systems = [name for name in present if name not in CONTROLS]
     names = [*systems, *(name for name in CONTROLS if name in present)]
-    published = dance_means(collected.sums, collected.counts, _published(dances), interval=interval)
-    means = system_means(songs, interval=interval) | published
-    differences = system_differences(songs, names, interval=interval)
+    published = summary.dance_means(collected.sums, collected.counts, _published(dances), interval=interval)
+    means = summary.system_means(songs, interval=interval) | published
+    differences = summary.system_differences(songs, names, interval=interval)
     numbers: dict[str, dict[str, Any]] = {}
     for name in names:
         own = dances[dances["system"] == name]
@@ -97,7 +90,7 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
         for measure in (*TABLE_MEASURES, *_published(dances)):
             if (name, measure) in means:
                 mean, low, high, _ = means[name, measure]
-                places = ranks(differences, systems, measure, better=measure_of(measure).better)
+                places = summary.ranks(differences, systems, measure, better=summary.measure_of(measure).better)
                 numbers[name][measure] = {"mean": mean, "interval": [low, high], "rank": places.get(name)}
     pair = (RECORDED, OTHER_SONG)
     clear = {one.measure for one in differences if (one.a, one.b) == pair and one.is_clear and one.low > 0}
@@ -277,7 +270,7 @@ def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[s
         name for numbers in systems.values() for name in numbers if name not in ("dances", "songs")
     ):
         means = (number_text(numbers[name]["mean"]) if name in numbers else "-" for numbers in systems.values())
-        yield f"| {measure_of(name).words} | {' | '.join(means)} |"
+        yield f"| {summary.measure_of(name).words} | {' | '.join(means)} |"
     yield f"\n    {measured['command']}\n"
     yield f"- `{ROW}`: what the data are (about), command, versions, settings and numbers (measured)"
     yield f"- `{EVIDENCE}`: a line a dance, from which the numbers are computed"

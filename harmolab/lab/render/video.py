@@ -14,17 +14,9 @@ from harmolab.clips import load_clip
 from harmolab.data.recordings import ReadingReport, load_any_motion
 from harmolab.files import PathLike, Progress, check_output, silent
 from harmolab.lab.explain.filmed import filmed_motion, has_body
+from harmolab.lab.render import stick
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.render.stick import (
-    FRACTION_BITS,
-    BeatMarks,
-    Frame,
-    Stroke,
-    captioned,
-    check_positive,
-    draw_strokes,
-    fixed,
-)
+from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, Stroke
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.readers.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25, load_keypoints
 from harmolab.readers.motion import save_motion
@@ -133,7 +125,7 @@ def overlay_skeleton(
     """
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
-    check_positive(fps=fps)
+    stick.check_positive(fps=fps)
     return _overlaid(frames, resample_motion(motion, fps), score, begin)
 
 
@@ -146,7 +138,7 @@ def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | Non
         marks = marks or BeatMarks(len(frame), score, begin=begin)
         drawn = frame.copy()
         if is_valid:
-            draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, widths, len(frame)))
+            stick.draw_strokes(drawn, _strokes(stick.fixed(places).tolist(), limbs, widths, len(frame)))
         marks.draw(drawn, index / motion.fps)
         yield drawn
 
@@ -227,7 +219,7 @@ def write_dance(
         judged = drawn if points is None else motion
         drawn_score = (score or _score(clip, judged, params)) if marks else None
         frames = overlay_skeleton(video, rate, drawn, score=drawn_score, begin=begin)
-    pictures = progress(captioned(frames, verdict) if verdict else frames, "drawing")
+    pictures = progress(stick.captioned(frames, verdict) if verdict else frames, "drawing")
     if Path(out).suffix.lower() == ".gif":
         write_gif(out, pictures, rate)
     else:
