@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import Beats, DanceName, One, Song
 from harmolab.cli.screen import finding_beats, plain_errors, wrote
@@ -69,11 +70,8 @@ def beats(
     tracker : beat_this: a neural network, where its package and a checkpoint are installed.
     checkpoint : File with the weights of beat_this.
     """
-    from harmolab.beats.audio import with_clicks
-    from harmolab.beats.meter import describe_beats
     from harmolab.beats.tempo import octave_remark
     from harmolab.readers.audio import load_sound, save_audio
-    from harmolab.readers.beats import save_beats
 
     with plain_errors():
         common.check_out(out, "a file of beats", (".beats",))
@@ -84,11 +82,11 @@ def beats(
             _tapped(song, audio, out, page)
             return
         track = _beats(audio, dance, one, beats, tracker, checkpoint)
-        text = describe_beats(track)
+        text = harmolab.describe_beats(track)
         if out is not None:
-            save_beats(out, track, comment=f"{song.name}: {text}")
+            harmolab.save_beats(out, track, comment=f"{song.name}: {text}")
         if clicks is not None:
-            save_audio(clicks, with_clicks(audio, track))
+            save_audio(clicks, harmolab.with_clicks(audio, track))
     typer.echo(text)
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))
@@ -120,13 +118,12 @@ def _beats(
 
 def _tapped(song: Path, audio: Audio, out: Path, page: TapOptions) -> None:
     """Write the beats that are tapped on a local page, and print what they are."""
-    from harmolab.beats.meter import describe_beats
     from harmolab.readers.beats import save_beats, tapped_beats
 
     def save(taps: FloatArray, ones: FloatArray) -> str:
         result = tapped_beats(audio, taps, ones, meter=page.meter)
-        save_beats(out, result.track, comment=f"{song.name}, tapped: {describe_beats(result.track)}")
-        lines.append(" ".join([f"wrote {out}: {describe_beats(result.track)}.", result.remark]).strip())
+        save_beats(out, result.track, comment=f"{song.name}, tapped: {harmolab.describe_beats(result.track)}")
+        lines.append(" ".join([f"wrote {out}: {harmolab.describe_beats(result.track)}.", result.remark]).strip())
         return lines[-1]
 
     common.check_pages("harmolab beats --tap")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand
 
+import harmolab
 from harmolab import files
 from harmolab.cli import screen
 
@@ -27,9 +28,7 @@ if TYPE_CHECKING:
     from harmolab.data.recordings import Problem
     from harmolab.files import PathLike
     from harmolab.lab.listening.local_page import LocalPage
-    from harmolab.params import HarmonyParams
     from harmolab.readers.motion_file import MotionFile
-    from harmolab.types import BeatTrack, Motion
     from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
@@ -83,9 +82,8 @@ Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from t
 
 def dance_names(incomplete: str) -> list[str]:
     """The dances that begin so, for the shell to complete."""
-    from harmolab.params import DANCES
 
-    return [name for name in DANCES if name.startswith(incomplete)]
+    return [name for name in harmolab.DANCES if name.startswith(incomplete)]
 
 
 def completed(*names: str) -> Callable[[str], list[str]]:
@@ -189,7 +187,7 @@ class JudgeOptions:
     pattern: PatternFile = None
     how: Annotated[How | None, typer.Option(show_default=False)] = None
 
-    def params(self, dance: str) -> HarmonyParams:
+    def params(self, dance: str) -> harmolab.HarmonyParams:
         """The `recommended` settings; `dance` is that of the files."""
         return recommended(self.pattern, dance, self.how)
 
@@ -226,7 +224,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
-def recommended(pattern: Path | None, dance: str, how: How | None = None) -> HarmonyParams:
+def recommended(pattern: Path | None, dance: str, how: How | None = None) -> harmolab.HarmonyParams:
     """The recommended settings, with what was told: a file's pattern, how it is danced, or the dance, if it is known.
 
     Raises
@@ -234,18 +232,18 @@ def recommended(pattern: Path | None, dance: str, how: How | None = None) -> Har
     ValueError
         `how` is told beside a pattern.
     """
-    from harmolab.params import DANCE_PATTERNS, DANCES, HOW_PATTERNS, HarmonyParams
+    from harmolab.params import DANCE_PATTERNS, DANCES, HOW_PATTERNS
     from harmolab.verdict.bar_pattern import load_pattern
 
     if how is not None:
         if pattern is not None:
             raise ValueError("--how and --pattern exclude each other: each says what to expect on the beat")
-        return HarmonyParams.recommended(HOW_PATTERNS[how])
+        return harmolab.HarmonyParams.recommended(HOW_PATTERNS[how])
     if pattern is not None:
-        return HarmonyParams.recommended(load_pattern(pattern, dance))
+        return harmolab.HarmonyParams.recommended(load_pattern(pattern, dance))
     if dance in DANCES and dance not in DANCE_PATTERNS:
         screen.note(f"{dance}: no usual course of its movement is known, so it is judged as a dance that is not named")
-    return HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
+    return harmolab.HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
 
 
 def print_verdict(judgement: Judgement | None, name: str = "") -> None:
@@ -258,15 +256,14 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
-def print_music(beats: BeatTrack) -> None:
+def print_music(beats: harmolab.BeatTrack) -> None:
     """With --verbose a line about the beats that a dance was judged by: tempo, steadiness, "one"."""
-    from harmolab.beats.meter import describe_beats
 
     if screen.is_verbose():
-        typer.echo(f"music: {describe_beats(beats)}")
+        typer.echo(f"music: {harmolab.describe_beats(beats)}")
 
 
-def frames_text(motion: Motion) -> str:
+def frames_text(motion: harmolab.Motion) -> str:
     """Frames, joints and rate of a motion in words."""
     frames, joints, _ = motion.positions.shape
     return f"{frames} frames of {joints} joints at {motion.fps:g} a second"

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
 
 import typer
 
+import harmolab
+from harmolab import systems
 from harmolab.cli.common import Scale, completed, dance_names, is_told
 from harmolab.cli.screen import note, progress
 from harmolab.cli.training import TRAIN_HINT, accepted
 
 if TYPE_CHECKING:
-    from harmolab.metrics.likeness import LikenessLimits
-    from harmolab.systems.choreographer.generate import Choreographer, Choreography
-    from harmolab.systems.contract import System
     from harmolab.types import Audio, BeatTrack, Motion
 
 CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
@@ -66,10 +65,10 @@ class Dancer:
     in_threes : makes the dancer for music in 3/4; None where that is this one too
     """
 
-    system: System
+    system: systems.System
     options: dict[str, Any]
-    choreographer: Choreographer | None = None
-    limits: LikenessLimits | None = None
+    choreographer: systems.Choreographer | None = None
+    limits: harmolab.LikenessLimits | None = None
     knows_bars: bool = True
     remarks: tuple[str, ...] = ()
     listener: Listener | None = None
@@ -99,7 +98,7 @@ class Dancer:
         return replace(self, options=options, remarks=remarks, dance_probabilities=probabilities), name
 
     def _by_ear(
-        self, choreographer: Choreographer, audio: Audio, tracks: Callable[[str], BeatTrack]
+        self, choreographer: systems.Choreographer, audio: Audio, tracks: Callable[[str], BeatTrack]
     ) -> tuple[Dancer, str]:
         """The dancer for music in threes, where there is another one; and of several dances the nearest one."""
         from harmolab.beats.meter import threes
@@ -118,13 +117,13 @@ class Dancer:
         said = NEAREST.format(bar="three" if in_threes > 0 else "four", tempo=track.tempo, dance=name)
         return replace(self, options=self.options | {"dance": name}, remarks=(said, *self.remarks)), name
 
-    def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
+    def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, systems.Choreography | None]:
         """A motion, and what it is made of where it was made of recordings."""
         options = self.options | more
         composer = self.choreographer or self.composer
         if composer is None:
             return self.system.generate(audio, beats, **options), None
-        choreography: Choreography = composer.choreograph(audio, beats, **options)
+        choreography: systems.Choreography = composer.choreograph(audio, beats, **options)
         return choreography.motion, choreography
 
 
@@ -163,14 +162,13 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     ValueError
         For options that exclude each other, or one that this dancer does not take.
     """
-    from harmolab.systems.choreographer.generate import Choreographer
 
     _check_choice(options)
     dance, weights, system = options.dance, options.weights, options.system
     if weights is None and system in (None, CHOREOGRAPHER):
         return _choreographer(context, options)
     trained = _trained(weights, system)
-    if isinstance(trained, Choreographer):
+    if isinstance(trained, systems.Choreographer):
         return _of_recordings(context, trained)
     if hasattr(trained, "dances"):  # a system of somebody else may know dances without a list
         _check_dance(dance, trained.dances)
@@ -241,13 +239,12 @@ def _of_bank(context: typer.Context, style: str, dance: str) -> Dancer:
 def _check_dance(dance: str, learnt: Iterable[str]) -> None:
     """ValueError for a dance that neither these recordings nor the tempo table know."""
     from harmolab.clips import unknown_dance
-    from harmolab.params import DANCES
 
-    if dance and dance not in (dances := {*DANCES, *learnt} - {""}):
+    if dance and dance not in (dances := {*harmolab.DANCES, *learnt} - {""}):
         raise unknown_dance(dance, dances)
 
 
-def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
+def _of_recordings(context: typer.Context, choreographer: systems.Choreographer) -> Dancer:
     """A choreographer of recordings of one's own, by which its dances are judged if there are enough of them."""
     from harmolab.body.skeletons import standing_height
 
@@ -260,14 +257,14 @@ def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Danc
     return _dancer(context, choreographer, limits, *few)
 
 
-def _measure(limits: LikenessLimits | None) -> tuple[LikenessLimits | None, tuple[str, ...]]:
+def _measure(limits: harmolab.LikenessLimits | None) -> tuple[harmolab.LikenessLimits | None, tuple[str, ...]]:
     """Limits of recordings that are enough to be a measure; none, and a remark, where they are too few."""
     is_measure = limits is not None and limits.windows >= FEWEST_WINDOWS
     return (limits, ()) if is_measure else (None, (TOO_FEW,))
 
 
 def _dancer(
-    context: typer.Context, choreographer: Choreographer, limits: LikenessLimits | None, *remarks: str
+    context: typer.Context, choreographer: systems.Choreographer, limits: harmolab.LikenessLimits | None, *remarks: str
 ) -> Dancer:
     """A choreographer as a dancer; where it knows no bar, it says by what it is not judged."""
     options = accepted(choreographer.generate, context, {"progress": progress})
@@ -276,9 +273,8 @@ def _dancer(
     return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
 
 
-def _trained(weights: Path | None, system: str | None) -> System:
+def _trained(weights: Path | None, system: str | None) -> systems.System:
     """The system in a folder; the weights shipped for it where none are named."""
-    import harmolab
     from harmolab.systems.contract import PLAYERS, check_dances, maker_of, names
 
     check_dances(system)
@@ -294,9 +290,7 @@ def _trained(weights: Path | None, system: str | None) -> System:
             f"`harmolab train DATA --system {system} --out RUN` and pass --weights RUN"
         )
     try:
-        from harmolab.systems import load
-
-        return load(shipped if weights is None else weights, system=system)
+        return systems.load(shipped if weights is None else weights, system=system)
     except ModuleNotFoundError as error:
         raise ValueError(f"{weights or system}: dancing with it needs {error.name}; {TRAIN_HINT}") from None
 
@@ -307,10 +301,9 @@ def dance_in_words(probabilities: Mapping[str, float]) -> str:
     >>> dance_in_words({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18})
     'the music sounds like a waltz (0.62; cha-cha 0.20, rumba 0.18)'
     """
-    from harmolab.params import DANCES
 
     (likely, share), *others = probabilities.items()
     named = [f"{name} {value:.2f}" for name, value in others[:NAMED_OTHERS]]
     more = ["..."] if len(others) > len(named) else []
-    noun = f"a {likely}" if likely in DANCES else repr(likely)
+    noun = f"a {likely}" if likely in harmolab.DANCES else repr(likely)
     return f"the music sounds like {noun} ({'; '.join(filter(None, [f'{share:.2f}', ', '.join(named + more)]))})"

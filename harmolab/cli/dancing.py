@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import harmolab
+from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
@@ -24,8 +26,6 @@ from harmolab.files import plain
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import Likeness
-    from harmolab.params import HarmonyParams
-    from harmolab.score import HarmonyScore
     from harmolab.systems.choreographer.generate import Choreography
     from harmolab.types import Audio, BeatTrack, BoolArray, Motion
 
@@ -89,23 +89,17 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
     """Write the kind of file that a name asks for; a page has everything that is known about the dance."""
     suffix = path.suffix.lower()
     if suffix not in (*common.PAGES, *common.VIDEOS_OUT):
-        from harmolab.readers.motion import save_motion
-
-        save_motion(path, report.motion, offset=report.start)
+        harmolab.save_motion(path, report.motion, offset=report.start)
         return
     part = sound.span(report.start, report.motion.duration)
     if suffix in common.PAGES:
         common.check_pages(str(path))
-        from harmolab.lab.player_page import Dancer, Player
-
-        dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
+        dancer = lab.Dancer("generated", report.motion, report.score, instead=report.caption)
         facts = report.facts | ({"to note": " ".join(report.notes)} if report.notes else {})
-        Player(part, [dancer], music=report.music, title=title, facts=facts).save(path)
+        lab.Player(part, [dancer], music=report.music, title=title, facts=facts).save(path)
     else:
-        from harmolab.lab.render.video import write_dance
-        from harmolab.types import Clip
-
-        write_dance(path, Clip(title, part, report.motion, beats=report.music), score=report.score, progress=progress)
+        clip = harmolab.Clip(title, part, report.motion, beats=report.music)
+        lab.write_dance(path, clip, score=report.score, progress=progress)
 
 
 # The report on a dance
@@ -142,7 +136,7 @@ class DanceReport:
     motion: Motion
     start: float
     music: BeatTrack
-    score: HarmonyScore
+    score: harmolab.HarmonyScore
     likeness: Likeness
     choreography: Choreography | None = None
     remarks: tuple[str, ...] = ()
@@ -194,12 +188,10 @@ class DanceReport:
 
     def _rests(self) -> dict[str, float]:
         """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
-        from harmolab.lab.evaluate.measured import rests_on_beat
 
         late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
-        return {
-            name: rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items() if self.has_harmony
-        }
+        shifts = late.items() if self.has_harmony else ()
+        return {name: lab.rests_on_beat(self.motion, self.music, late=beats) for name, beats in shifts}
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""
@@ -309,13 +301,11 @@ def dance(
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.clips import song_beats
         from harmolab.metrics.likeness import likeness
-        from harmolab.params import DANCES
-        from harmolab.types import Clip
-        from harmolab.verdict.judge import score_clip
 
         sound, audio = _sound(song)
         with finding_beats():
-            tracks = cache(lambda name: song_beats(audio, dance=name if name in DANCES else "", beats=beats, one=one))
+            dances = harmolab.DANCES
+            tracks = cache(lambda name: song_beats(audio, dance=name if name in dances else "", beats=beats, one=one))
             dancer, dance = dancer.for_music(audio, dance, tracks)
             track = tracks(dance)
         note_tempo(song, dance, track)
@@ -325,7 +315,8 @@ def dance(
             motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
             music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
-            score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
+            clip = harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance)
+            score = harmolab.score_clip(clip, params)
             held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
             judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
             return DanceReport(
@@ -378,21 +369,19 @@ def _check_harmonise(reach: float | None) -> None:
         raise ValueError(f"--harmonise needs torch; {TRAIN_HINT}")
 
 
-def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: HarmonyParams) -> Motion:
+def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: harmolab.HarmonyParams) -> Motion:
     """The motion with its joints moved by `reach` cm at most, to fit the music better; as it is without a reach."""
     if reach is None:
         return motion
-    from harmolab.lab.harmonise import harmonise
 
-    return harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
+    return harmolab.harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
 
 
 def _sound(song: Path) -> tuple[Audio, Audio]:
     """The song at its own sample rate, and as beats are tracked in it."""
     from harmolab.clips import tracked_sound
-    from harmolab.readers.audio import load_sound
 
-    sound = load_sound(song, sample_rate=None)
+    sound = harmolab.load_sound(song, sample_rate=None)
     return sound, tracked_sound(song, sound)
 
 

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
 from harmolab.cli.screen import LEVEL, QUIET, detail, note, plain_errors, printable, progress, say, waiting, wrote
@@ -91,10 +92,9 @@ def data_synth(
     drift : Tempo change over the clip, as a share.
     seed : Same seed, same corpus.
     """
-    from harmolab.data.synthetic import write_corpus
 
     with plain_errors():
-        write_corpus(
+        harmolab.write_corpus(
             out, clips=clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, lateness=lateness,
             omission=omission, redundancy=redundancy, drift=drift, seed=seed,
             progress=progress,
@@ -125,7 +125,6 @@ def convert(
     force : Write over B where it is there already.
     """
     from harmolab.data.recordings import read_any_motion, recorded_offset
-    from harmolab.readers.motion import save_motion
 
     with plain_errors():
         common.check_out(out, "a motion", (".npz", ".bvh"))
@@ -134,7 +133,7 @@ def convert(
         read = read_any_motion(motion, **options.keywords)
         about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
         begin = recorded_offset(motion)
-        save_motion(out, read.motion, offset=begin, about=about)
+        harmolab.save_motion(out, read.motion, offset=begin, about=about)
     say(f"{motion}: {read.kind}, {common.frames_text(read.motion)}", *(f"read: {sentence}" for sentence in read.notes))
     wrote(out)
     common.say_begin(begin, out)
@@ -208,11 +207,10 @@ def _check_video(video: Path, out: Path) -> None:
 
 
 def _write_pose(video: Path, out: Path) -> None:
-    from harmolab.readers.motion import save_motion
     from harmolab.readers.pose import read_pose
 
     reading = read_pose(video, progress=progress)
-    save_motion(out, reading.motion, about=f"found in {video.name} by MediaPipe: {'; '.join(reading.notes)}")
+    harmolab.save_motion(out, reading.motion, about=f"found in {video.name} by MediaPipe: {'; '.join(reading.notes)}")
     say(f"{video}: {common.frames_text(reading.motion)}", *reading.notes)
     wrote(out)
 

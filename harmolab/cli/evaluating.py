@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+import harmolab
+from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
 from harmolab.cli.screen import note, plain_errors, printable, progress, say, wrote
 
 if TYPE_CHECKING:
-    from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
+    from harmolab.lab.evaluate.evaluation import Evaluation
 
 KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
@@ -169,9 +171,8 @@ def merge(
 
 def _write(out: Path, evaluation: Evaluation, *, allow_missing: bool) -> None:
     """Write the files of a table, and print what is most important; exit code 1 where dances are missing."""
-    from harmolab.lab.evaluate.page import write_evaluation
 
-    paths = write_evaluation(out, evaluation)
+    paths = lab.write_evaluation(out, evaluation)
     _print(evaluation)
     wrote(*paths.values())
     if evaluation.missing and not allow_missing:
@@ -196,7 +197,7 @@ def _by_system(option: str, texts: list[str], *, whole: bool = False) -> Any:
     return numbers.get("", numbers) if texts else None
 
 
-def _settings(generated: Path | None, systems: list[str], **others: object) -> EvaluationSettings:
+def _settings(generated: Path | None, systems: list[str], **others: object) -> lab.EvaluationSettings:
     """The settings, with the systems by name.
 
     Raises
@@ -204,7 +205,6 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
     ValueError
         A system has no name, no folder, or the name of another.
     """
-    from harmolab.lab.evaluate.evaluation import EvaluationSettings
 
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:
@@ -214,7 +214,7 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
         if name.strip() in folders:
             raise ValueError(f"--system {text}: there is a system {name.strip()!r} already; choose another name")
         folders[name.strip()] = Path(folder)
-    return EvaluationSettings(folders, **others)  # type: ignore[arg-type]
+    return lab.EvaluationSettings(folders, **others)  # type: ignore[arg-type]
 
 
 def _print(evaluation: Evaluation) -> None:
@@ -326,7 +326,6 @@ def compare(
     out : Folder that keeps what is measured of each recording, for --resume.
     """
     from harmolab.clips import check_dances, corpus_dances
-    from harmolab.lab.compare.auc import compare as run
     from harmolab.lab.compare.rows import Processes
     from harmolab.lab.evaluate.engine import usual_jobs
 
@@ -335,7 +334,7 @@ def compare(
             raise ValueError("--resume goes on with the rows in a folder; name it by --out")
         if names := common.names_in(dances):
             check_dances(corpus, names, corpus_dances(corpus))
-        result = run(
+        result = harmolab.compare(
             corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
             beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
             processes=Processes(usual_jobs() if jobs is None else jobs, scheduler, out, resume, force),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import harmolab
 from harmolab.cli import common
 from harmolab.cli.playing import open_page
 from harmolab.cli.screen import note, plain_errors, waiting, wrote
@@ -45,11 +46,10 @@ def app(
 def new_server(port: int = 0) -> AppServer:
     """The page, with the work that is done here and the files that are read."""
     from harmolab.lab.app import AppServer
-    from harmolab.params import DANCES
     from harmolab.readers.video import SUFFIXES
 
     endings = {"dance": (*SUFFIXES, *common.MOTIONS), "song": (*common.SOUNDS, *SUFFIXES)}
-    return AppServer(work, endings, tuple(DANCES), port=port)
+    return AppServer(work, endings, tuple(harmolab.DANCES), port=port)
 
 
 def work() -> Work:
@@ -86,8 +86,8 @@ def lab(
     out : The page to write, .html (default: DANCE_lab.html in this folder).
     no_open : Write the page, and do not open it.
     """
+
     from harmolab.lab.labs.one_clip import scoring_lab
-    from harmolab.verdict.judge import score_clip
 
     with plain_errors():
         files = sources(context, song, motion, judged)
@@ -104,7 +104,7 @@ def lab(
             raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
         clip = clip.span(begin, min(length, clip.audio.duration - begin))
         if files.is_video:
-            check_signs(files, clip, [score_clip(clip, params)])
+            check_signs(files, clip, [harmolab.score_clip(clip, params)])
         if not clip.has_start:
             note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
         with waiting("making the lab"):

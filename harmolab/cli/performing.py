@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+import harmolab
+from harmolab import musician
 from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output, say_begin
 from harmolab.cli.dancing import files_to_write, written
 from harmolab.cli.screen import note, plain_errors, progress, say, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
-    from harmolab.musician.page import Performed
     from harmolab.musician.system import Audio2Body
 
 Instrument = Literal["piano", "violin"]
@@ -74,16 +75,14 @@ def perform(
             raise ValueError("--offset and --fps are those of --truth; leave them out without it")
         is_avatar = _is_avatar(is_avatar, paths)
         system = _player(weights, instrument)
-        from harmolab.musician.page import performed
         from harmolab.musician.performances import load_playing
-        from harmolab.readers.audio import load_sound
 
         with waiting("listening"):
-            audio = load_sound(song, sample_rate=None)
+            audio = harmolab.load_sound(song, sample_rate=None)
             begin = perf_counter()
             plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
             own = None if truth is None else plays(truth)
-            result = performed(
+            result = musician.performed(
                 system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
             )
             length, took = result.figure.duration, perf_counter() - begin
@@ -109,7 +108,7 @@ def _is_avatar(is_avatar: bool | None, paths: list[Path]) -> bool:
     return is_avatar
 
 
-def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
+def _player(weights: Path | None, instrument: Instrument | None) -> musician.Audio2Body:
     """The shipped player of an instrument, or that of a run.
 
     Raises
@@ -126,10 +125,10 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
             f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`"
         )
     try:
-        from harmolab.musician.system import Audio2Body
+        player = musician.Audio2Body
     except ModuleNotFoundError as error:
         raise ValueError(f"playing needs {error.name}; {TRAIN_HINT}") from None
-    system = Audio2Body.load(weights) if weights is not None else Audio2Body.shipped(instrument or "")
+    system = player.load(weights) if weights is not None else player.shipped(instrument or "")
     plays = system.network.instrument
     if instrument not in (None, plays):
         raise ValueError(f"{weights}: plays the {plays}, not the {instrument}; leave out --instrument")
@@ -146,24 +145,20 @@ def _has_body(system: Audio2Body, is_avatar: bool) -> bool:
     return is_avatar
 
 
-def _write(path: Path, result: Performed, *, title: str, used: str) -> None:
+def _write(path: Path, result: musician.Performed, *, title: str, used: str) -> None:
     """Write the kind of file that a name asks for."""
     suffix = path.suffix.lower()
     if suffix in PAGES:
-        from harmolab.musician.page import save_performed
-
-        save_performed(path, result, title=title, facts={"player": used})
+        musician.save_performed(path, result, title=title, facts={"player": used})
     elif suffix in VIDEOS_OUT:
         from harmolab.musician.video import write_performance
 
         write_performance(path, result, title=title, progress=progress)
     else:
-        from harmolab.readers.motion import save_motion
-
-        save_motion(path, result.figure, offset=result.start, about=result.notice)
+        harmolab.save_motion(path, result.figure, offset=result.start, about=result.notice)
 
 
-def _beside(result: Performed) -> list[str]:
+def _beside(result: musician.Performed) -> list[str]:
     """Error and score of the prediction, and the score of the truth; nothing without a truth."""
     if result.truth is None:
         return []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, PartOptions
 from harmolab.cli.data import is_body_found
@@ -16,9 +17,6 @@ from harmolab.cli.screen import note, plain_errors, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, reading_fault, sources
 
 if TYPE_CHECKING:
-    from harmolab.params import HarmonyParams
-    from harmolab.score import HarmonyScore
-    from harmolab.types import Clip
     from harmolab.verdict.judge import Judgement
 
 # Videos and moving pictures of a motion and its music
@@ -53,12 +51,11 @@ class VideoOptions:
 
 
 def render(
-    files: Sources, out: Path, video: VideoOptions, params: HarmonyParams, read: FileOptions, part: PartOptions
+    files: Sources, out: Path, video: VideoOptions, params: harmolab.HarmonyParams, read: FileOptions, part: PartOptions
 ) -> None:
     """Write the video, and print the verdict on the whole dance, of which it may show a part."""
     from harmolab.lab.explain.filmed import points_in_video
     from harmolab.lab.render.video import load_points, write_dance
-    from harmolab.verdict.judge import score_clip
 
     is_gif, over = out.suffix.lower() == GIF, video.over or (files.motion if files.is_video else None)
     if over is not None and (is_gif or part.start is not None):
@@ -71,7 +68,7 @@ def render(
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
     clip = clip_of(files, offset=part.offset, track=video.marks, sample_rate=None, movement=points, **reading)
     in_video = points_in_video(files.motion) if files.is_video else None
-    score = score_clip(clip, params) if video.marks else None
+    score = harmolab.score_clip(clip, params) if video.marks else None
     judgement = _judgement(files, clip, score)
     excerpt, begin = _part(clip, part.start, seconds)
     write_dance(
@@ -84,7 +81,7 @@ def render(
         common.print_music(score.music)
 
 
-def _judgement(files: Sources, clip: Clip, score: HarmonyScore | None) -> Judgement | None:
+def _judgement(files: Sources, clip: harmolab.Clip, score: harmolab.HarmonyScore | None) -> Judgement | None:
     """The judgement of a score; none, and a note, where a video was read too poorly for one."""
     if score is None or clip.motion is None:
         return None
@@ -94,7 +91,7 @@ def _judgement(files: Sources, clip: Clip, score: HarmonyScore | None) -> Judgem
     return score.judgement
 
 
-def _part(clip: Clip, start: float | None, seconds: float | None) -> tuple[Clip, float]:
+def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tuple[harmolab.Clip, float]:
     """The part of a clip that is drawn, and where its first frame lies on the time line of the whole clip's score."""
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to show")
@@ -183,14 +180,13 @@ def _page(
     """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
     from harmolab.lab.player_page import player_of
-    from harmolab.verdict.judge import score_clip
 
     if files.is_video and not is_body_found(files.motion):
         raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
     params = judged.params(files.dance)
     clip = clip_of(files, offset=part.offset, sample_rate=None, **read.keywords)
     if files.is_video:
-        check_signs(files, clip, [score_clip(clip, params)])
+        check_signs(files, clip, [harmolab.score_clip(clip, params)])
     clips = [clip]
     if other is not None:
         begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)

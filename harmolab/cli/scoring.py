@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
 import typer
 
-from harmolab import __version__
+import harmolab
+from harmolab import __version__, lab, musician
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, first_told
 from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, waiting, wrote
@@ -22,9 +23,7 @@ from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, note
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import OwnDance
     from harmolab.musician.explain import ExplainedPlaying
-    from harmolab.params import HarmonyParams
     from harmolab.score import HarmonyScore
-    from harmolab.types import BeatTrack, Clip
 
 # `--why`: how a dance, or a musician's hands, go with the sound
 
@@ -88,15 +87,14 @@ def explain(
     wrote(page.why)
 
 
-def _dance(files: Sources, params: HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
+def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
     """A dance beside its song; `place` are offset, guess and search of `explain_performance`."""
-    from harmolab.lab.explain.performance import explain_performance, load_performance
 
-    performance = video_performance(files.motion) if files.is_video else load_performance(
+    performance = video_performance(files.motion) if files.is_video else lab.load_performance(
         files.motion, report=common.note_assumptions, progress=progress, **read.keywords
     )  # fmt: skip
     with waiting("listening"):
-        result = explain_performance(
+        result = lab.explain_performance(
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
         )
     note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
@@ -108,29 +106,25 @@ def _playing(
     context: typer.Context, song: Path, points: Path | None, instrument: str, **options: Any
 ) -> ExplainedPlaying:
     """A musician's hands beside the sound; options as of `load_playing`."""
-    from harmolab.musician.explain import explain_playing
     from harmolab.musician.performances import load_playing
-    from harmolab.readers.audio import load_sound
 
     if points is None:
         raise ValueError(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
     if dancing := first_told(context, FOR_DANCES):
         raise ValueError(f"{dancing} is for dances; leave it out with --instrument")
     with waiting("listening"):
-        audio = load_sound(song, sample_rate=None)
-        return explain_playing(load_playing(points, audio, instrument=instrument, **options))
+        audio = harmolab.load_sound(song, sample_rate=None)
+        return musician.explain_playing(load_playing(points, audio, instrument=instrument, **options))
 
 
 def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
     """Write the page about a dance or a playing."""
-    from harmolab.lab.explain.page import save_page
     from harmolab.lab.explain.performance import OwnDance
-    from harmolab.musician.page import save_playing_page
 
     if isinstance(result, OwnDance):
-        save_page(out, result)
+        lab.save_page(out, result)
     else:
-        save_playing_page(out, result)
+        musician.save_playing_page(out, result)
 
 
 # A folder of recordings, a row each
@@ -319,7 +313,6 @@ def score(
     plot : Save a picture of beats, hits and misses as PNG; its p is that of being in time.
     others : Print the field's other measures too: beat alignment, mir_eval.
     """
-    from harmolab.beats.meter import describe_beats
     from harmolab.clips import check_dance
     from harmolab.verdict.judge import music_and_motion, other_measures, score_motion, without_start
 
@@ -352,13 +345,12 @@ def score(
         clip, music, scores = scored(files)
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
-            from harmolab.lab.figures.beats import score_figure
             from harmolab.lab.figures.style import write_figure
 
-            write_figure(score_figure(scores, title=clip.name), plot)
+            write_figure(lab.score_figure(scores, title=clip.name), plot)
     if as_json:
         about = {"audio": str(files.song), "motion": str(files.motion), "offset": clip.offset, "version": __version__}
-        about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": describe_beats(music)}
+        about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": harmolab.describe_beats(music)}
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
         return
@@ -373,20 +365,18 @@ def score(
 class Scored(NamedTuple):
     """A clip, its music's beats on the motion's time line, and mode -> score."""
 
-    clip: Clip
-    music: BeatTrack
+    clip: harmolab.Clip
+    music: harmolab.BeatTrack
     scores: dict[str, HarmonyScore]
 
 
 def settings(
     mode: str, judged: common.JudgeOptions, dance: str, *, lag: float, clock: float
-) -> dict[str, HarmonyParams]:
+) -> dict[str, harmolab.HarmonyParams]:
     """The parameters of each mode, for what was told of the dance."""
     from dataclasses import replace
 
-    from harmolab.params import HarmonyParams
-
-    params = {"recommended": judged.params(dance), "paper": HarmonyParams.paper()}
+    params = {"recommended": judged.params(dance), "paper": harmolab.HarmonyParams.paper()}
     names = ("paper", "recommended") if mode == "both" else (mode,)
     return {name: replace(params[name], lag=lag, clock=clock) for name in names}
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
+import harmolab
+from harmolab import lab
 from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, first_told, note_assumptions
 from harmolab.cli.data import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import Performance
-    from harmolab.score import HarmonyScore
     from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
@@ -137,12 +138,11 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
     FileNotFoundError, ValueError
         Both name the file; ValueError where it is not clear from its sound where in the song a video begins.
     """
-    from harmolab.clips import load_clip
 
     if movement is None and files.is_video:
         movement, offset = _of_video(files, offset)
     with finding_beats():
-        clip = load_clip(
+        clip = harmolab.load_clip(
             files.song, movement or files.motion, offset=offset, dance=files.dance, beats=files.beats, one=files.one,
             report=note_assumptions, **options,
         )  # fmt: skip
@@ -167,9 +167,8 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
 def sound_offset(files: Sources, sound: Audio | None) -> float | None:
     """Second of the song at which a video with this sound begins, and a line on it; None where the sound is unclear."""
     from harmolab.lab.explain.offset import REPEATS, find_sound_offset
-    from harmolab.readers.audio import load_sound
 
-    song, place = load_sound(files.song), None
+    song, place = harmolab.load_sound(files.song), None
     with suppress(ValueError):  # its sound is silent, or shorter than can be compared
         place = None if sound is None else find_sound_offset(sound, song)
     if place is None or not place.is_clear:
@@ -181,23 +180,22 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
 
 def video_performance(video: Path) -> Performance:
     """The movement of a video and its sound; first the question whether what finds bodies may be fetched."""
-    from harmolab.lab.explain.performance import load_performance
 
     offer_poses(video)
-    performance = load_performance(video, progress=progress)
+    performance = lab.load_performance(video, progress=progress)
     for sentence in performance.notes:
         note(f"{video.name}: {sentence}")
     return performance
 
 
-def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
+def check_signs(files: Sources, clip: Clip, scores: Iterable[harmolab.HarmonyScore]) -> None:
     """ValueError where a video was read poorly, and no sign of the beat was seen; that is no verdict."""
     for score in scores:
         if clip.motion is not None and (fault := reading_fault(score, files.motion, clip.motion)):
             raise ValueError(fault)
 
 
-def reading_fault(score: HarmonyScore, dance: Path, motion: Motion) -> str:
+def reading_fault(score: harmolab.HarmonyScore, dance: Path, motion: Motion) -> str:
     """The reason why a video was read too poorly for the verdict of a score; "" where it was not."""
     if score.judgement is not None and score.judgement.level == 1:
         from harmolab.lab.explain.filmed import check_sign
@@ -219,16 +217,13 @@ def note_tempo(song: Path, dance: str, beats: BeatTrack) -> None:
 
 def tempo_remark(song: Path, dance: str, beats: BeatTrack) -> str:
     """A sentence where beats were tracked among the tempi of a dance, and the song surely has another one; else ""."""
-    from harmolab.beats.audio import audio_beats
-    from harmolab.params import DANCES
-    from harmolab.readers.audio import load_sound
 
-    if beats.fit is None or len(beats) < 2 or dance not in DANCES:
+    if beats.fit is None or len(beats) < 2 or dance not in harmolab.DANCES:
         return ""
-    own = audio_beats(load_sound(song))
+    own = harmolab.audio_beats(harmolab.load_sound(song))
     if not own.is_sure or min(abs(own.tempo / beats.tempo / times - 1) for times in MULTIPLES) <= SAME_TEMPO:
         return ""
-    low, high = DANCES[dance].tempo
+    low, high = harmolab.DANCES[dance].tempo
     return OTHER_TEMPO.format(song=song.name, own=own.tempo, dance=dance, low=low, high=high, tempo=beats.tempo)
 
 

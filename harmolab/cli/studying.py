@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
 from harmolab.cli.screen import plain_errors, progress
 from harmolab.files import plain, write_text
 
 if TYPE_CHECKING:
-    from harmolab.lab.listening.answers import Answers
     from harmolab.lab.listening.corpus_study import Pieces
 
 
@@ -88,14 +88,12 @@ def make(
 def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
     """Pages and scores of all that is asked, then key and trials."""
     from harmolab.lab.listening.answers import write_page, write_scores, write_study
-    from harmolab.lab.listening.trials import make_key, make_trials
-    from harmolab.lab.player_page import blind_page
 
-    key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
-    trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
+    key = lab.make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
+    trials = lab.make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
     for trial, entry in progress(key.trials.items(), "writing trials"):
-        write_page(out, trial, blind_page(*pieces.presented(entry)))
+        write_page(out, trial, lab.blind_page(*pieces.presented(entry)))
     write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
 
@@ -121,7 +119,6 @@ def ask(
     no_open : Print the address only.
     """
     from harmolab.lab.listening.answers import SIMULATED, TRIALS_FILE, answer_log, read_page, read_trials
-    from harmolab.lab.listening.local_page import StudyServer
 
     with plain_errors():
         if rater.startswith(SIMULATED):
@@ -131,7 +128,7 @@ def ask(
             read_page(study, trial.id)  # a page that is missing must not come up half way through
         log = answer_log(study, rater)
         if log.resume(trials):
-            server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
+            server = lab.StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
             common.serve(server, no_open, "nothing that was answered is lost")
         done = len(trials) - len(log.resume(trials))
     typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
@@ -200,7 +197,7 @@ def _save(out: Path, tables: Tables, text: str) -> None:
     write_text(out / SUMMARY, f"{text}\n")
 
 
-def _print(tables: Tables, answers: Answers, kind: str) -> None:
+def _print(tables: Tables, answers: lab.Answers, kind: str) -> None:
     from rich.table import Column
 
     whose = "simulated raters, no people" if answers.simulated else f"{len(answers.raters)} raters"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+import harmolab
 from harmolab.cli.common import completed, is_told
 from harmolab.cli.screen import LEVEL, LONGEST, USUAL, note, plain_errors, progress
 
@@ -175,9 +176,8 @@ def _notice(line: str) -> None:
 
 def measured(motions: Sequence["Motion"], beats: Sequence["BeatTrack"]) -> dict[str, float]:
     """The numbers of `harmolab evaluate` for dances to validation units, those of `VALIDATED` that there are."""
-    from harmolab.lab.evaluate.metric import evaluate
 
-    numbers = evaluate(motions, beats)
+    numbers = harmolab.evaluate(motions, beats)
     return {name: numbers[name] for name in VALIDATED if math.isfinite(numbers[name])}
 
 
