@@ -11,7 +11,7 @@ import typer
 import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import Beats, DanceName, One, Song
-from harmolab.cli.screen import finding_beats, plain_errors, wrote
+from harmolab.cli.screen import finding_beats, wrote
 
 if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, FloatArray
@@ -73,20 +73,19 @@ def beats(
     from harmolab.beats.tempo import octave_remark
     from harmolab.readers.audio import load_sound, save_audio
 
-    with plain_errors():
-        common.check_out(out, "a file of beats", (".beats",))
-        common.check_out(clicks, "the song with clicks", (".wav",))
-        _check_tapping(context, page, out)
-        audio = load_sound(song)
-        if page.tap and out is not None:
-            _tapped(song, audio, out, page)
-            return
-        track = _beats(audio, dance, one, beats, tracker, checkpoint)
-        text = harmolab.describe_beats(track)
-        if out is not None:
-            harmolab.save_beats(out, track, comment=f"{song.name}: {text}")
-        if clicks is not None:
-            save_audio(clicks, harmolab.with_clicks(audio, track))
+    common.check_out(out, "a file of beats", (".beats",))
+    common.check_out(clicks, "the song with clicks", (".wav",))
+    _check_tapping(context, page, out)
+    audio = load_sound(song)
+    if page.tap and out is not None:
+        _tapped(song, audio, out, page)
+        return
+    track = _beats(audio, dance, one, beats, tracker, checkpoint)
+    text = harmolab.describe_beats(track)
+    if out is not None:
+        harmolab.save_beats(out, track, comment=f"{song.name}: {text}")
+    if clicks is not None:
+        save_audio(clicks, harmolab.with_clicks(audio, track))
     typer.echo(text)
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))

@@ -82,7 +82,6 @@ Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from t
 
 def dance_names(incomplete: str) -> list[str]:
     """The dances that begin so, for the shell to complete."""
-
     return [name for name in harmolab.DANCES if name.startswith(incomplete)]
 
 
@@ -258,7 +257,6 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
 
 def print_music(beats: harmolab.BeatTrack) -> None:
     """With --verbose a line about the beats that a dance was judged by: tempo, steadiness, "one"."""
-
     if screen.is_verbose():
         typer.echo(f"music: {harmolab.describe_beats(beats)}")
 
@@ -396,15 +394,14 @@ class CheckedCommand(TyperCommand):
             screen.refuse(error.format_message().replace("Value error, ", ""))
 
     def invoke(self, ctx: Any) -> Any:
-        """Result of the command."""
-        with screen.said_level(ctx), screen.quiet_decoders():
+        """Result of the command; bad input ends it with one line."""
+        with screen.said_level(ctx), screen.quiet_decoders(), screen.plain_errors():
             screen.detail(f"{ctx.command_path}: {_settings(ctx)}")
-            with screen.plain_errors():
-                check_numbers(ctx)
-                for name in OUTPUTS:
-                    for out in _paths(ctx.params.get(name)):
-                        check_output(ctx, out)
-                check_inputs(ctx)
+            check_numbers(ctx)
+            for name in OUTPUTS:
+                for out in _paths(ctx.params.get(name)):
+                    check_output(ctx, out)
+            check_inputs(ctx)
             return super().invoke(ctx)
 
 

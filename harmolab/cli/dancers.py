@@ -162,7 +162,6 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     ValueError
         For options that exclude each other, or one that this dancer does not take.
     """
-
     _check_choice(options)
     dance, weights, system = options.dance, options.weights, options.system
     if weights is None and system in (None, CHOREOGRAPHER):
@@ -301,7 +300,6 @@ def dance_in_words(probabilities: Mapping[str, float]) -> str:
     >>> dance_in_words({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18})
     'the music sounds like a waltz (0.62; cha-cha 0.20, rumba 0.18)'
     """
-
     (likely, share), *others = probabilities.items()
     named = [f"{name} {value:.2f}" for name, value in others[:NAMED_OTHERS]]
     more = ["..."] if len(others) > len(named) else []

@@ -19,7 +19,7 @@ import harmolab
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
-from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
+from harmolab.cli.screen import finding_beats, is_verbose, note, printable, progress, wrote
 from harmolab.cli.sources import note_tempo
 from harmolab.cli.training import TRAIN_HINT
 from harmolab.files import plain
@@ -188,7 +188,6 @@ class DanceReport:
 
     def _rests(self) -> dict[str, float]:
         """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
-
         late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
         shifts = late.items() if self.has_harmony else ()
         return {name: lab.rests_on_beat(self.motion, self.music, late=beats) for name, beats in shifts}
@@ -291,47 +290,48 @@ def dance(
     feet : How, in music2dance: planted (default), model (a network that was trained for it), or none.
     temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.
     """
-    with plain_errors():
-        files = dance_files(out, song, seed, samples)
-        for path in (path for paths in files.values() for path in paths):
-            common.check_output(context, path)
-        _check_harmonise(harmonise)
-        dancer, dance = dancer_of(context, dancer_options), dancer_options.dance
-        if pattern is not None and not dancer.knows_bars:
-            raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
-        from harmolab.clips import song_beats
-        from harmolab.metrics.likeness import likeness
+    files = dance_files(out, song, seed, samples)
+    for path in (path for paths in files.values() for path in paths):
+        common.check_output(context, path)
+    _check_harmonise(harmonise)
+    dancer, dance = dancer_of(context, dancer_options), dancer_options.dance
+    if pattern is not None and not dancer.knows_bars:
+        raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
+    from harmolab.clips import song_beats
+    from harmolab.metrics.likeness import likeness
 
-        sound, audio = _sound(song)
-        with finding_beats():
-            dances = harmolab.DANCES
-            tracks = cache(lambda name: song_beats(audio, dance=name if name in dances else "", beats=beats, one=one))
-            dancer, dance = dancer.for_music(audio, dance, tracks)
-            track = tracks(dance)
-        note_tempo(song, dance, track)
-        params = common.recommended(pattern, dance if dancer.knows_bars else "")
+    sound, audio = _sound(song)
+    with finding_beats():
+        dances = harmolab.DANCES
+        tracks = cache(lambda name: song_beats(audio, dance=name if name in dances else "", beats=beats, one=one))
+        dancer, dance = dancer.for_music(audio, dance, tracks)
+        track = tracks(dance)
+    note_tempo(song, dance, track)
+    params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
-        def danced(number: int) -> DanceReport:
-            motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
-            music = track.span(offset, motion.duration)
-            motion = _harmonised(motion, music, harmonise, params)
-            clip = harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance)
-            score = harmolab.score_clip(clip, params)
-            held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
-            judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
-            return DanceReport(
-                number, motion, offset, music, score, judged, choreography, dancer.remarks,
-                knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
-            )  # fmt: skip
+    def danced(number: int) -> DanceReport:
+        motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
+        music = track.span(offset, motion.duration)
+        if harmonise is not None:
+            reach = harmonise * CENTIMETRE
+            motion = harmolab.harmonise(motion, music, reach=reach, params=params, progress=progress)
+        clip = harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance)
+        score = harmolab.score_clip(clip, params)
+        held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
+        judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
+        return DanceReport(
+            number, motion, offset, music, score, judged, choreography, dancer.remarks,
+            knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
+        )  # fmt: skip
 
-        is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
-        title = f"A generated dance to {common.plain_name(song)}"
-        reports: list[DanceReport] = []
-        paths: list[Path] = []
-        for number in files:
-            reports.append(_likely(danced, number) if is_open else danced(number))
-            write = partial(_write, report=reports[-1], sound=sound, title=title)
-            paths += written(files[number], write, is_asked=out is not None)
+    is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
+    title = f"A generated dance to {common.plain_name(song)}"
+    reports: list[DanceReport] = []
+    paths: list[Path] = []
+    for number in files:
+        reports.append(_likely(danced, number) if is_open else danced(number))
+        write = partial(_write, report=reports[-1], sound=sound, title=title)
+        paths += written(files[number], write, is_asked=out is not None)
     if len(reports[0].music) < 2:
         note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
@@ -367,14 +367,6 @@ def _check_harmonise(reach: float | None) -> None:
         raise ValueError(f"--harmonise is a number of centimetres up to {FARTHEST:g}, got {reach:g}")
     if find_spec("torch") is None:
         raise ValueError(f"--harmonise needs torch; {TRAIN_HINT}")
-
-
-def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: harmolab.HarmonyParams) -> Motion:
-    """The motion with its joints moved by `reach` cm at most, to fit the music better; as it is without a reach."""
-    if reach is None:
-        return motion
-
-    return harmolab.harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
 
 
 def _sound(song: Path) -> tuple[Audio, Audio]:

@@ -13,7 +13,7 @@ import typer
 import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
-from harmolab.cli.screen import LEVEL, QUIET, detail, note, plain_errors, printable, progress, say, waiting, wrote
+from harmolab.cli.screen import LEVEL, QUIET, detail, note, printable, progress, say, waiting, wrote
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -35,8 +35,7 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
 
     from harmolab.cli.data_check import check
 
-    with plain_errors():
-        findings = check(path)
+    findings = check(path)
     is_faulty = any(finding.is_faulty for finding in findings)
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
@@ -44,18 +43,13 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
     headings = (Column("what", overflow="fold"), "kind", "frames", "rate", "joints", "seconds", "offset", "note")
     rows, notes = [], []
     for finding in findings:
-        name = _short(finding.path, path)
+        name = path.name if finding.path == str(path) else os.path.relpath(finding.path, path)
         numbers = (finding.frames, finding.rate, finding.joints, finding.seconds, finding.offset)
         rows.append((printable(name), finding.kind, *map(show, numbers), printable(finding.note)))
         notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
         notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
     print_table(headings, rows, printable(str(path)), *notes)
     raise typer.Exit(int(is_faulty))
-
-
-def _short(name: str, root: Path) -> str:
-    """A path as seen from what was asked about."""
-    return Path(name).name if name == str(root) else os.path.relpath(name, root)
 
 
 @data_app.command("synth", cls=CheckedCommand)
@@ -92,13 +86,11 @@ def data_synth(
     drift : Tempo change over the clip, as a share.
     seed : Same seed, same corpus.
     """
-
-    with plain_errors():
-        harmolab.write_corpus(
-            out, clips=clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, lateness=lateness,
-            omission=omission, redundancy=redundancy, drift=drift, seed=seed,
-            progress=progress,
-        )  # fmt: skip
+    harmolab.write_corpus(
+        out, clips=clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, lateness=lateness,
+        omission=omission, redundancy=redundancy, drift=drift, seed=seed,
+        progress=progress,
+    )  # fmt: skip
     typer.echo(f"{clips} clips in {out}")
 
 
@@ -126,14 +118,13 @@ def convert(
     """
     from harmolab.data.recordings import read_any_motion, recorded_offset
 
-    with plain_errors():
-        common.check_out(out, "a motion", (".npz", ".bvh"))
-        if out.exists() and not force:
-            raise ValueError(f"{out}: is there already; --force writes over it")
-        read = read_any_motion(motion, **options.keywords)
-        about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
-        begin = recorded_offset(motion)
-        harmolab.save_motion(out, read.motion, offset=begin, about=about)
+    common.check_out(out, "a motion", (".npz", ".bvh"))
+    if out.exists() and not force:
+        raise ValueError(f"{out}: is there already; --force writes over it")
+    read = read_any_motion(motion, **options.keywords)
+    about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
+    begin = recorded_offset(motion)
+    harmolab.save_motion(out, read.motion, offset=begin, about=about)
     say(f"{motion}: {read.kind}, {common.frames_text(read.motion)}", *(f"read: {sentence}" for sentence in read.notes))
     wrote(out)
     common.say_begin(begin, out)
@@ -177,21 +168,20 @@ def pose(
     """
     from harmolab.readers.pose import pose_environment, remove_pose_environment
 
-    with plain_errors():
-        if remove:
-            typer.echo("removed" if remove_pose_environment() else "there is nothing to remove")
-            return
-        if video is None and not (install or yes):
-            raise ValueError("pose takes a VIDEO, --install or --remove")
-        if video is not None:
-            out = out or Path(f"{video.stem}.npz")
-            _check_video(video, out)
-        if pose_environment() is None:
-            install_poses(is_agreed=yes)
-        elif video is None:
-            typer.echo(f"is there already: {pose_environment()}")
-        if video is not None and out is not None:
-            _write_pose(video, out)
+    if remove:
+        typer.echo("removed" if remove_pose_environment() else "there is nothing to remove")
+        return
+    if video is None and not (install or yes):
+        raise ValueError("pose takes a VIDEO, --install or --remove")
+    if video is not None:
+        out = out or Path(f"{video.stem}.npz")
+        _check_video(video, out)
+    if pose_environment() is None:
+        install_poses(is_agreed=yes)
+    elif video is None:
+        typer.echo(f"is there already: {pose_environment()}")
+    if video is not None and out is not None:
+        _write_pose(video, out)
 
 
 def _check_video(video: Path, out: Path) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import starmap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -19,10 +19,7 @@ import harmolab
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
-from harmolab.cli.screen import note, plain_errors, printable, progress, say, wrote
-
-if TYPE_CHECKING:
-    from harmolab.lab.evaluate.evaluation import Evaluation
+from harmolab.cli.screen import note, printable, progress, say, wrote
 
 KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
@@ -119,29 +116,26 @@ def evaluate(
     from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
     from harmolab.lab.evaluate.shards import Shard, measure_shard
 
-    with plain_errors():
-        common.check_pages("--out")
-        if save_reference is not None:
-            if shard:
-                raise ValueError("--save-reference is of a whole table; leave it out with --shard")
-            common.check_out(save_reference, "a reference", (".npz",))
-        settings = _settings(
-            generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),
-            fps=_by_system("fps", fps or []),
-            scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
-            slice_stride=slice_stride, seed_frames=_by_system("seed-frames", seed_frames or [], whole=True) or 0,
-        )  # fmt: skip
-        measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
-        evaluation = measure(
-            settings, out, jobs=jobs, scheduler=scheduler, resume=resume, force=force, progress=progress
-        )
-        if isinstance(evaluation, int):
-            typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
-            return
-        if save_reference is not None:
-            write_reference(save_reference, evaluation, out)
-            wrote(save_reference)
-        _write(out, evaluation, allow_missing=allow_missing)
+    common.check_pages("--out")
+    if save_reference is not None:
+        if shard:
+            raise ValueError("--save-reference is of a whole table; leave it out with --shard")
+        common.check_out(save_reference, "a reference", (".npz",))
+    settings = _settings(
+        generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),
+        fps=_by_system("fps", fps or []),
+        scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
+        slice_stride=slice_stride, seed_frames=_by_system("seed-frames", seed_frames or [], whole=True) or 0,
+    )  # fmt: skip
+    measure = partial(measure_shard, shard=Shard.of(shard)) if shard else evaluate_dances
+    evaluation = measure(settings, out, jobs=jobs, scheduler=scheduler, resume=resume, force=force, progress=progress)
+    if isinstance(evaluation, int):
+        typer.echo(f"shard {shard}: {evaluation} rows in {out}; the table of all shards: harmolab evaluate merge")
+        return
+    if save_reference is not None:
+        write_reference(save_reference, evaluation, out)
+        wrote(save_reference)
+    _write(out, evaluation, allow_missing=allow_missing)
 
 
 def merge(
@@ -164,14 +158,12 @@ def merge(
     """
     from harmolab.lab.evaluate.shards import merge_shards
 
-    with plain_errors():
-        common.check_pages("--out")
-        _write(out, merge_shards(shards, out, force=force, progress=progress), allow_missing=allow_missing)
+    common.check_pages("--out")
+    _write(out, merge_shards(shards, out, force=force, progress=progress), allow_missing=allow_missing)
 
 
-def _write(out: Path, evaluation: Evaluation, *, allow_missing: bool) -> None:
+def _write(out: Path, evaluation: lab.Evaluation, *, allow_missing: bool) -> None:
     """Write the files of a table, and print what is most important; exit code 1 where dances are missing."""
-
     paths = lab.write_evaluation(out, evaluation)
     _print(evaluation)
     wrote(*paths.values())
@@ -205,7 +197,6 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> l
     ValueError
         A system has no name, no folder, or the name of another.
     """
-
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:
         name, mark, folder = text.partition("=")
@@ -217,7 +208,7 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> l
     return lab.EvaluationSettings(folders, **others)  # type: ignore[arg-type]
 
 
-def _print(evaluation: Evaluation) -> None:
+def _print(evaluation: lab.Evaluation) -> None:
     """The most important measures, as many systems beside one another as fit, findings, remarks, what was left out."""
     from rich.console import Console
 
@@ -274,11 +265,10 @@ def submit(folder: Path, out: Path | None = None) -> None:
     """
     from harmolab.lab.evaluate.submission import ROW, submission_faults, write_submission
 
-    with plain_errors():
-        if out is not None:
-            write_submission(folder, out)
-            wrote(out / ROW)
-        faults = submission_faults(out or folder)
+    if out is not None:
+        write_submission(folder, out)
+        wrote(out / ROW)
+    faults = submission_faults(out or folder)
     say(*(faults or ["nothing is missing: the numbers follow from the files"]))
     raise typer.Exit(int(bool(faults) and out is None))
 
@@ -329,16 +319,15 @@ def compare(
     from harmolab.lab.compare.rows import Processes
     from harmolab.lab.evaluate.engine import usual_jobs
 
-    with plain_errors():
-        if resume and out is None:
-            raise ValueError("--resume goes on with the rows in a folder; name it by --out")
-        if names := common.names_in(dances):
-            check_dances(corpus, names, corpus_dances(corpus))
-        result = harmolab.compare(
-            corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
-            beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
-            processes=Processes(usual_jobs() if jobs is None else jobs, scheduler, out, resume, force),
-        )  # fmt: skip
+    if resume and out is None:
+        raise ValueError("--resume goes on with the rows in a folder; name it by --out")
+    if names := common.names_in(dances):
+        check_dances(corpus, names, corpus_dances(corpus))
+    result = harmolab.compare(
+        corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
+        beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
+        processes=Processes(usual_jobs() if jobs is None else jobs, scheduler, out, resume, force),
+    )  # fmt: skip
     if as_json:
         typer.echo(json.dumps(result.summary, indent=2))
     else:
@@ -396,10 +385,9 @@ def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     from harmolab.lab.compare.windows import dance_patterns
     from harmolab.verdict.bar_pattern import save_patterns
 
-    with plain_errors():
-        common.check_out(out, "a file of patterns", (".json",))
-        patterns = dance_patterns(corpus, progress=progress, report=left_out)
-        save_patterns(out, patterns)
+    common.check_out(out, "a file of patterns", (".json",))
+    patterns = dance_patterns(corpus, progress=progress, report=left_out)
+    save_patterns(out, patterns)
     for name, pattern in patterns.items():
         typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
     example = next(iter(patterns))

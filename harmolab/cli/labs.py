@@ -11,7 +11,7 @@ import typer
 import harmolab
 from harmolab.cli import common
 from harmolab.cli.playing import open_page
-from harmolab.cli.screen import note, plain_errors, waiting, wrote
+from harmolab.cli.screen import note, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, sources
 
 if TYPE_CHECKING:
@@ -38,9 +38,8 @@ def app(
     """
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
         signal.signal(number, signal.default_int_handler)  # as Ctrl-C: the page ends, and its files go
-    with plain_errors():
-        common.check_pages("harmolab app")
-        common.serve(new_server(port), no_open, "then all files of the page are gone")
+    common.check_pages("harmolab app")
+    common.serve(new_server(port), no_open, "then all files of the page are gone")
 
 
 def new_server(port: int = 0) -> AppServer:
@@ -89,26 +88,25 @@ def lab(
 
     from harmolab.lab.labs.one_clip import scoring_lab
 
-    with plain_errors():
-        files = sources(context, song, motion, judged)
-        out = out or Path(f"{common.plain_name(files.motion)}_lab.html")
-        common.check_out(out, "the lab", common.PAGES)
-        common.check_output(context, out)
-        params = judged.params(files.dance)
-        clip = clip_of(files, offset=part.offset, **read.keywords)
-        begin = max(clip.offset, 0.0) if part.start is None else part.start
-        length = common.OF_LAB if part.seconds is None else part.seconds
-        if length <= 0:
-            raise ValueError(f"--seconds must be positive, got {length:g}")
-        if begin >= clip.audio.duration:
-            raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
-        clip = clip.span(begin, min(length, clip.audio.duration - begin))
-        if files.is_video:
-            check_signs(files, clip, [harmolab.score_clip(clip, params)])
-        if not clip.has_start:
-            note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
-        with waiting("making the lab"):
-            scoring_lab(clip, pattern=params.pattern, mode="recommended").save(out)
+    files = sources(context, song, motion, judged)
+    out = out or Path(f"{common.plain_name(files.motion)}_lab.html")
+    common.check_out(out, "the lab", common.PAGES)
+    common.check_output(context, out)
+    params = judged.params(files.dance)
+    clip = clip_of(files, offset=part.offset, **read.keywords)
+    begin = max(clip.offset, 0.0) if part.start is None else part.start
+    length = common.OF_LAB if part.seconds is None else part.seconds
+    if length <= 0:
+        raise ValueError(f"--seconds must be positive, got {length:g}")
+    if begin >= clip.audio.duration:
+        raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
+    clip = clip.span(begin, min(length, clip.audio.duration - begin))
+    if files.is_video:
+        check_signs(files, clip, [harmolab.score_clip(clip, params)])
+    if not clip.has_start:
+        note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
+    with waiting("making the lab"):
+        scoring_lab(clip, pattern=params.pattern, mode="recommended").save(out)
     wrote(out)
     if not no_open:
         open_page(out)

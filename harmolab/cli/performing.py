@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,11 +13,8 @@ import harmolab
 from harmolab import musician
 from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output, say_begin
 from harmolab.cli.dancing import files_to_write, written
-from harmolab.cli.screen import note, plain_errors, progress, say, waiting, wrote
+from harmolab.cli.screen import note, progress, say, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
-
-if TYPE_CHECKING:
-    from harmolab.musician.system import Audio2Body
 
 Instrument = Literal["piano", "violin"]
 UNASKED = (".html", ".mp4")  # where nothing is asked for
@@ -67,30 +64,29 @@ def perform(
     truth : Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown beside,
         or with --points under, the predicted one, with the error and how well both meet the sound.
     """
-    with plain_errors():
-        paths = files_to_write(out, song, "performance", UNASKED)
-        for path in paths:
-            check_output(context, path)
-        if truth is None and (offset is not None or fps is not None):
-            raise ValueError("--offset and --fps are those of --truth; leave them out without it")
-        is_avatar = _is_avatar(is_avatar, paths)
-        system = _player(weights, instrument)
-        from harmolab.musician.performances import load_playing
+    paths = files_to_write(out, song, "performance", UNASKED)
+    for path in paths:
+        check_output(context, path)
+    if truth is None and (offset is not None or fps is not None):
+        raise ValueError("--offset and --fps are those of --truth; leave them out without it")
+    is_avatar = _is_avatar(is_avatar, paths)
+    system = _player(weights, instrument)
+    from harmolab.musician.performances import load_playing
 
-        with waiting("listening"):
-            audio = harmolab.load_sound(song, sample_rate=None)
-            begin = perf_counter()
-            plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
-            own = None if truth is None else plays(truth)
-            result = musician.performed(
-                system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
-            )
-            length, took = result.figure.duration, perf_counter() - begin
-        used = str(weights) if weights else f"the {result.instrument} player that comes with harmolab"
-        done = written(
-            paths, lambda path: _write(path, result, title=f"{song.name}: {result.instrument}", used=used),
-            is_asked=out is not None,
-        )  # fmt: skip
+    with waiting("listening"):
+        audio = harmolab.load_sound(song, sample_rate=None)
+        begin = perf_counter()
+        plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
+        own = None if truth is None else plays(truth)
+        result = musician.performed(
+            system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
+        )
+        length, took = result.figure.duration, perf_counter() - begin
+    used = str(weights) if weights else f"the {result.instrument} player that comes with harmolab"
+    done = written(
+        paths, lambda path: _write(path, result, title=f"{song.name}: {result.instrument}", used=used),
+        is_asked=out is not None,
+    )  # fmt: skip
     if not len(result.sound):
         note(f"no note is heard in these {length:.2f} s of {song}: what moves is only the player at rest")
     say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s", result.notice)
@@ -137,7 +133,7 @@ def _player(weights: Path | None, instrument: Instrument | None) -> musician.Aud
     return system
 
 
-def _has_body(system: Audio2Body, is_avatar: bool) -> bool:
+def _has_body(system: musician.Audio2Body, is_avatar: bool) -> bool:
     """An avatar is asked for and can be built; a note says where it cannot."""
     if is_avatar and "left_shoulder" not in system.network.skeleton.joints:
         note("these points are hands without a body, of which no avatar can be built: the points are shown")

@@ -13,7 +13,7 @@ import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, PartOptions
 from harmolab.cli.data import is_body_found
-from harmolab.cli.screen import note, plain_errors, progress, waiting, wrote
+from harmolab.cli.screen import note, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, reading_fault, sources
 
 if TYPE_CHECKING:
@@ -153,17 +153,16 @@ def play(
     other_offset : Page: audio time at which the second begins (default: what its file says, else --offset).
     """
     is_page = out.suffix.lower() in common.PAGES
-    with plain_errors():
-        common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
-        if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
-            raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
-        if other_offset is not None and other is None:
-            raise ValueError("--other-offset is of --other; name a second motion")
-        files = sources(context, song, motion, judged)
-        if is_page:
-            _page(files, out, judged, read, part, other=other, other_offset=other_offset)
-        else:
-            render(files, out, video, judged.params(files.dance), read, part)
+    common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
+    if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
+        raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
+    if other_offset is not None and other is None:
+        raise ValueError("--other-offset is of --other; name a second motion")
+    files = sources(context, song, motion, judged)
+    if is_page:
+        _page(files, out, judged, read, part, other=other, other_offset=other_offset)
+    else:
+        render(files, out, video, judged.params(files.dance), read, part)
     wrote(out)
 
 
@@ -222,13 +221,12 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
     out : The page to write, .html.
     no_open : Write the page, and do not open it.
     """
-    with plain_errors():
-        common.check_out(out, "the page", common.PAGES)
-        with waiting("making the page"):
-            from harmolab.lab import player_page
+    common.check_out(out, "the page", common.PAGES)
+    with waiting("making the page"):
+        from harmolab.lab import player_page
 
-            page = player_page.demo()
-            page.player.save(out)
+        page = player_page.demo()
+        page.player.save(out)
     typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):
         met = f"{int((score.pairs >= 0).sum())} of {score.n_audio} beats met"

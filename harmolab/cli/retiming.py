@@ -10,8 +10,8 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
-from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
-from harmolab.cli.sources import Sources, note_tempo, reading_fault, sound_offset, sources
+from harmolab.cli.screen import note, printable, progress, wrote
+from harmolab.cli.sources import note_tempo, reading_fault, sound_offset, sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -62,35 +62,27 @@ def retime(
     """
     from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files
+    from harmolab.readers.audio import video_sound
 
     place = (0.5 if judged.how == "hit" else 0.0) if phase is None else phase
-    with plain_errors():
-        common.check_place(out)
-        files = sources(context, song, motion, judged)
-        common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
-        if files.is_video and files.song != files.motion and offset is None:
-            offset = _by_sound(files)
-            if offset is None:
-                note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
-        retimed = retime_files(
-            files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
-            fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
-            progress=progress, params=judged.params(files.dance), **read.keywords,
-        )  # fmt: skip
+    common.check_place(out)
+    files = sources(context, song, motion, judged)
+    common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
+    if files.is_video and files.song != files.motion and offset is None:
+        with suppress(ValueError):  # it has no sound
+            offset = sound_offset(files, video_sound(files.motion))
+        if offset is None:
+            note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
+    retimed = retime_files(
+        files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
+        fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
+        progress=progress, params=judged.params(files.dance), **read.keywords,
+    )  # fmt: skip
     note_tempo(files.song, files.dance, retimed.before.music)
     _print(retimed, files.motion, place)
     wrote(out)
     if out.suffix.lower() == ".bvh":
         common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
-
-
-def _by_sound(files: Sources) -> float | None:
-    """Second of the song at which a video begins, by its own sound; None where that does not tell."""
-    from harmolab.readers.audio import video_sound
-
-    with suppress(ValueError):  # it has no sound
-        return sound_offset(files, video_sound(files.motion))
-    return None
 
 
 def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:

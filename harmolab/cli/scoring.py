@@ -17,7 +17,7 @@ import harmolab
 from harmolab import __version__, lab, musician
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, first_told
-from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, waiting, wrote
+from harmolab.cli.screen import is_verbose, note, printable, progress, refuse, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, note_tempo, sources, video_performance
 
 if TYPE_CHECKING:
@@ -89,7 +89,6 @@ def explain(
 
 def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
     """A dance beside its song; `place` are offset, guess and search of `explain_performance`."""
-
     performance = video_performance(files.motion) if files.is_video else lab.load_performance(
         files.motion, report=common.note_assumptions, progress=progress, **read.keywords
     )  # fmt: skip
@@ -159,13 +158,12 @@ def score_corpus(
     table : csv to be written, if any
     as_json : print the rows as JSON
     """
-    with plain_errors():
-        if misplaced := common.first_told(context, FOR_ONE):
-            raise ValueError(f"{misplaced} is for one recording, and {corpus} holds several; leave it out")
-        common.check_out(table, "a table", (".csv",))
-        rows = list(recording_rows(corpus, scored, dance=dance))
-        if table is not None:
-            _write(table, rows)
+    if misplaced := common.first_told(context, FOR_ONE):
+        raise ValueError(f"{misplaced} is for one recording, and {corpus} holds several; leave it out")
+    common.check_out(table, "a table", (".csv",))
+    rows = list(recording_rows(corpus, scored, dance=dance))
+    if table is not None:
+        _write(table, rows)
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     else:
@@ -326,28 +324,27 @@ def score(
             scores = {name: without_start(score) for name, score in scores.items()}
         return Scored(clip, music, scores)
 
-    with plain_errors():
-        check_options(context, page)
-        if page.why is not None:
-            explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
-            return
-        if motion is None and is_corpus(song):
-            named = judged.dance or ""
-            if judged.pattern is None:  # a file of patterns has names of its own
-                check_dance(named)
-            score_corpus(context, song, lambda files: scored(files).scores, dance=named, table=csv, as_json=as_json)
-            return
-        if csv is not None:
-            raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
-        if plot:
-            common.check_place(plot)
-        files = sources(context, song, motion, judged)
-        clip, music, scores = scored(files)
-        measures = other_measures(clip, clock=clock) if others else {}
-        if plot:
-            from harmolab.lab.figures.style import write_figure
+    check_options(context, page)
+    if page.why is not None:
+        explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
+        return
+    if motion is None and is_corpus(song):
+        named = judged.dance or ""
+        if judged.pattern is None:  # a file of patterns has names of its own
+            check_dance(named)
+        score_corpus(context, song, lambda files: scored(files).scores, dance=named, table=csv, as_json=as_json)
+        return
+    if csv is not None:
+        raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
+    if plot:
+        common.check_place(plot)
+    files = sources(context, song, motion, judged)
+    clip, music, scores = scored(files)
+    measures = other_measures(clip, clock=clock) if others else {}
+    if plot:
+        from harmolab.lab.figures.style import write_figure
 
-            write_figure(lab.score_figure(scores, title=clip.name), plot)
+        write_figure(lab.score_figure(scores, title=clip.name), plot)
     if as_json:
         about = {"audio": str(files.song), "motion": str(files.motion), "offset": clip.offset, "version": __version__}
         about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": harmolab.describe_beats(music)}

@@ -110,6 +110,8 @@ def plain_errors() -> Iterator[None]:
     """One line on standard error and exit code 2 in place of a traceback for bad input; both with --verbose."""
     try:
         yield
+    except BrokenPipeError:  # of who reads what is printed, and has read enough
+        raise
     except (ValueError, OSError) as error:
         if is_verbose():
             typer.echo(traceback.format_exc(), err=True)

@@ -138,7 +138,6 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
     FileNotFoundError, ValueError
         Both name the file; ValueError where it is not clear from its sound where in the song a video begins.
     """
-
     if movement is None and files.is_video:
         movement, offset = _of_video(files, offset)
     with finding_beats():
@@ -180,7 +179,6 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
 
 def video_performance(video: Path) -> Performance:
     """The movement of a video and its sound; first the question whether what finds bodies may be fetched."""
-
     offer_poses(video)
     performance = lab.load_performance(video, progress=progress)
     for sentence in performance.notes:
@@ -217,7 +215,6 @@ def note_tempo(song: Path, dance: str, beats: BeatTrack) -> None:
 
 def tempo_remark(song: Path, dance: str, beats: BeatTrack) -> str:
     """A sentence where beats were tracked among the tempi of a dance, and the song surely has another one; else ""."""
-
     if beats.fit is None or len(beats) < 2 or dance not in harmolab.DANCES:
         return ""
     own = harmolab.audio_beats(harmolab.load_sound(song))

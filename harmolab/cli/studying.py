@@ -11,7 +11,7 @@ import typer
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
-from harmolab.cli.screen import plain_errors, progress
+from harmolab.cli.screen import progress
 from harmolab.files import plain, write_text
 
 if TYPE_CHECKING:
@@ -67,21 +67,16 @@ def make(
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
     from harmolab.lab.listening.corpus_study import study_pieces
 
-    with plain_errors():
-        common.check_pages("harmolab data study make")
-        if against is not None and kind == "pick":
-            raise ValueError("--against compares two dances; it goes with --kind choice or rate")
-        if against is None and kind == "rate":
-            raise ValueError(
-                "--kind rate has the dances of two systems marked; name the folder of the other: --against"
-            )
-        if (out / TRIALS_FILE).exists():
-            raise ValueError(f"{out}: holds a study already; name another folder")
-        common.check_folder(context, out, (PAGES, SCORES_FILE, KEY_FILE))  # what a run that was cut off leaves
-        pieces = study_pieces(
-            corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out
-        )
-        _write_study(out, pieces, kind, n, seed, "true" if against is None else "")
+    common.check_pages("harmolab data study make")
+    if against is not None and kind == "pick":
+        raise ValueError("--against compares two dances; it goes with --kind choice or rate")
+    if against is None and kind == "rate":
+        raise ValueError("--kind rate has the dances of two systems marked; name the folder of the other: --against")
+    if (out / TRIALS_FILE).exists():
+        raise ValueError(f"{out}: holds a study already; name another folder")
+    common.check_folder(context, out, (PAGES, SCORES_FILE, KEY_FILE))  # what a run that was cut off leaves
+    pieces = study_pieces(corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out)
+    _write_study(out, pieces, kind, n, seed, "true" if against is None else "")
     typer.echo(f"{n} trials in {out}; next: harmolab data study ask {out} --rater NAME")
 
 
@@ -120,17 +115,16 @@ def ask(
     """
     from harmolab.lab.listening.answers import SIMULATED, TRIALS_FILE, answer_log, read_page, read_trials
 
-    with plain_errors():
-        if rater.startswith(SIMULATED):
-            raise ValueError(f"--rater {rater}: names that begin with {SIMULATED!r} are for raters that are no people")
-        trials = read_trials(study / TRIALS_FILE).ordered_for(rater)
-        for trial in trials.trials:
-            read_page(study, trial.id)  # a page that is missing must not come up half way through
-        log = answer_log(study, rater)
-        if log.resume(trials):
-            server = lab.StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
-            common.serve(server, no_open, "nothing that was answered is lost")
-        done = len(trials) - len(log.resume(trials))
+    if rater.startswith(SIMULATED):
+        raise ValueError(f"--rater {rater}: names that begin with {SIMULATED!r} are for raters that are no people")
+    trials = read_trials(study / TRIALS_FILE).ordered_for(rater)
+    for trial in trials.trials:
+        read_page(study, trial.id)  # a page that is missing must not come up half way through
+    log = answer_log(study, rater)
+    if log.resume(trials):
+        server = lab.StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
+        common.serve(server, no_open, "nothing that was answered is lost")
+    done = len(trials) - len(log.resume(trials))
     typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
 
 
@@ -159,19 +153,18 @@ def analyse(
     from harmolab.lab.listening.analysis import TABLES, study_tables
     from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
-    with plain_errors():
-        files = merge(answer_files(study))
-        key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
-        try:
-            answers = files.of(raters)
-            tables = study_tables(answers, key, scores, seed=seed)
-        except ValueError as error:
-            raise ValueError(f"{study}: {error}") from None
-        summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
-        text = json.dumps(plain(summary), indent=2)
-        if out is not None:
-            common.check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in TABLES)))
-            _save(out, tables, text)
+    files = merge(answer_files(study))
+    key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
+    try:
+        answers = files.of(raters)
+        tables = study_tables(answers, key, scores, seed=seed)
+    except ValueError as error:
+        raise ValueError(f"{study}: {error}") from None
+    summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
+    text = json.dumps(plain(summary), indent=2)
+    if out is not None:
+        common.check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in TABLES)))
+        _save(out, tables, text)
     for note in answers.notes:
         typer.echo(f"harmolab: {note}", err=True)
     if as_json:

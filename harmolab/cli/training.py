@@ -176,7 +176,6 @@ def _notice(line: str) -> None:
 
 def measured(motions: Sequence["Motion"], beats: Sequence["BeatTrack"]) -> dict[str, float]:
     """The numbers of `harmolab evaluate` for dances to validation units, those of `VALIDATED` that there are."""
-
     numbers = harmolab.evaluate(motions, beats)
     return {name: numbers[name] for name in VALIDATED if math.isfinite(numbers[name])}
 
