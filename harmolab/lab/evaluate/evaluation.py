@@ -271,20 +271,15 @@ def begun(
     `mark` is written beside the settings. Errors as `evaluate_dances`.
     """
     check_table_folder(out, settings, force=force)
-    _check_unfinished(out, resume=resume, force=force)
+    engine.check_free(out / ROWS)
+    if (out / ROWS / engine.MANIFEST).is_file() and not (resume or force):
+        engine.read_rows(out / ROWS)  # an error where it was cut off: what it measured is not thrown away unasked
     plan = planned(settings, keep=keep, progress=progress)
     if resume:
         _check_limits(out / ROWS, settings, plan.options)
         engine.check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
     write_mark(out, settings, rows=None, **mark)
     return plan
-
-
-def _check_unfinished(out: Path, *, resume: bool, force: bool) -> None:
-    """ValueError for a run in `out` that was cut off: what it measured is not thrown away unasked."""
-    engine.check_free(out / ROWS)
-    if (out / ROWS / engine.MANIFEST).is_file() and not (resume or force):
-        engine.read_rows(out / ROWS)
 
 
 def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:

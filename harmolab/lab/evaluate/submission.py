@@ -221,7 +221,8 @@ def write_submission(table: PathLike, out: PathLike) -> None:
     if strangers:
         raise ValueError(f"{out}: holds {strangers[0]}, which is no part of a row; name a new folder")
     row = submission_of(table)
-    about = dict.fromkeys(ABOUT, "") | {"synthetic": False, "commands": []} | _former_about(out)
+    former = dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
+    about = dict.fromkeys(ABOUT, "") | {"synthetic": False, "commands": []} | former
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / EVIDENCE, csv_text(row.evidence))
     write_text(out / FILES, csv_text(row.files))
@@ -230,10 +231,6 @@ def write_submission(table: PathLike, out: PathLike) -> None:
     measured = row.measured | {"harmolab": code, "numbers": numbers}
     write_text(out / README, "\n".join(_readme(about, measured)) + "\n")
     write_json(out / ROW, {"about": about, "measured": measured})
-
-
-def _former_about(out: Path) -> dict[str, Any]:
-    return dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
 
 
 def csv_text(table: pd.DataFrame) -> str:

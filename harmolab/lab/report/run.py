@@ -69,15 +69,11 @@ def experiment_digest(node: nbformat.NotebookNode) -> str:
     They do not change with its texts and comments, nor with functions that draw: pictures are drawn again from tables,
     and so is the sentence of the cell "finding".
     """
-    cells = [cell for cell in node.cells if cell.cell_type == "code" and not _says(cell)]
+    cells = [cell for cell in node.cells if cell.cell_type == "code" and "finding" not in cell.metadata.get("tags", ())]
     lines = [line for cell in cells for line in cell.source.splitlines()]
     body = ast.parse("\n".join(line for line in lines if not line.startswith("%"))).body
     code = [ast.unparse(part) for part in body if not (isinstance(part, ast.FunctionDef) and _draws(part.name))]
     return hashlib.sha256("\n".join(code).encode()).hexdigest()[:12]
-
-
-def _says(cell: nbformat.NotebookNode) -> bool:
-    return "finding" in cell.metadata.get("tags", ())
 
 
 def _draws(name: str) -> bool:
