@@ -133,13 +133,10 @@ def corpus_content(corpus: Corpus, *, play: Callable[..., str] | None = None) ->
         "mode": live.Menu("way to score", "mode", {mode: live.MODE[mode] for mode in corpus.modes}),
         "score": live.Menu("score shown", "score", SCORES),
     }
-    about, presets = live.lab_texts("corpus")
     return live.LabContent(
         kind="corpus",
-        about=about,
         evidence=_evidence(corpus),
         controls=controls,
-        presets=tuple(preset for preset in presets if preset.values["mode"] in corpus.modes),
         extra={"score": "harmony", "late": 0.5, "clip": 0},
         numbers=partial(corpus_numbers, corpus),
         play=play,

@@ -277,6 +277,7 @@ SCRIPT = "\n".join(
     [f"const READS = {json.dumps(dict(READS))};", *((FOLDER / f"{name}.js").read_text("utf-8") for name in PARTS)]
 )
 STYLE = (FOLDER / "lab.css").read_text("utf-8")
+TEXTS = json.loads((FOLDER / "presets.json").read_text("utf-8"))  # kind of lab -> "about", and the rows of "presets"
 LEAST_RANGE = 2.0  # standard deviations to which a slider of a λ goes at least
 HEIGHT = 1100  # pixels of the frame, until its page sets it
 
@@ -290,19 +291,6 @@ class Preset:
     note: str
 
 
-def lab_texts(kind: str, **computed: float) -> tuple[str, tuple[Preset, ...]]:
-    """The explanation and the presets of a kind of lab, of presets.json.
-
-    A value that is a name in `computed`, as "loud", stands for what was computed of the music.
-    """
-    content = json.loads((FOLDER / "presets.json").read_text("utf-8"))[kind]
-    rows = content["presets"]
-    presets = (
-        Preset(one, {key: computed.get(value, value) for key, value in row.items()}, note) for one, row, note in rows
-    )
-    return content["about"], tuple(presets)
-
-
 @dataclass(frozen=True, eq=False)
 class LabContent:
     """All that the browser needs for one lab, and the functions by which Python answers for it.
@@ -310,10 +298,10 @@ class LabContent:
     Parameters
     ----------
     kind : "scoring", "saliency", "detector", "meter" or "corpus": which part of the script draws it
-    about : str, explanation at the top of the page
     evidence : what the numbers are computed from, of plain lists and numbers
-    controls, presets : in the order of the page
+    controls : in the order of the page
     numbers : callable, ``numbers(**values)`` returns the numbers of the page, and its "sentence"
+    computed : name -> number, which stands for the name in a preset, as "loud" for what was computed of the music
     pattern : BarPattern, optional, of the modes that have one
     play : callable, optional; ``play(**values)`` returns an element (HTML) to be opened under the picture
     extra : name -> value, where controls stand at first that are no setting of a mode
@@ -325,11 +313,10 @@ class LabContent:
     """
 
     kind: str
-    about: str
     evidence: Mapping[str, Any]
     controls: Mapping[str, Slider | Menu]
-    presets: Sequence[Preset]
     numbers: Callable[..., dict[str, Any]]
+    computed: Mapping[str, float] = field(default_factory=dict)
     pattern: BarPattern | None = None
     play: Callable[..., str] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
@@ -343,6 +330,22 @@ class LabContent:
     def title(self) -> str:
         """Heading of the page."""
         return f"The {self.kind} lab"
+
+    @property
+    def about(self) -> str:
+        """Explanation at the top of the page."""
+        return str(TEXTS[self.kind]["about"])
+
+    @property
+    def presets(self) -> tuple[Preset, ...]:
+        """The presets of this kind of lab whose choices its menus offer, in the order of the page."""
+        menus = {name: control.options for name, control in self.controls.items() if isinstance(control, Menu)}
+        rows = (Preset(*row) for row in TEXTS[self.kind]["presets"])
+        return tuple(
+            replace(row, values={name: self.computed.get(value, value) for name, value in row.values.items()})
+            for row in rows
+            if all(row.values[name] in options for name, options in menus.items() if name in row.values)
+        )
 
     @property
     def start(self) -> dict[str, Any]:

@@ -94,12 +94,9 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
         "beats": live.Menu("beats", "track", {name: TRACKS[name] for name in tracks}),
         **live.lab_controls("meter"),
     }
-    about, presets = live.lab_texts("meter", loud=live.middle_lambda(tracks["of the clip"]))
-    presets = tuple(preset for preset in presets if preset.values["beats"] in tracks)
+    computed = {"loud": live.middle_lambda(tracks["of the clip"])}
     numbers = partial(meter_numbers, song)
-    return live.LiveLab(
-        live.LabContent("meter", about, _evidence(song), controls, presets, numbers, extra=START), values
-    )
+    return live.LiveLab(live.LabContent("meter", _evidence(song), controls, numbers, computed, extra=START), values)
 
 
 def _evidence(song: Song) -> dict[str, Any]:

@@ -125,10 +125,8 @@ def scoring_content(stage: live.Stage) -> live.LabContent:
     controls |= {"lambda1": live.last_lambda(stage.music.strengths, live.LAMBDA1)}
     controls |= {"lambda2": live.last_lambda(_largest_steps(stage), live.LAMBDA2)}
     late = min(0.4, round(15 / stage.music.tempo / 0.01) * 0.02) if len(stage.music) > 1 else 0.24
-    about, presets = live.lab_texts("scoring", late=round(late, 2), loud=live.middle_lambda(stage.music))
     return live.LabContent(
         kind="scoring",
-        about=about,
         evidence={
             "source": stage.source,
             "duration": stage.music.duration,
@@ -139,8 +137,8 @@ def scoring_content(stage: live.Stage) -> live.LabContent:
             "shape": _shape(stage),
         },
         controls=controls,
-        presets=presets,
         numbers=partial(scoring_numbers, stage),
+        computed={"late": round(late, 2), "loud": live.middle_lambda(stage.music)},
         pattern=stage.pattern,
     )
 
@@ -294,10 +292,8 @@ def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
     """
     stage = live.Stage.of(clip)
     visual = visual_beats(stage.motion, params=live.MODES["paper"])
-    about, presets = live.lab_texts("saliency", loud=live.middle_lambda(stage.music))
     content = live.LabContent(
         kind="saliency",
-        about=about,
         evidence={
             "source": stage.source,
             "duration": stage.motion.duration,
@@ -307,8 +303,8 @@ def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
             "units": UNITS,
         },
         controls=live.lab_controls("saliency"),
-        presets=presets,
         numbers=partial(saliency_numbers, stage, visual),
+        computed={"loud": live.middle_lambda(stage.music)},
     )
     return live.LiveLab(content, values)
 
@@ -382,9 +378,8 @@ def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any)
         "near": NEAR,
         **live.curve_evidence(stage.motion, controls),
     }
-    about, presets = live.lab_texts("detector")
     numbers = partial(detector_numbers, stage, times)
-    return live.LiveLab(live.LabContent("detector", about, evidence, controls, presets, numbers), values)
+    return live.LiveLab(live.LabContent("detector", evidence, controls, numbers), values)
 
 
 def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
