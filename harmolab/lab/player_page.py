@@ -301,7 +301,6 @@ def player_of(
     start: float | None = None,
     seconds: float | None = None,
     title: str = "",
-    facts: Mapping[str, str] | None = None,
     params: HarmonyParams | None = None,
     command: str = "",
     looks: int = 1,
@@ -313,7 +312,7 @@ def player_of(
     clips : one Clip with a motion, or two that share their sound; the second is shown at the rate of the first
     start : float, seconds of audio time; where all motions have begun when left out
     seconds : float, length; to the end of the music when left out
-    title, facts, command : as in `Player`; left out, the facts are the verdict on each whole dance and its number
+    title, command : as in `Player`, whose facts are the verdict on each whole dance and its number
     params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
     looks : int, dances among which a clip was picked by its harmony: the page says no verdict that does not hold for so
         many (Bonferroni)
@@ -348,12 +347,11 @@ def player_of(
         dancers.append(_picked(_scored(whole.shared(), picture, params), looks))
         spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
-    if facts is None:
-        facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
-        facts["music"] = describe_beats(cast(BeatTrack, longest.beats))
-        if any(one.number and one.number.music.duration > one.score.music.duration + frame for one in dancers):
-            facts["judged"] = "the whole dance, of which this is a part"
+    facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
     music = cast(BeatTrack, longest.beats)
+    facts["music"] = describe_beats(music)
+    if any(one.number and one.number.music.duration > one.score.music.duration + frame for one in dancers):
+        facts["judged"] = "the whole dance, of which this is a part"
     return Player(longest.audio, dancers, music=music, title=title, facts=facts, command=command)
 
 
