@@ -29,8 +29,8 @@ Row = dict[str, Any]
 TABLES = ("raters", "versions", "marks", "agreement", "scores")  # all that `study_tables` may return
 
 
-def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
-    """(R, T, 4) marks of raters (sorted) and the key's trials, NaN where there are none; and the raters.
+def side_marks(answers: Answers, key: Key) -> dict[str, FloatArray]:
+    """Side of a dance -> (R, T) marks of raters (sorted) in the key's trials, the weighted one last; NaN for none.
 
     Raises
     ------
@@ -38,7 +38,9 @@ def mark_grid(answers: Answers, key: Key) -> tuple[FloatArray, tuple[str, ...]]:
         If the answers are none, of another study, to trials that the key does not have, or mix people with simulated
         raters.
     """
-    return _answer_table(answers, key, marks_of, len(MARKED)), answers.raters
+    grid = _answer_table(answers, key, marks_of, len(MARKED))
+    sides = {name: grid[..., place] for place, name in enumerate(MARKED)}
+    return sides | {MARK: (grid * np.array([*WEIGHTS.values()])).sum(axis=2)}
 
 
 def _answer_table(answers: Answers, key: Key, value_of: Callable[[str], Any], *shape: int) -> FloatArray:
@@ -63,9 +65,7 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
 
     The interval is a bootstrap over dances of their means over raters. The paper prints means and SDs alone.
     """
-    grid, raters = mark_grid(answers, key)
-    weighted = (grid * np.array([*WEIGHTS.values()])).sum(axis=2)
-    sides = {**{name: grid[..., place] for place, name in enumerate(MARKED)}, MARK: weighted}
+    sides = side_marks(answers, key)
     versions = [entry.versions[0] for entry in key.trials.values()]
     rows = []
     for version in sorted(set(versions)):
@@ -75,7 +75,7 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
             low, high = bootstrap_interval(dances, seed=seed)
             rows.append(
                 {
-                    "version": version, "side": side, "n": int(dances.size), "raters": len(raters),
+                    "version": version, "side": side, "n": int(dances.size), "raters": len(answers.raters),
                     "rate": float(dances.mean()) if dances.size else math.nan,
                     "sd": float(dances.std(ddof=1)) if dances.size > 1 else math.nan,
                     "low": low, "high": high, "simulated": answers.simulated,
@@ -112,8 +112,7 @@ def krippendorff_alpha(marks: FloatArray) -> float:
 
 def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> Row:
     """Krippendorff's alpha of the weighted marks, with a bootstrap interval over dances; ValueError for one rater."""
-    grid, _ = mark_grid(answers, key)
-    marks = (grid * np.array([*WEIGHTS.values()])).sum(axis=2)
+    marks = side_marks(answers, key)[MARK]
     row = agreement("Krippendorff's alpha, marks", krippendorff_alpha, marks, seed=seed)
     return {**row, "simulated": answers.simulated}
 
