@@ -1,7 +1,7 @@
 """From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import replace
 from difflib import get_close_matches
@@ -181,7 +181,7 @@ def corpus_recordings(
     dances: Sequence[str] = (),
     *,
     progress: Progress = silent,
-    report: Callable[[recordings.Problem], object] = lambda problem: None,
+    report: recordings.ProblemReport = lambda problem: None,
 ) -> Iterator[recordings.Recording]:
     """The recordings at or below a folder that can be read, one in memory at a time.
 

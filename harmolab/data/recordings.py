@@ -277,6 +277,9 @@ class Problem(NamedTuple):
     message: str
 
 
+ProblemReport = Callable[[Problem], object]  # called with each folder that cannot be read
+
+
 class RecordingFolders(NamedTuple):
     """Folders that hold a whole recording, in natural order, and those that hold only parts of one."""
 

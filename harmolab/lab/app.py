@@ -91,6 +91,7 @@ class Teller:
 
 
 Work = Callable[[Order, Teller], None]
+WorkOf = Callable[[], Work]  # imports it, in the process that does it
 
 
 class Worker:
@@ -104,7 +105,7 @@ class Worker:
         {"broken": True} where the process is gone
     """
 
-    def __init__(self, work_of: Callable[[], Work], folder: Path, hear: "Hear") -> None:
+    def __init__(self, work_of: WorkOf, folder: Path, hear: "Hear") -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, end = context.Pipe()
         self._process = context.Process(target=_work, args=(work_of, end, folder), daemon=True)
@@ -138,7 +139,7 @@ class Worker:
 Hear = Callable[[Worker, dict[str, Any]], None]
 
 
-def _work(work_of: Callable[[], Work], pipe: Connection, folder: Path) -> None:
+def _work(work_of: WorkOf, pipe: Connection, folder: Path) -> None:
     """The life of a worker."""
 
     def leave(*_: Any) -> None:
@@ -199,12 +200,7 @@ class AppServer(LocalPage):
     most_upload = MOST
 
     def __init__(
-        self,
-        work_of: Callable[[], Work],
-        endings: Mapping[str, Sequence[str]],
-        styles: Sequence[str] = (),
-        *,
-        port: int = 0,
+        self, work_of: WorkOf, endings: Mapping[str, Sequence[str]], styles: Sequence[str] = (), *, port: int = 0
     ) -> None:
         super().__init__(port=port)
         self._endings, self._styles, self._work_of = endings, styles, work_of

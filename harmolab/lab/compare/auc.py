@@ -7,7 +7,7 @@ that is fitted is fitted anew, the discriminant in every draw, too. A window sco
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from harmolab.data import recordings as folders
 from harmolab.files import Progress, plain, silent
 from harmolab.lab.compare import scores as scoring
-from harmolab.lab.compare.rows import THIS_PROCESS, Corpus, Processes, RecordingOptions, corpus_scores
-from harmolab.lab.compare.scores import DISCRIMINANT, NEAR, Scores, ScoreTable
-from harmolab.lab.compare.windows import CLIP_SECONDS, OURS, TENTHS, BeatClip, learn_patterns, usable_clips
+from harmolab.lab.compare.rows import THIS_PROCESS, Processes, RecordingOptions, corpus_scores
+from harmolab.lab.compare.scores import DISCRIMINANT, NEAR, Clips, Scores, ScoreTable
+from harmolab.lab.compare.windows import CLIP_SECONDS, OURS, TENTHS, BeatClip, Corpus, learn_patterns, usable_clips
 from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
@@ -64,7 +64,7 @@ def compare(
     seed: int = 0,
     processes: Processes = THIS_PROCESS,
     progress: Progress = silent,
-    report: Callable[[folders.Problem], object] = lambda problem: None,
+    report: folders.ProblemReport = lambda problem: None,
 ) -> CorpusResult:
     """AUC of true against wrong music for every score over a corpus, and the verdict on each recording.
 
@@ -135,7 +135,7 @@ def _common_beats(*corpora: Corpus | None) -> Literal["annotated", "tracked"]:
     return "annotated" if all((folder / "beats.json").is_file() for folder in recordings) else "tracked"
 
 
-def _fit_note(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None) -> str:
+def _fit_note(clips: Clips, fit_clips: Clips | None) -> str:
     """A sentence about what the fitted scores were fitted on."""
     if fit_clips is not None:
         return f"{len({clip.sequence for clip in fit_clips})} sequences of another corpus, without shared figures"
@@ -153,7 +153,7 @@ class _Windows:
     sequences: list[str]
 
     @classmethod
-    def of(cls, clips: Sequence[BeatClip]) -> "_Windows":
+    def of(cls, clips: Clips) -> "_Windows":
         first: dict[tuple[str, int], BeatClip] = {}
         for clip in clips:
             first.setdefault((clip.sequence, clip.window), clip)
@@ -176,9 +176,7 @@ class _Windows:
         return {name: auc(*self.means_of(scores)) for name, scores in table.items()}
 
 
-def _summarise(
-    clips: Sequence[BeatClip], table: ScoreTable, n_rotations: int, seed: int, progress: Progress
-) -> CorpusResult:
+def _summarise(clips: Clips, table: ScoreTable, n_rotations: int, seed: int, progress: Progress) -> CorpusResult:
     """AUC, interval, chance band and per-dance values of every score."""
     windows = _Windows.of(clips)
     means = {name: windows.means_of(row) for name, row in table.at(np.zeros(len(clips), np.int64)).items()}
@@ -194,7 +192,7 @@ def _summarise(
 
 
 def _chance_bands(
-    clips: Sequence[BeatClip], table: ScoreTable, windows: _Windows, count: int, seed: int, progress: Progress
+    clips: Clips, table: ScoreTable, windows: _Windows, count: int, seed: int, progress: Progress
 ) -> dict[str, list[float | None]]:
     """The middle 95 % of the AUCs of each score over null corpora.
 
@@ -213,7 +211,7 @@ def _chance_bands(
     return bands
 
 
-def _origins(clips: Sequence[BeatClip], groups: Sequence[str], count: int, seed: int) -> IntArray:
+def _origins(clips: Clips, groups: Sequence[str], count: int, seed: int) -> IntArray:
     """(count, clips) random shifts in tenths of a beat; clips of the same group turn together."""
     rng = np.random.default_rng(seed)
     _, group = np.unique(groups, return_inverse=True)
@@ -245,9 +243,7 @@ def _resampled(sequences: Names, seed: int, count: int) -> list[IntArray]:
     return [np.concatenate([members[i] for i in row]) for row in draws]
 
 
-def _beside(
-    result: CorpusResult, table: ScoreTable, clips: Sequence[BeatClip], seed: int, count: int
-) -> dict[str, Any]:
+def _beside(result: CorpusResult, table: ScoreTable, clips: Clips, seed: int, count: int) -> dict[str, Any]:
     """The discriminant beside the learnt curve: difference in AUC, and number of recordings whose lag each finds."""
     true, wrong = result.true, result.wrong
 

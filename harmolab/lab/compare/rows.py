@@ -6,7 +6,7 @@ A record of arrays becomes cells of a table, and comes back to the last bit: one
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from harmolab.clips import check_dances, corpus_recordings, recording_folders
 from harmolab.data import recordings
-from harmolab.data.recordings import Problem, load_recording
-from harmolab.files import PathLike, Progress, plain, reading
+from harmolab.data.recordings import Problem, ProblemReport, load_recording
+from harmolab.files import Progress, plain, reading
 from harmolab.lab.compare.scores import RecordingVerdict, ScoredClip, recording_verdict, scored_clip
-from harmolab.lab.compare.windows import cut_clips
+from harmolab.lab.compare.windows import Corpus, cut_clips
 from harmolab.lab.evaluate.engine import ERROR, run_rows
 from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.lab.evaluate.parts import part_path
@@ -121,7 +121,6 @@ def _value(kind: Any, content: Any, arrays: Arrays) -> Any:
 
 # Scores of recordings
 
-Corpus = PathLike | Iterable[recordings.Recording]
 
 PART_RECORDINGS = 16  # in a part of the rows: each holds beats and curves of all its clips
 
@@ -235,12 +234,7 @@ def recording_row(task: RecordingTask, options: RecordingOptions) -> dict[str, A
 
 
 def corpus_scores(
-    corpus: Corpus,
-    options: RecordingOptions,
-    processes: Processes,
-    *,
-    progress: Progress,
-    report: Callable[[Problem], object],
+    corpus: Corpus, options: RecordingOptions, processes: Processes, *, progress: Progress, report: ProblemReport
 ) -> Iterator[RecordingScores]:
     """The scores of all recordings of a corpus, in the order of their folders.
 

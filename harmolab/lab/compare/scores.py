@@ -54,6 +54,10 @@ class ScoredClip(windows.BeatClip):
     curves: Mapping[str, FloatArray]
 
 
+Clips = Sequence[ScoredClip]
+Others = Sequence[Sequence[BeatTrack]] | None  # stretches of other music for each clip, where there are any
+
+
 def scored_clip(clip: windows.BeatClip, *, other_music: bool) -> ScoredClip:
     """The clip scored with its own music; without what only other music needs, its movement, where there is none."""
     own = clip.music()
@@ -241,10 +245,7 @@ def hit_table(rows: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]
 
 
 def fitted_score(
-    signals: Sequence[str],
-    clips: Sequence[ScoredClip],
-    others: Sequence[Sequence[BeatTrack]] | None,
-    taught: Callable[[IntArray, int], Weights],
+    signals: Sequence[str], clips: Clips, others: Others, taught: Callable[[IntArray, int], Weights]
 ) -> FittedScore:
     """The score that reads some signals of n clips, by the patterns that were taught.
 
@@ -270,10 +271,7 @@ def fitted_score(
 
 
 def pattern_score(
-    clips: Sequence[ScoredClip],
-    patterns: Sequence[BarPattern],
-    usable: BoolArray | None,
-    others: Sequence[Sequence[BeatTrack]] | None,
+    clips: Clips, patterns: Sequence[BarPattern], usable: BoolArray | None, others: Others
 ) -> FittedScore:
     """The recommended score of clips, by n patterns.
 
@@ -290,11 +288,7 @@ def pattern_score(
 
 
 def score_table(
-    clips: Sequence[ScoredClip],
-    patterns: Sequence[BarPattern],
-    usable: BoolArray,
-    fit_clips: Sequence[ScoredClip] | None,
-    others: Sequence[Sequence[BeatTrack]] | None,
+    clips: Clips, patterns: Sequence[BarPattern], usable: BoolArray, fit_clips: Clips | None, others: Others
 ) -> ScoreTable:
     """The scores of all clips.
 
@@ -401,11 +395,7 @@ class DiscriminantLessons:
         return mean, products - mean[:, :, None] * mean[:, None]
 
 
-def discriminant_score(
-    clips: Sequence[ScoredClip],
-    fit_clips: Sequence[ScoredClip] | None = None,
-    others: Sequence[Sequence[BeatTrack]] | None = None,
-) -> FittedScore:
+def discriminant_score(clips: Clips, fit_clips: Clips | None = None, others: Others = None) -> FittedScore:
     """The discriminant of n clips, learnt on clips of other recordings without their figures.
 
     Parameters

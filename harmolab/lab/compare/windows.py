@@ -9,7 +9,7 @@ Whatever a score fits (bar patterns, lags) is fitted on another corpus, or insid
 recordings that share no figure with the judged clip.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion
 from harmolab.verdict import bar_pattern
 from harmolab.verdict.evidence import floor
 
+Corpus = PathLike | Iterable[folders.Recording]
 Signal = tuple[FloatArray, FloatArray]  # (T,) seconds and values
 MOMENTS = 20  # a beat
 TENTHS = 10  # of a beat: the lags at which a clip is scored
@@ -373,10 +374,7 @@ def learn_patterns(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | No
 
 
 def dance_patterns(
-    corpus: PathLike | Iterable[folders.Recording],
-    *,
-    progress: Progress = silent,
-    report: Callable[[folders.Problem], object] = lambda problem: None,
+    corpus: Corpus, *, progress: Progress = silent, report: folders.ProblemReport = lambda problem: None
 ) -> dict[str, BarPattern]:
     """The bar pattern of each dance in a corpus with annotated beats: what `harmolab data learn` writes.
 

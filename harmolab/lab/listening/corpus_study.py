@@ -18,7 +18,7 @@ from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.clips import corpus_recordings
-from harmolab.data.recordings import Problem, load_any_motion, recorded_offset
+from harmolab.data.recordings import Problem, ProblemReport, load_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
 from harmolab.metrics.beat_alignment import kinematic_params, other_scores
@@ -177,7 +177,7 @@ def study_pieces(
     seconds: float,
     seed: int,
     progress: Progress = silent,
-    report: Callable[[Problem], object] = lambda problem: None,
+    report: ProblemReport = lambda problem: None,
 ) -> Pieces:
     """The pieces of a folder of recordings: "lagged" or "swapped", or paired with the dances of another folder.
 
@@ -208,9 +208,7 @@ def study_pieces(
     return pieces
 
 
-def _counterparts(
-    clips: Iterable[Clip], against: Path, report: Callable[[Problem], object]
-) -> Iterator[tuple[Clip, Motion, float]]:
+def _counterparts(clips: Iterable[Clip], against: Path, report: ProblemReport) -> Iterator[tuple[Clip, Motion, float]]:
     """Each clip with the motion of the same name in another folder, and the audio time at which that begins."""
     if not against.is_dir():
         raise ValueError(f"{against}: no such folder")
