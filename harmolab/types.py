@@ -252,8 +252,9 @@ class BeatTrack(Display):
         """The beats in [start, start + duration), counted from `start`."""
         part = self.select((self.times >= start) & (self.times < start + duration))
         if self.windows is not None:
-            middles = self.windows[:, 0] - start
-            part = replace(part, windows=self.windows[(middles >= 0) & (middles < duration)] - (start, 0.0))
+            away = np.abs(self.windows[:, 0] - start - duration / 2)
+            near = away <= max(duration / 2, away.min(initial=np.inf))  # a part shorter than a window has the nearest
+            part = replace(part, windows=self.windows[near] - (start, 0.0))
         return replace(part, times=part.times - start, duration=duration)
 
 

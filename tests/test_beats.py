@@ -494,7 +494,7 @@ def test_beats_are_sure_in_the_part_whose_sound_keeps_to_them_and_in_no_other(be
     song = listening.audio_beats(Audio(np.concatenate(parts if begins else parts[::-1]), SAMPLE_RATE))
     clicked, noisy = (song.span(*part) for part in (((0, 40), (40, 60)) if begins else ((60, 40), (0, 60))))
     assert (clicked.is_sure, noisy.is_sure) == (True, False)
-    assert (clicked.span(8, 20).fit, noisy.span(0, 1).fit) == (1, 0)
+    assert (clicked.span(8, 20).fit, clicked.span(12, 1).fit, noisy.span(0, 1).fit) == (1, 1, 0)
 
 
 @pytest.mark.parametrize(("first", "second"), [(100, 118), (120, 96)])
