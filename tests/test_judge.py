@@ -96,6 +96,11 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(on_a_turntable()), 0, r"Cannot tell: you only turn and travel\."),
     (lambda: judged(dancer(), first_beats(15)), 0, r"Cannot tell: 15 beats are too few; 16 are needed\."),
     (lambda: judged(dancer(), first_beats(1)), 0, r"Cannot tell: 1 beat is too few; 16 are needed\."),
+    (
+        lambda: judged(dancer(), first_beats(0)),
+        0,
+        r"Cannot tell: this music has no beat where you dance, or no sound\.",
+    ),
     (lambda: judged(replace(dancer(), valid=~MIDDLE)), 0, r"Cannot tell: 11 beats are too few; 16 are needed\."),
     (lambda: judged(dancer(tempo=97.0), UNSURE), 0, "Cannot tell: the beats found in this music are unsure, .*"),
 )
