@@ -20,7 +20,7 @@ help: ## list these targets
 setup: $(STAMP) ## create or bring up to date the environment in .venv
 	@echo "$(VENV) is ready: . $(BIN)/activate"
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml constraints.txt tools/jupyter_nbconvert_config.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	    echo "harmolab needs Python 3.11 or later; '$(PYTHON)' is missing or older. Try: make setup PYTHON=python3.12" >&2; exit 1; }
 	@echo "Installing into $(VENV) (a few minutes the first time) ..."
@@ -37,6 +37,7 @@ $(STAMP): pyproject.toml constraints.txt
 	set -- "$$@" -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
 	$$uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" \
 	    || { echo "uv could not install; pip does ..." >&2; $(BIN)/python -m pip install --quiet --disable-pip-version-check "$$@"; }
+	@mkdir -p $(VENV)/etc/jupyter && cp tools/jupyter_nbconvert_config.py $(VENV)/etc/jupyter/
 	@echo "Compiling librosa's beat tracker (half a minute) ..."
 	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.
 	@find $(VENV) \( -name '*.nbi' -o -name '*.nbc' \) -delete

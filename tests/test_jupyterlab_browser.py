@@ -17,7 +17,7 @@ from typing import Any
 import nbformat
 import numpy as np
 import pytest
-from nbformat.v4 import new_code_cell, new_notebook
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 from harmolab.lab.listening.answers import AnswerLog
 from tests.builders import cases
@@ -337,14 +337,19 @@ def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, 
     cell = "from harmolab import synthetic_clip\nfrom harmolab.lab import saliency_lab\n"
     cell += "saliency_lab(synthetic_clip('cha-cha', seconds=6.0, seed=1))"
     command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute"]
-    command.append(str(written(tmp_path / "lab.ipynb", cell)))
-    subprocess.run(command, check=True, capture_output=True)
+    path = written(tmp_path / "lab.ipynb", cell)
+    notebook = nbformat.read(path, as_version=4)
+    notebook.cells.insert(0, new_markdown_cell(r"Chance is $\frac{c}{N}$."))
+    nbformat.write(notebook, path)
+    environment = {**os.environ, "JUPYTER_CONFIG_PATH": str(ROOT / "tools")}
+    subprocess.run([*command, str(path)], check=True, capture_output=True, env=environment)
     context = chromium.new_context(viewport=TALL, offline=True)
     page = context.new_page()
     page.goto((tmp_path / "lab.html").as_uri(), wait_until="commit")
     frame = page.locator("iframe").first.element_handle(timeout=20_000).content_frame()
     frame.wait_for_function("window.harmolabLab", timeout=20_000)
     assert frame.locator("canvas").bounding_box()["height"] > 100
+    assert page.locator("p > math mfrac").is_visible()
     before = picture(frame), frame.locator(".board").inner_text()
     slider(frame, "lambda2").focus()
     for _ in range(20):

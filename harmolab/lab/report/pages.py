@@ -347,7 +347,8 @@ def _page(chapter: Chapter, about: str) -> str:
         for output in cell.get("outputs", ()):
             if "text/html" in output.get("data", {}):  # what was not measured is a dash, as in every printed table
                 output.data["text/html"] = output.data["text/html"].replace("<td>NaN</td>", "<td>&ndash;</td>")
-    exporter = _OfflineExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True)
+    filters = {"markdown2html": markdown_to_html}
+    exporter = HTMLExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True, filters=filters)
     facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error, "chapter": chapter}
     resources = {"metadata": {"name": run.title, "path": str(run.path.parent)}, "harmolab": facts}
     page, _ = exporter.from_notebook_node(run.node, resources=resources)
@@ -367,20 +368,18 @@ class _MathRenderer(IPythonRenderer):
         return _mathml(f"\\begin{{{name}}}{body}\\end{{{name}}}", "block")
 
 
-class _OfflineExporter(HTMLExporter):
-    """nbconvert's HTML with equations as MathML."""
-
-    @jinja2.pass_context
-    def markdown2html(self, context: Any, source: str) -> str:
-        cell = context.get("cell", {})
-        renderer = _MathRenderer(
-            escape=False,
-            attachments=cell.get("attachments", {}),
-            embed_images=True,
-            path=context.get("resources", {}).get("metadata", {}).get("path", ""),
-            exclude_anchor_links=True,
-        )
-        return MarkdownWithMath(renderer=renderer).render(source)
+@jinja2.pass_context
+def markdown_to_html(context: Any, source: str) -> str:
+    """A cell of Markdown as nbconvert writes it, with equations as MathML; a filter of its exporters."""
+    cell = context.get("cell", {})
+    renderer = _MathRenderer(
+        escape=False,
+        attachments=cell.get("attachments", {}),
+        embed_images=True,
+        path=context.get("resources", {}).get("metadata", {}).get("path", ""),
+        exclude_anchor_links=True,
+    )
+    return MarkdownWithMath(renderer=renderer).render(source)
 
 
 def _mathml(tex: str, display: str) -> str:
