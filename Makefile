@@ -20,7 +20,7 @@ help: ## list these targets
 setup: $(STAMP) ## create or bring up to date the environment in .venv
 	@echo "$(VENV) is ready: . $(BIN)/activate"
 
-$(STAMP): pyproject.toml constraints.txt tools/jupyter_nbconvert_config.py
+$(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	    echo "harmolab needs Python 3.11 or later; '$(PYTHON)' is missing or older. Try: make setup PYTHON=python3.12" >&2; exit 1; }
 	@echo "Installing into $(VENV) (a few minutes the first time) ..."
