@@ -51,6 +51,7 @@ highlight_language = "none"  # commands and what they print; Python says so
 
 html_theme = "furo"
 html_title = "harmolab"
+html_favicon = "static/beat.svg"
 html_static_path = ["static"]
 templates_path = ["templates"]
 # A host shows this page at any depth, so that its links need the place of the site: "/", or "/name/" on a shared host.
