@@ -189,7 +189,7 @@ LABS: Mapping[str, tuple[str, ...]] = {
 
 MODE = {
     "paper": "the paper's: turns of speed within 0.25 s",
-    "recommended": "recommended: verdict on the shape of the body",
+    "recommended": "recommended: verdict on the body's shape",
     "valleys": "stops: slowest moments within 0.1 s",
 }
 RATES = {None: "as recorded", 60.0: "60", 30.0: "30", 25.0: "25", 15.0: "15", 10.0: "10"}
