@@ -451,8 +451,11 @@ def test_other_commands_ask_once_and_take_the_flow_after_a_no(installs, video: P
 
 
 def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], video: Path, tmp_path: Path):
-    fault = complaint(app, "play", video, "--out", tmp_path / "x.html")
-    assert "of which no body is known to play; `harmolab data pose --install` fetches what finds it" in fault
+    (song := tmp_path / "song.wav").touch()
+    for files in ([video], [song, video]):
+        fault = complaint(app, "play", *files, "--out", tmp_path / "x.html")
+        assert "of which no body is known to play; `harmolab data pose --install` fetches what finds it" in fault
+        assert f"`harmolab score {' '.join(map(str, files))} --why " in fault
 
 
 @cases(

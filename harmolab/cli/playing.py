@@ -107,7 +107,7 @@ def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tu
 
 VIDEO = (
     "{video}: is a video, of which no body is known to play; `harmolab data pose --install` fetches what finds it. "
-    "Without, `harmolab score {video} --why {stem}.html` makes a page about it, `harmolab play {video} --out "
+    "Without, `harmolab score {files} --why {stem}.html` makes a page about it, `harmolab play {files} --out "
     "{stem}_marked.mp4` marks its beats"
 )
 OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "verdict", "follow", "height", "rate")
@@ -181,7 +181,8 @@ def _page(
     from harmolab.lab.player_page import player_of
 
     if files.is_video and not is_body_found(files.motion):
-        raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
+        paths = " ".join(dict.fromkeys(map(str, (files.song, files.motion))))
+        raise ValueError(VIDEO.format(video=files.motion, files=paths, stem=files.motion.stem))
     params = judged.params(files.dance)
     clip = clip_of(files, offset=part.offset, sample_rate=None, **read.keywords)
     if files.is_video:
