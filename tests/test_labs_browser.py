@@ -399,6 +399,7 @@ def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
     page.click("#play")
     for beat in (1, 2, 3, 4, 4, 5, 7, 9, 10, 12):
         touch_at_beat(page, "one" if beat == 4 else "tap", beat)
+    assert page.inner_text("#message") == ""
     page.evaluate("harmolabTaps.taps().push(99)")
     page.click("#save")
     page.get_by_text("Not saved: taps must lie in the song").wait_for(timeout=WAIT)
