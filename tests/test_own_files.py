@@ -41,5 +41,15 @@ def test_a_path_goes_before_an_upload(tmp_path: Path):
     assert files.dance == tmp_path / "film.mp4"
 
 
+def test_a_video_alone_is_its_own_song_and_a_motion_is_not(tmp_path: Path):
+    files = OwnFiles()
+    upload(files, "dance", "me.MP4")
+    assert files.song == files.dance == Path(files._folder.name) / "dance.mp4"
+    upload(files, "song", "song.wav")
+    assert files.song.name == "song.wav"
+    upload(other := OwnFiles(), "dance", "dance.bvh")
+    assert other.song is None
+
+
 def test_page_without_widgets_says_where_files_are_picked():
     assert OwnFiles()._repr_mimebundle_()["text/plain"] == "pick your files in JupyterLab"

@@ -22,6 +22,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.lab.labs import live
 from harmolab.lab.player_page import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern
+from harmolab.readers.video import is_video
 from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalise_strengths, score_harmony, visual_mask
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import rotations
@@ -55,8 +56,8 @@ class OwnFiles(ipywidgets.VBox):
 
     @property
     def song(self) -> Path | None:
-        """The song's file; None when nothing was picked."""
-        return self._file("song")
+        """The song's file, else the video in which it plays; None when neither was picked."""
+        return self._file("song") or (self.dance if self.dance and is_video(self.dance) else None)
 
     @property
     def dance(self) -> Path | None:
