@@ -216,6 +216,7 @@ def test_what_does_not_pair_is_listed(tmp_path: Path, planted: Path) -> None:
     folder = dances(planted / "corpora" / "off", tmp_path / "x")
     (folder / "clip_0001_cha-cha.npz").rename(folder / "stranger.npz")
     (folder / "notes.txt").write_text("mine")
+    (folder / "corpus.json").write_text('{"source": "synthetic"}')
     found = folder_pairs("x", folder, songs_in(planted / "recorded"))
     assert len(found.pairs) == CLIPS - 1
     assert {(one.file.name, one.reason) for one in found.unpaired} == {

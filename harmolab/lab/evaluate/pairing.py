@@ -435,13 +435,14 @@ def _state(file: Path) -> tuple[int, ...]:
 
 
 def _entries(folder: PathLike) -> list[Path]:
-    """The content of a folder but for hidden files, dance_2 before dance_10."""
+    """The content of a folder but for hidden files and harmolab's own corpus.json, dance_2 before dance_10."""
     folder = Path(folder)
     if not folder.exists():
         raise FileNotFoundError(f"{folder}: no such folder")
     if not folder.is_dir():
         raise ValueError(f"{folder}: is a file; name the folder it lies in")
-    return sorted((path for path in folder.iterdir() if not path.name.startswith(".")), key=natural)
+    content = (path for path in folder.iterdir() if path.name != "corpus.json" and not path.name.startswith("."))
+    return sorted(content, key=natural)
 
 
 def _own_sound(folder: Path) -> list[Path]:
