@@ -321,8 +321,8 @@ def test_a_trembling_point_is_too_little_and_one_that_swings_is_not() -> None:
     )
     assert small == larger == 0 and large >= 3
     flat = judged(Motion(1e-9 * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1)))
-    no_body = "No body was read (it takes three points), only a speed; how large the movement is cannot be known."
-    assert no_body in (*flat.remarks, *flat.details)
+    no_body = "No body was read (it takes three points): no shape, only a speed; "
+    assert f"{no_body}how large the movement is cannot be known." in (*flat.remarks, *flat.details)
 
 
 def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:

@@ -179,7 +179,7 @@ def _caveats(evidence: Evidence) -> list[str]:
         lines.append("In a picture, a statue that turns cannot be told from a dancer.")
     if signal.dimensions == 0:
         size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
-        lines.append(f"No body was read (it takes three points), only a speed{size}.")
+        lines.append(f"No body was read (it takes three points): no shape, only a speed{size}.")
     return lines
 
 
