@@ -38,7 +38,7 @@ def verdict(evidence: Evidence) -> str:
 def _cannot_tell(evidence: Evidence) -> str:
     if evidence.floor:
         return f"Cannot tell: {evidence.floor}."
-    if not len(evidence.beats):
+    if not evidence.beats.times.size:
         return "Cannot tell: this music has no beat where you dance, or no sound."
     count = evidence.n_beats
     if count >= FEWEST_BEATS and not evidence.beats.is_sure:
