@@ -167,11 +167,6 @@ class Motion(Display):
         return Motion(self.positions[first:last], self.fps, self.skeleton, self.valid[first:last])
 
 
-def share_of_windows(windows: FloatArray) -> float:
-    """Share of (W, 2) windows, their middles and 1 or 0, that have a 1; 0 without any."""
-    return float(windows[:, 1].mean()) if len(windows) else 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class BeatTrack(Display):
     """Beats on a time line.
@@ -221,7 +216,7 @@ class BeatTrack(Display):
             object.__setattr__(self, "bar_places", places)
         if self.windows is not None:
             object.__setattr__(self, "windows", _frozen(self.windows, "windows"))
-            object.__setattr__(self, "fit", share_of_windows(self.windows))
+            object.__setattr__(self, "fit", float(self.windows[:, 1].mean()) if len(self.windows) else 0.0)
 
     def __repr__(self) -> str:
         tempo = f", {self.tempo:.1f} a minute" if len(self) > 1 else ""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
-from harmolab.types import FloatArray, IntArray, share_of_windows
+from harmolab.types import FloatArray, IntArray
 
 # Paths of beats through a tempo that moves, and how well beats fit the accents
 
@@ -115,21 +115,20 @@ def _best_row(heights: FloatArray, intervals: IntArray) -> IntArray:
     return np.array(row[::-1])
 
 
-def window_accents(curve: FloatArray, rate: float, beats: FloatArray, span: tuple[float, float]) -> FloatArray:
-    """(W,) mean accents at the beats in each sounding window of `WINDOW` seconds, over the mean of all accents there.
+def window_accents(
+    curve: FloatArray, rate: float, beats: FloatArray, span: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Middles (W,), seconds, of the sounding windows of `WINDOW` seconds, and mean accents at the beats there, (W,).
 
-    1 is what beats at random moments have; a window without a beat has 0.
+    These are over the mean of all accents there: 1 is what beats at random moments have; without a beat it is 0.
     """
     smooth, times = _smooth(curve, rate), np.arange(curve.size) / rate
-    starts = _sounding_starts(curve, rate, span)
-    return _window_means(beats, np.interp(beats, times, smooth), starts) / _window_means(times, smooth, starts)
-
-
-def _sounding_starts(curve: FloatArray, rate: float, span: tuple[float, float]) -> FloatArray:
-    """(W,) seconds at which the windows begin that are not silent."""
     count = max(1, round(2 * (span[1] - span[0]) / WINDOW) - 1)
     starts = span[0] + WINDOW / 2 * np.arange(count, dtype=np.float64)
-    return starts[_window_means(np.arange(curve.size) / rate, _smooth(curve, rate), starts) > SILENT]
+    level = _window_means(times, smooth, starts)
+    own = _window_means(beats, np.interp(beats, times, smooth), starts)
+    middles, sounding = (starts + np.minimum(starts + WINDOW, span[1])) / 2, level > SILENT
+    return middles[sounding], own[sounding] / level[sounding]
 
 
 def _window_means(times: FloatArray, values: FloatArray, starts: FloatArray) -> FloatArray:
@@ -194,11 +193,6 @@ class SteadyBeats(NamedTuple):
     quality: float
     windows: FloatArray
 
-    @property
-    def fit(self) -> float:
-        """Share of the sounding windows that the beats fit."""
-        return share_of_windows(self.windows)
-
 
 def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: tuple[float, float]) -> SteadyBeats:
     """The beats of a piece of music over the whole of `span`: on a steady grid where it keeps one.
@@ -216,7 +210,7 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
 
     Returns
     -------
-    SteadyBeats; with fewer than `FEWEST` tracked beats these, of quality and fit 0.
+    SteadyBeats; with fewer than `FEWEST` tracked beats these, of quality 0 and without a window.
     """
     if tracked.size < FEWEST:
         return SteadyBeats(tracked, 0.0, np.zeros((0, 2)))
@@ -229,17 +223,16 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
         times, least = grid.beats(*span), FITS_GRID
     else:
         times, least = _moving_beats(curve, rate, grid, span)
-    fits = window_accents(curve, rate, smooth_course(times), span) >= least
-    starts = _sounding_starts(curve, rate, span)
-    middles = (starts + np.minimum(starts + WINDOW, span[1])) / 2
-    return SteadyBeats(times, quality, np.stack([middles, fits], axis=1))
+    middles, values = window_accents(curve, rate, smooth_course(times), span)
+    return SteadyBeats(times, quality, np.stack([middles, values >= least], axis=1))
 
 
 def _moving_beats(curve: FloatArray, rate: float, grid: Grid, span: tuple[float, float]) -> tuple[FloatArray, float]:
     """Beats of music that leaves a grid, and the accents that they need to fit."""
     stiff = stiff_path(curve, rate, grid.beats(span[0] - grid.period, span[1] + grid.period), span)
     free = free_path(curve, rate, grid.period, span)
-    kept = window_accents(curve, rate, stiff, span) >= KEPT * window_accents(curve, rate, free, span)
+    (_, of_stiff), (_, of_free) = (window_accents(curve, rate, path, span) for path in (stiff, free))
+    kept = of_stiff >= KEPT * of_free
     return (stiff, FITS_STIFF) if kept.size and kept.mean() >= STEADY else (free, FITS_FREE)
 
 
