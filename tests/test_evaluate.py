@@ -491,6 +491,21 @@ def test_a_finding_is_only_what_the_controls_and_the_number_of_songs_allow(
     assert list(findings(turned)) == list(findings(changed))
 
 
+@cases(
+    "numbers, words",
+    ((0.2, 0.1, 0.3), "but more than"),
+    ((0.2, -0.1, 0.5), "and cannot be told from"),
+    ((-0.2, -0.3, -0.1), "and less than"),
+)
+def test_a_system_below_the_recorded_dances_is_told_beside_these_with_another_song(
+    table: Evaluation, numbers: tuple[float, ...], words: str
+) -> None:
+    below = with_difference(replace(table, systems=(WILD,)), WILD, RECORDED, -0.1, -0.15, -0.05, songs=20)
+    changed = with_difference(below, WILD, OTHER_SONG, *numbers, songs=20)
+    start = f"{WILD} goes with its music less than the recorded dances, {words} the same with another song ("
+    assert next(findings(changed)).startswith(start)
+
+
 def test_a_finding_says_of_how_many_songs_a_likeness_is(table: Evaluation) -> None:
     mean = table.means[WILD, "likeness"]._replace(mean=1.0, songs=3)
     (finding,) = findings(replace(table, systems=(WILD,), means={**table.means, (WILD, "likeness"): mean}))
@@ -525,7 +540,7 @@ def test_the_first_sentence_of_the_page_is_true_of_dances_that_are_known(tmp_pat
         assert {one.split(";")[0] for one in first.values()} == {too_few}
         return
     assert first.pop("same").startswith("same cannot be told from the recorded dances by its harmony")
-    less = "goes with its music less than the recorded dances"
+    less = "goes with its music less than the recorded dances, and cannot be told from the same with another song"
     assert [one.split(" (")[0] for one in first.values()] == [f"{name} {less}" for name in first]
 
 

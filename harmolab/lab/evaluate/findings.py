@@ -67,13 +67,22 @@ def _relation(evaluation: Evaluation, system: str) -> str:
     if one is None or control is None or songs < FEWEST_SONGS:
         return f"cannot be compared with the recorded dances: {songs} common songs are too few"
     if one.is_clear:
-        return f"goes with its music {'more' if one.low > 0 else 'less'} than the recorded dances"
+        less = f"less than the recorded dances, {_beside_other_songs(evaluation, system)}"
+        return f"goes with its music {'more than the recorded dances' if one.low > 0 else less}"
     if max(-one.low, one.high) < ALIKE * control.mean:
         return "cannot be told from the recorded dances by its harmony with the music"
     return (
         f"may go with its music as the recorded dances do, or not: {songs} songs are too few to tell, the 95 % "
         f"interval of the difference is {_interval(one)}"
     )
+
+
+def _beside_other_songs(evaluation: Evaluation, system: str) -> str:
+    """The words on a system that is below the recorded dances: is it above these with another song?"""
+    one = difference_of(evaluation, system, OTHER_SONG)
+    if one is None or not one.is_clear:
+        return "and cannot be told from the same with another song"
+    return "but more than the same with another song" if one.low > 0 else "and less than the same with another song"
 
 
 def difference_of(evaluation: Evaluation, a: str, b: str, measure: str = "harmony") -> Difference | None:
