@@ -154,7 +154,7 @@ def dance(order: Order, teller: Teller) -> None:
         code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
-    lines = output.getvalue().replace("seed 0: ", "").splitlines()
+    lines = output.getvalue().splitlines()
     teller.lines([line.strip() for line in lines if not line.startswith("wrote ")])
     teller.view("page", page, "A dance to the song")
 

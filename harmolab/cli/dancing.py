@@ -383,7 +383,8 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
         typer.echo(json.dumps(plain([report.to_dict() for report in reports]), indent=1))
         return
     for report in reports:
-        typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
+        seed = f"seed {report.seed}: " if report.seed or len(reports) > 1 else ""
+        typer.echo("\n  ".join(map(printable, [f"{seed}{report.verdict[0]}", *report.verdict[1:]])))
     common.print_music(reports[0].music)
     if is_verbose():
         _print_table({f"seed {report.seed}": report.facts for report in reports})
