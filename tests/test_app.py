@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from harmolab import load_motion
 from harmolab.cli.app_work import without_options
 from harmolab.lab.app import LOCK, AppServer, sweep
 from tests.builders import cases, planted_dance, refused, write_pair
@@ -366,6 +367,14 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     with page.expect_download() as download:
         page.click("text=Save dance_in_time.npz")
     assert np.load(download.value.path())["positions"].shape[0] > 100
+    page.click("#invent")
+    page.click("text=For Blender", timeout=60_000)
+    with page.expect_download() as download:
+        page.click(f"text=Save {song.stem}_dance.bvh")
+    download.value.save_as(tmp_path / "invented.bvh")
+    assert load_motion(tmp_path / "invented.bvh").duration > 15.0
+    page.wait_for_selector("text=A video")
+    assert page.inner_text(".verdict >> nth=0").startswith("Moves like recorded dancers")
     closed(page)
 
 

@@ -3,7 +3,7 @@
 import io
 import re
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
@@ -24,12 +24,14 @@ from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
 from harmolab.types import BeatTrack
 
+DANCE_VIEWS = (("page", ".html", "A dance to the song"), ("film", ".mp4", "A video"), ("file", ".bvh", "For Blender"))
 NO_DANCE = "Choose a dance first: a video, or a file of movement."
 NO_SONG = "{}: a file of movement has no sound; choose its song too."
 NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
 NO_MUSIC = "Choose a song first, or a video with music."
 BY_FLOW = (
-    "No body was looked for in the video, only all that moves; `harmolab data pose --install` fetches what finds it."
+    "No body was looked for in the video, only all that moves. To look for it, type once in a terminal: "
+    "harmolab data pose --install"
 )
 
 
@@ -142,21 +144,23 @@ def _bent(retimed: Retimed, dance: Path) -> list[str]:
 
 
 def dance(order: Order, teller: Teller) -> None:
-    """A dance to the song by `harmolab dance`, with its words."""
+    """A dance to the song by `harmolab dance`, with its words and its files."""
     song = order.song or order.dance
     if song is None or (order.song is None and not is_video(song)):
         raise ValueError(NO_MUSIC)
     teller.step("dancing")
-    page, output, fault = order.folder / "dance.html", io.StringIO(), io.StringIO()
-    words = [str(song), "--out", str(page), *(["--dance", order.style] if order.style else [])]
-    with redirect_stdout(output), redirect_stderr(fault), named_faults(song):
+    output, fault = io.StringIO(), io.StringIO()
+    words = [str(song), *(["--dance", order.style] if order.style else [])]
+    with chdir(order.folder), redirect_stdout(output), redirect_stderr(fault), named_faults(song):
         command = CommandWithParts.of(dance=dance_command).part("dance")
         code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
     lines = output.getvalue().splitlines()
     teller.lines([line.strip() for line in lines if not line.startswith("wrote ")])
-    teller.view("page", page, "A dance to the song")
+    for kind, suffix, title in DANCE_VIEWS:
+        if (path := order.folder / f"{song.stem}_dance{suffix}").exists():
+            teller.view(kind, path, title)
 
 
 TASKS = {"judge": judge, "fit": fit, "dance": dance}
