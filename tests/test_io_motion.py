@@ -238,6 +238,20 @@ def test_bvh_names_joints_and_ends_and_gives_its_rate(tmp_path: Path):
     assert (motion.skeleton, motion.fps) == (Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1)), pytest.approx(20))
 
 
+@cases("step, rate", ("0.033", 30), ("0.0330000", 30), (".0167", 60), ("0.00833", 120), ("0.0417", 24))
+def test_rounded_frame_time_of_a_bvh_is_that_of_the_usual_rate_and_said_so(tmp_path: Path, step: str, rate: int):
+    (tmp_path / "walk.bvh").write_text(GOOD.replace("0.05", step))
+    file = read_motion(tmp_path / "walk.bvh")
+    assert (file.motion.fps, file.assumptions[1].brief) == (rate, "frame rate guessed: it is rounded")
+    assert load_motion(tmp_path / "walk.bvh", fps=25).fps == 25
+
+
+@pytest.mark.parametrize("step", ["0.04", "0.008", "0.016", ".0083333", "0.016667", "0.0333667"])
+def test_frame_time_of_a_bvh_that_tells_its_rate_is_left_as_it_is(tmp_path: Path, step: str):
+    (tmp_path / "walk.bvh").write_text(GOOD.replace("0.05", step))
+    assert load_motion(tmp_path / "walk.bvh").fps == 1 / float(step)
+
+
 @pytest.mark.parametrize(("leg", "factor"), [("0.9", 1.0), ("90", 0.01)])
 def test_bvh_over_3_units_tall_is_taken_for_centimetres(tmp_path: Path, leg: str, factor: float):
     (tmp_path / "walk.bvh").write_text(GOOD.replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0"))

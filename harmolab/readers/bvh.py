@@ -7,6 +7,8 @@ Files are read with any skeleton and any order of channels:
 * An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
 * BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
   for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
+* A Frame Time that is rounded is that of the usual rate: 0.033 means 30 frames per second; at 30.3 a dance would be
+  half a beat off after half a minute.
 
 Files are written so that Blender opens them and our own reader takes them back to the same places. A BVH holds
 rotations, a Motion holds places. Going down the tree, each joint is turned so that its children come to lie where they
@@ -47,6 +49,7 @@ _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGN
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 2**24
 _BLOCK_PLACES = 2**17
 _LARGEST_METRES = 3.0  # extent at rest, in units of the file, that is read as metres
+_USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
 
 
 @dataclass
@@ -86,7 +89,7 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
         if not keyword or not head.lstrip()[:9].upper() == "HIERARCHY" or len(head) > _MAX_HEAD:
             raise ValueError("is no BVH motion: it needs a HIERARCHY and a MOTION")
         joints = _hierarchy(head.split())
-        values, rate = _table(table, sum(len(joint.channels) for joint in joints))
+        values, step = _table(table, sum(len(joint.channels) for joint in joints))
         if len(values) * len(joints) > _MAX_PLACES:
             raise ValueError(f"has {len(values)} frames of {len(joints)} joints; cut it into parts")
         factor = _guessed_scale(joints) if options.scale is None else options.scale
@@ -101,8 +104,9 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
         # Angles and offsets out of all bounds end as infinity, which is refused by frame and joint.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = _positions(joints, values)
-        motion = checked_motion(in_metres(positions, factor), options.rate(rate), skeleton)
-        return as_read(motion, "BVH", options, unit, is_open=True)
+        rate, guess = _rate(step, options)
+        motion = checked_motion(in_metres(positions, factor), rate, skeleton)
+        return as_read(motion, "BVH", options, unit, *guess, is_open=True)
 
 
 def _hierarchy(words: list[str]) -> list[_Joint]:
@@ -181,7 +185,7 @@ def _number(stream: Iterator[str], where: str) -> float:
 
 
 def _table(text: str, channels: int) -> tuple[FloatArray, float]:
-    """The motion table (T, channels), and the frames per second, from the text behind MOTION."""
+    """The motion table (T, channels), and the Frame Time in seconds, from the text behind MOTION."""
     head = _HEAD.match(text)
     if head is None:
         raise ValueError("has no lines 'Frames:' and 'Frame Time:' behind MOTION")
@@ -195,7 +199,17 @@ def _table(text: str, channels: int) -> tuple[FloatArray, float]:
         raise ValueError(
             f"promises {frames:g} frames of {channels} numbers, but {values.size} numbers follow: cut off or damaged"
         )
-    return values.reshape(-1, channels), 1.0 / step
+    return values.reshape(-1, channels), step
+
+
+def _rate(step: float, options: ReadingOptions) -> tuple[float, tuple[Assumption, ...]]:
+    """Frames per second, of a Frame Time unless passed, and a note where it is the rounded one of a usual rate."""
+    digits = len(repr(step).partition(".")[2])
+    usual = [rate for rate in _USUAL_RATES if abs(rate * step - 1) > 1e-4 and round(1 / rate, digits) == step]
+    if not usual or (1 / step).is_integer() or not (options.fps is None or options.as_defaults):
+        return options.rate(1 / step), ()
+    reason = f"guessed: {step:g} s a frame is rounded; --fps overrules it"
+    return usual[0], (Assumption(f"{usual[0]} frames a second ({reason})", "frame rate guessed: it is rounded"),)
 
 
 def _numbers(text: str) -> FloatArray:
