@@ -10,7 +10,8 @@
 
 Lines that start with ``#`` are comments. `save_beats` writes ``.beats``. In ``.csv .txt`` a second column that repeats
 the times (Audacity's labels, whose text is passed over) is none, and one that counts bars of three beats or more holds
-the places. A comma may be that of a decimal: ``0,250``.
+the places; one that never falls is an error, since lines may be numbered in the first. A comma may be that of a
+decimal: ``0,250``.
 
 Of the taps of a person who listens, one tempo and one phase go through all taps, mended by the sound.
 
@@ -296,6 +297,10 @@ def _from_columns(times: FloatArray, second: FloatArray | None) -> BeatAnnotatio
     counts_on = (second[0] == round(second[0])) & ((np.diff(second) == 1) | (second[1:] == 1))
     if second.min() >= 1 and second.max() >= 3 and second.size > second.max() and counts_on.all():
         return _from_bars(times, second)
+    if second.size > 3 and (np.diff(second) >= 0).all() and second[-1] > second[0]:
+        raise ValueError(
+            "has a second column that rises as times and counts do, no strengths; write the time of each beat, alone"
+        )
     return BeatAnnotation(times, strengths=second)
 
 
