@@ -230,6 +230,7 @@ def test_bvh_rotations_apply_in_the_order_of_the_channels(tmp_path: Path):
 def test_bvh_positions_of_a_joint_take_the_place_of_its_offset(tmp_path: Path):
     text = bvh(SIX, "0 0 0 0 0 0 5 6 7\n" * 2, joint="CHANNELS 3 Xposition Yposition Zposition")
     np.testing.assert_allclose(positions_of(tmp_path, text)[0, 1], [5, 6, 7])
+    np.testing.assert_allclose(positions_of(tmp_path, text.replace("5 6 7", "0 0 0"))[0, 1], [1, 0, 0])
 
 
 def test_bvh_names_joints_and_ends_and_gives_its_rate(tmp_path: Path):

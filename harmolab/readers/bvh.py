@@ -3,7 +3,8 @@
 Files are read with any skeleton and any order of channels:
 
 * Rotations apply in the order in which the channels are written: `Zrotation Yrotation Xrotation` is Rz Ry Rx. Degrees.
-* Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world).
+* Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world); a
+  joint whose positions are all 0 stays at its OFFSET, as in files that write what is added to it.
 * An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
 * BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
   for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
@@ -251,9 +252,9 @@ def _positions(joints: list[_Joint], values: FloatArray) -> FloatArray:
 def _translation(joint: _Joint, values: FloatArray) -> FloatArray:
     """Place of a joint in its parent's frame, (T, 3), from its channels (T, C)."""
     local = np.tile(joint.offset, (len(values), 1))
-    for axis, name in enumerate(_CHANNELS[:3]):
-        if name in joint.channels:
-            local[:, axis] = values[:, joint.channels.index(name)]
+    columns = {axis: joint.channels.index(name) for axis, name in enumerate(_CHANNELS[:3]) if name in joint.channels}
+    if joint.parent < 0 or values[:, list(columns.values())].any():
+        local[:, list(columns)] = values[:, list(columns.values())]
     return local
 
 
