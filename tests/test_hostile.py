@@ -394,6 +394,7 @@ def malicious_pickles(marker: Path) -> dict[str, bytes]:
         "getattr": b"\x80\x04cbuiltins\ngetattr\n(cnumpy\nndarray\nX\x05\x00\x00\x00dtypetR.",
         "numpy load": pickle.dumps(Malicious(np.load, str(marker))),
         "dotted name": b"\x80\x04\x8c\x05numpy\x8c\x0endarray.tofile\x93.",
+        "bytes of no text": b"\x80\x02c_codecs\nencode\nK\x01K\x01\x86R.",
         "objects": pickle.dumps({"keypoints3d": np.array([Malicious(eval, touch)] * 51, object).reshape(1, 17, 3)}),
         "strings": pickle.dumps({"keypoints3d": np.full((4, 17, 3), "1.0")}),
         "instance": b"(ios\nsystem\n.",
@@ -423,7 +424,7 @@ def test_malicious_pickle_is_refused_and_runs_nothing(tmp_path: Path):
     assert not marker.exists()
 
 
-@pytest.mark.parametrize("protocol", [3, 4, 5])
+@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
 @pytest.mark.parametrize("module", [b"numpy._core", b"numpy.core"])
 def test_honest_pickle_of_either_numpy_gives_its_arrays(protocol: int, module: bytes):
     points = np.asfortranarray(poses(4, 17)).astype(">f4")

@@ -152,6 +152,7 @@ class _ArrayUnpickler(pickle.Unpickler):
         stand_ins = {
             ("numpy", "ndarray"): _Type,
             ("numpy", "dtype"): _Dtype,
+            ("_codecs", "encode"): lambda text, _: str.encode(text, "latin1"),  # bytes of protocol 2
             ("multiarray", "_reconstruct"): lambda *_: _Array(),
             ("multiarray", "scalar"): lambda dtype, data=b"": _Array((), dtype, False, data),
             ("numeric", "_frombuffer"): lambda data, dtype, shape, order: _Array(shape, dtype, order == "F", data),
