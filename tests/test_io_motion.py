@@ -774,11 +774,12 @@ def test_recorded_aist_key_points_are_upright_in_image_coordinates(data_root: Pa
 # What estimators write where they do not see
 
 
-@cases("columns", 2, 3)
-def test_points_at_the_corner_of_a_picture_were_not_seen(tmp_path: Path, columns: int):
+# As Ultralytics does below a confidence of .5, and DWPose.
+@cases("columns, place", (2, (0, 0, 0.4)), (3, (0, 0, 0.4)), (2, (-1, -1, 0)))
+def test_points_at_the_corner_of_a_picture_were_not_seen(tmp_path: Path, columns: int, place: tuple[float, ...]):
     points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
     points[..., 2] = 0.9
-    points[10:15, 9] = [0, 0, 0.4]  # as Ultralytics does below a confidence of .5
+    points[10:15, 9] = place
     np.save(tmp_path / "points.npy", points[..., :columns])
     motion = load_motion(tmp_path / "points.npy", fps=30)
     assert (~motion.valid).nonzero()[0].tolist() == [10, 11, 12, 13, 14]

@@ -412,26 +412,27 @@ def keypoints_motion(
         return checked_motion(places[:, keep, : scale.size] * scale, fps, part, valid)
     points = points[:, keep]
     visible = np.ones(points.shape[:2], dtype=bool) if points.shape[2] == 2 else np.asarray(points[..., 2] > 0)
-    visible &= ~_at_the_corner(points[..., :2])
+    visible &= ~_unseen(points[..., :2])
     if visible.all():
         return checked_motion(points[..., :2], fps, part)
     return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
 
 
-def _at_the_corner(places: NDArray[Any]) -> BoolArray:
-    """(T, J) True for joints of a picture (T, J, 2) at (0, 0), where Ultralytics puts what it did not see.
+def _unseen(places: NDArray[Any]) -> BoolArray:
+    """(T, J) True for joints of a picture (T, J, 2) that were not seen: at (-1, -1), as DWPose writes, or at (0, 0).
 
-    Not for a joint whose other places are as near to that corner as half the body is large, or that is always there.
+    Ultralytics writes the latter; not for a joint whose other places are as near to that corner as half the body is
+    large, or that is always there. Nothing is unseen where other places are negative: these count from the middle.
     """
-    corner = np.asarray(~places.any(axis=2))
-    if not corner.any() or (places < 0).any():
+    unseen, corner = ((places == place).all(axis=2) for place in (-1, 0))
+    if not (unseen | corner).any() or (places[~unseen] < 0).any():
         return np.zeros_like(corner)
-    places = np.where(corner[..., None], np.nan, places)
+    places = np.where((unseen | corner)[..., None], np.nan, places)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a frame, or a joint, of which nothing was seen
         size = np.nanmedian((np.nanmax(places, axis=1) - np.nanmin(places, axis=1)).max(axis=1))
         usual = np.linalg.norm(np.nanmedian(places, axis=0), axis=1)
-    return np.asarray(corner & (usual > size / 2))
+    return np.asarray(unseen | (corner & (usual > size / 2)))
 
 
 def are_world_landmarks(landmarks: NDArray[Any]) -> bool:
