@@ -109,7 +109,7 @@ def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path):
 @cases(
     "content, fault",
     (b"", "the file is empty"),
-    (b"not sound at all, but text", "cannot be read as WAV, FLAC, OGG or MP3"),
+    (b"not sound at all, but text", "cannot be read as WAV, FLAC, OGG or MP3 sound; convert it"),
     (wav_header(), "holds no samples"),
     (wav_header(rate=0, data_bytes=200) + bytes(200), "sample rate|cannot be read"),
     (wav_header(rate=4_000_000, data_bytes=200) + bytes(200), "sample rate of 4000000 Hz"),
@@ -199,7 +199,8 @@ WALTZ = {
 
 
 def write(folder: Path, name: str, content: object) -> Path:
-    (folder / name).write_text(content if isinstance(content, str) else json.dumps(content))
+    text = content if isinstance(content, str) else json.dumps(content)
+    (folder / name).write_text(text, errors="surrogateescape")
     return folder / name
 
 
@@ -290,6 +291,7 @@ def test_beats_in_frames_or_milliseconds_are_refused_but_not_slow_music_in_whole
     "name, content, fault",
     ("song.beats", "", "the file is empty"),
     ("song.beats", "# silence\n", "holds no beats"),
+    ("song.txt", "\udcff\udcfe0", "no text in UTF-8: if it is text, save it in that encoding"),
     ("song.beats", "0.5 1\n0.4 2\n", r"increase strictly, but 0\.4 follows 0\.5"),
     ("song.beats", "0.5 1\n0.5 2\n", "drop doubles"),
     ("song.beats", "-0.5 1\n0.5 2\n", r"start at -0\.5 s"),

@@ -26,7 +26,7 @@ MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 # The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.
 MAX_FRAMES_PER_BYTE = 10_000
 MAX_AMPLITUDE = 1e10
-_WHAT = "WAV, FLAC, OGG or MP3 sound"
+_WHAT = "WAV, FLAC, OGG or MP3 sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
 _OGG_PAGE = 65_307
 
