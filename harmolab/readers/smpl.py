@@ -243,7 +243,9 @@ def rotation_matrices(values: NDArray[Any], name: str) -> tuple[FloatArray, str]
     turns = np.broadcast_to(np.eye(3), (len(values), 24, 3, 3)).copy()
     if size == 6:
         turns[:, :kept] = _from_rows(numbers, name)
-        return turns, f"6-D rotations of {count} joints, read as the first two rows of each matrix"
+        reason = "assumed, as PyTorch3D writes; where they are its columns, save axis-angle"
+        note = f"6-D rotations of {count} joints, the first two rows of each matrix ({reason})"
+        return turns, Assumption(note, "6-D rotations assumed to be rows")
     if size == 9:
         turns[:, :kept] = _from_matrices(numbers, name)
         return turns, f"rotation matrices of {count} joints, row by row"
