@@ -507,6 +507,16 @@ def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
     assert world.positions.shape == (2, 33, 3)
 
 
+def test_shares_of_a_picture_whose_shape_no_file_tells_are_said_to_be_of_a_square_one(tmp_path: Path):
+    film, pixels = {"fps": 25.0, "frames": [landmarks(0.1), landmarks(0.2)]}, confident()
+    for content, briefs in ((film, ["picture assumed square"]), ({**film, "aspect": 1.0}, [])):
+        file = read_motion(as_json(tmp_path / "dance.json", content))
+        assert [one.brief for one in file.assumptions] == briefs
+    for points, briefs in ((pixels, []), (pixels / [200, 200, 1], ["picture assumed square"])):
+        file = read_motion(save(tmp_path / "dance.npy", points), fps=25)
+        assert [one.brief for one in file.assumptions] == briefs
+
+
 def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
     unseen = [{**entry, "keypoints": coco_pose(1)[:-3] + [0.0] * 3} for entry in results([0, 1, 2])]
     path = as_json(tmp_path / "dance.json", unseen)

@@ -35,7 +35,7 @@ from harmolab.readers import keypoints, motion_file
 from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
 from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, Motion
 
 # Joints in space as bare numbers
 
@@ -236,6 +236,9 @@ _NAMED = motion_file.Assumption(
 _WORLD = motion_file.Assumption(
     "MediaPipe's landmarks in metres (guessed: the hips stay at the origin)", "landmarks in metres guessed"
 )
+_SQUARE = motion_file.Assumption(
+    "shares of a square picture (assumed; else multiply x by width over height)", "picture assumed square"
+)
 _METRES = motion_file.Assumption(
     "metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres"
 )
@@ -285,9 +288,17 @@ def load_json(path: PathLike, options: motion_file.ReadingOptions) -> motion_fil
         if values is None:
             rate = own if options.as_defaults and own is not None else options.fps
             motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
-            is_guessed = motion.positions.shape[2] == 3 and not (isinstance(content, dict) and "world" in content)
-            return motion_file.as_read(motion, "key points", options, *([_WORLD] if is_guessed else []))
+            about = content if isinstance(content, dict) else {}
+            return motion_file.as_read(motion, "key points", options, *_guess(motion, about))
         return _joint_motion(values, file, options, own)
+
+
+def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[motion_file.Assumption, ...]:
+    """The note on what key points leave open unless their file is about it: metres, or the shape of the picture."""
+    if motion.positions.shape[2] == 3:
+        return () if "world" in about else (_WORLD,)
+    is_share = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about
+    return (_SQUARE,) if is_share else ()
 
 
 def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
@@ -307,10 +318,9 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
         named, notes = _named_rate(file, options)
         rate = options.rate(named)
         is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
-        notes += (_WORLD,) if is_world else ()
         if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
-            return motion_file.as_read(motion, "key points", options, *notes)
+            return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
         unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
         places = in_metres(values, 1.0 if options.scale is None else options.scale)
         motion = checked_motion(places, rate, keypoints.named_skeleton(values.shape[1]))
