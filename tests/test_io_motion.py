@@ -804,6 +804,15 @@ def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):
     assert load_motion(tmp_path / "points.npy", fps=30).positions.shape == (40, 17, 2)
 
 
+@cases("count, is_guess", (25, True), (18, True), (21, False))  # Kinect and NTU have 25 too, in another order
+def test_order_of_joints_in_space_that_their_number_tells_is_said_to_be_a_guess(
+    tmp_path: Path, count: int, is_guess: bool
+):
+    np.save(tmp_path / "kinect.npy", np.random.default_rng(1).uniform(-1, 2, (40, count, 3)))
+    file = read_motion(tmp_path / "kinect.npy", fps=30)
+    assert ("order of joints guessed: OpenPose" in [one.brief for one in file.assumptions]) == is_guess
+
+
 def test_columns_of_which_each_third_is_no_confidence_are_not_read_as_a_picture(tmp_path: Path):
     np.save(tmp_path / "kinect.npy", np.random.default_rng(1).uniform(-1, 2, (40, 75)))
     refused(r"has 75 columns.*\(T, 25, 3\)", load_motion, tmp_path / "kinect.npy", fps=30)

@@ -239,6 +239,9 @@ _WORLD = motion_file.Assumption(
 _SQUARE = motion_file.Assumption(
     "shares of a square picture (assumed; else multiply x by width over height)", "picture assumed square"
 )
+_OPENPOSE = motion_file.Assumption(
+    "the joints of OpenPose (guessed by their number; an .npz names its own)", "order of joints guessed: OpenPose"
+)
 _METRES = motion_file.Assumption(
     "metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres"
 )
@@ -323,7 +326,9 @@ def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file
             return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
         unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
         places = in_metres(values, 1.0 if options.scale is None else options.scale)
-        motion = checked_motion(places, rate, keypoints.named_skeleton(values.shape[1]))
+        skeleton = keypoints.named_skeleton(values.shape[1])
+        notes += (_OPENPOSE,) if skeleton else ()
+        motion = checked_motion(places, rate, skeleton)
         return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 
