@@ -477,6 +477,14 @@ def test_units_and_axis_are_guessed_from_the_body_and_said(tmp_path: Path, unit:
     refused(r"d\.npy: .*pass scale", load_motion, saved(tmp_path / "d.npy", joints * 1e6), fps=60)
 
 
+def test_joints_of_another_order_have_a_long_and_a_short_thigh_and_a_remark_says_so(tmp_path: Path):
+    joints = moving_joints()
+    legs = joints[:, [0, 1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, *range(12, 24)]]  # branch by branch: LAFAN1
+    for places, briefs in ((joints, 0), (legs, 1)):
+        file = read_motion(saved(tmp_path / "d.npy", places), fps=60)
+        assert [one.brief for one in file.assumptions].count("order of joints in doubt") == briefs
+
+
 def seventeen_joints() -> np.ndarray:
     """(5, 17, 3) joints of COCO, metres, y up; most lie in the origin."""
     joints = np.zeros((5, 17, 3))

@@ -47,6 +47,7 @@ KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "pos
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
 _STRETCH = 0.5
 _STEADY = 0.25  # the same of all bones, above which it is told
+_LOPSIDED = 1.5  # thigh over thigh, above which these are other joints
 _BETTER = 0.75  # share of the one skeleton's spread of lengths below which the other's is smaller
 _FRAME_KEY = "3d_pose"
 
@@ -146,13 +147,17 @@ def _upright(places: FloatArray, skeleton: Skeleton, options: motion_file.Readin
 
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
     """ValueError where the left thigh changes its length as no bone does."""
-    hip, knee = (skeleton.joints.index(f"left_{part}") for part in ("hip", "knee"))
-    spread, length = _spread_and_length(joints, [(hip, knee)])
+    spread, length = _spread_and_length(joints, _thigh(skeleton, "left"))
     if not spread <= _STRETCH * length:
         raise ValueError(
             "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
             "from .npz or .pkl with poses and trans"
         )
+
+
+def _thigh(skeleton: Skeleton, side: str) -> list[tuple[int, int]]:
+    """The bone from a hip to its knee."""
+    return [(skeleton.joints.index(f"{side}_hip"), skeleton.joints.index(f"{side}_knee"))]
 
 
 def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[motion_file.Assumption, ...]]:
@@ -165,6 +170,11 @@ def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[motion_file.Ass
         skeleton, name = other, _NAMES[other]
         brief = f"order of joints guessed: {name}"
         remarks.append(motion_file.Assumption(f"the joints of {name} (guessed: its bones keep their lengths)", brief))
+    shorter, longer = sorted(_spread_and_length(joints, _thigh(skeleton, side))[1] for side in ("left", "right"))
+    if longer > _LOPSIDED * shorter:
+        doubt = f"the joints of {_NAMES[skeleton]} (guessed: one thigh is {shorter:.3g} long, one {longer:.3g}; "
+        brief = "order of joints in doubt"
+        remarks.append(motion_file.Assumption(f"{doubt}an .npz holds names of its own)", brief))
     spread, length = _spread_and_length(joints, skeleton.bones)
     if not spread <= _STEADY * length:
         reason = f"bones change their lengths by {spread / length:.0%}; SMPL rotations are read from .npz or .pkl"
