@@ -80,7 +80,7 @@ def load_clip(
 
     Parameters
     ----------
-    song : str or path: wav, flac, ogg or mp3, or a video with sound
+    song : str or path: wav, flac, ogg, mp3 or m4a, or a video with sound
     motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
     offset : float, seconds, audio time of motion frame 0
         Left out, what the motion's file or folder says, else 0, and the clip says that it has no start.

@@ -50,6 +50,7 @@ _OWN = re.compile(
     rb"""written by harmolab|written_by_harmolab|<meta name="generator" content="harmolab">|"cosines": \["""
     rb"""|\Aname,dance,error,|End Site\n\t+\{\n\t+OFFSET 0 0 0\n\t+\}"""
 )
+SOUNDS = (".wav", ".flac", ".ogg", ".mp3", ".m4a")  # endings of sound files
 UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 
 # RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.

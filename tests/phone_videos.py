@@ -152,14 +152,14 @@ def film(path: Path, motion: Motion, sound: Audio | None, phone: Phone) -> Path:
         video = container.add_stream("libx264", rate=rate, options={"crf": str(phone.crf), "preset": "veryfast"})
         video.height, video.width, video.pix_fmt = phone.height, round(phone.height * 4 / 3), "yuv420p"
         if sound is not None:
-            _write_sound(container, sound)
+            write_sound(container, sound)
         for frame in phone_frames(motion, phone):
             container.mux(video.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         container.mux(video.encode())
     return path
 
 
-def _write_sound(container: Any, sound: Audio) -> None:
+def write_sound(container: Any, sound: Audio) -> None:
     stream = container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
     resampler = av.AudioResampler("fltp", "mono", AUDIO_RATE)
     rate, size = round(sound.sample_rate), 4096

@@ -79,7 +79,7 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     recordings = find_recordings(tmp_path)
     assert [folder.name for folder in recordings.folders] == ["good"]
     faults = [message.split(": ")[1] for _, message in recordings.problems]
-    assert faults == ["has no audio.wav (.flac, .ogg, .mp3)", "has no config.json"]
+    assert faults == ["has no audio.wav (.flac, .ogg, .mp3, .m4a)", "has no config.json"]
 
 
 def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):

@@ -23,6 +23,7 @@ from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
 from tests.builders import cases, missing, refused, track
+from tests.phone_videos import write_sound
 from tests.test_hostile import mutated
 
 RATE = 8000
@@ -51,6 +52,20 @@ def test_tone_comes_back_from_every_format(tmp_path: Path, suffix: str, toleranc
     audio = load_audio(path, sample_rate=None)
     assert (audio.sample_rate, audio.samples.dtype) == (16000, np.float32)
     np.testing.assert_allclose(audio.samples[1000:15000], tone[1000:15000], atol=tolerance)
+
+
+def test_m4a_of_a_phone_is_read_at_its_time_whole_or_in_part_and_a_damaged_one_is_named(tmp_path: Path):
+    path, noise = tmp_path / "memo.m4a", np.random.default_rng(1).normal(0.0, 0.1, 48000)
+    with av.open(str(path), "w", format="ipod") as container:
+        write_sound(container, Audio(noise, 48000))
+    assert audio_info(path) == (48000, pytest.approx(1.0, abs=0.05), 1, "M4A")
+    whole = load_audio(path, sample_rate=None).samples
+    assert np.correlate(noise[2900:45100], whole[3000:45000], "valid").argmax() == 100
+    part = load_audio(path, start=0.25, duration=0.5, sample_rate=None)
+    np.testing.assert_array_equal(part.samples, whole[12000:36000])
+    path.write_bytes(b"no sound" * 99)
+    for read in (load_audio, audio_info):
+        refused("memo.m4a: cannot be read as sound", read, path)
 
 
 def test_stereo_becomes_the_mean_of_its_channels_and_its_header_tells_their_number(tmp_path: Path):
@@ -109,7 +124,7 @@ def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path):
 @cases(
     "content, fault",
     (b"", "the file is empty"),
-    (b"not sound at all, but text", "cannot be read as WAV, FLAC, OGG or MP3 sound; convert it"),
+    (b"not sound at all, but text", "cannot be read as WAV, FLAC, OGG, MP3 or M4A sound; convert it"),
     (wav_header(), "holds no samples"),
     (wav_header(rate=0, data_bytes=200) + bytes(200), "sample rate|cannot be read"),
     (wav_header(rate=4_000_000, data_bytes=200) + bytes(200), "sample rate of 4000000 Hz"),

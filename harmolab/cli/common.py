@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 PAGES = (".html", ".htm")
 OF_LAB = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
 VIDEOS_OUT = (".mp4", ".webm")
-SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 
 
@@ -60,12 +59,12 @@ Song = Annotated[
     typer.Argument(
         metavar="SONG",
         callback=lambda path: _not(MOTIONS, path),
-        help="The music: wav, flac, ogg or mp3, or a video with sound.",
+        help="The music: wav, flac, ogg, mp3 or m4a, or a video with sound.",
     ),
 ]
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
-    callback=lambda path: _not(SOUNDS, path),
+    callback=lambda path: _not(files.SOUNDS, path),
     help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, a Tang 2018 "
     "folder, or a video. Left out where SONG is the folder of a recording, or a video with its music.",
     show_default=False,

@@ -11,7 +11,7 @@ from pathlib import Path
 from harmolab.data import oddities
 from harmolab.data import recordings as tang2018
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset
-from harmolab.files import MissingFrameRate, PathLike
+from harmolab.files import SOUNDS, MissingFrameRate, PathLike
 from harmolab.musician import performances
 from harmolab.readers.audio import audio_info, load_audio
 from harmolab.readers.beats import load_annotation
@@ -22,10 +22,9 @@ from harmolab.types import Motion
 LEAST_DETECTED = 0.8  # share of frames
 _MAX_FILES = 10_000
 
-_SOUND = (".wav", ".flac", ".ogg", ".mp3")
 _BEATS = (".beats", ".csv", ".txt")
 _MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl", ".c3d")
-_KNOWN = (*_SOUND, *_BEATS, *_MOTION)
+_KNOWN = (*SOUNDS, *_BEATS, *_MOTION)
 _JSON = ("beats.json", "skeletons.json", "config.json")
 _HEAD = 100_000  # bytes
 
@@ -134,7 +133,7 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
 def _file(path: Path) -> FileSummary:
     """The row of one file, or of a folder of frames."""
     suffix = "" if path.is_dir() else path.suffix.lower()
-    if suffix in _SOUND:
+    if suffix in SOUNDS:
         return _sound(path)
     if path.name == "config.json":
         span = tang2018.load_config(path)

@@ -91,8 +91,8 @@ def evaluate(
 
     Parameters
     ----------
-    music : Folder of the songs: wav, flac, ogg or mp3, or folders of recordings; SONG.beats beside a song holds its
-        beats, else they are tracked.
+    music : Folder of the songs: wav, flac, ogg, mp3 or m4a, or folders of recordings; SONG.beats beside a song holds
+        its beats, else they are tracked.
     reference : Folder of recorded dances, the controls of the table; or a file of --save-reference; or synthetic, for
         the one that comes with harmolab.
     out : Folder for the table: csv, json, LaTeX and an HTML page.

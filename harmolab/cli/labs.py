@@ -13,6 +13,7 @@ from harmolab.cli import common
 from harmolab.cli.playing import open_page
 from harmolab.cli.screen import note, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, sources
+from harmolab.files import SOUNDS
 
 if TYPE_CHECKING:
     from harmolab.lab.app import AppServer, Work
@@ -47,7 +48,7 @@ def new_server(port: int = 0) -> AppServer:
     from harmolab.lab.app import AppServer
     from harmolab.readers.video import SUFFIXES
 
-    endings = {"dance": (*SUFFIXES, *common.MOTIONS), "song": (*common.SOUNDS, *SUFFIXES)}
+    endings = {"dance": (*SUFFIXES, *common.MOTIONS), "song": (*SOUNDS, *SUFFIXES)}
     return AppServer(work, endings, tuple(harmolab.DANCES), port=port)
 
 

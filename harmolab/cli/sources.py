@@ -11,9 +11,10 @@ import typer
 
 import harmolab
 from harmolab import lab
-from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, first_told, note_assumptions
+from harmolab.cli.common import MOTIONS, JudgeOptions, first_told, note_assumptions
 from harmolab.cli.data import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
+from harmolab.files import SOUNDS
 
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import Performance

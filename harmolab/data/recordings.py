@@ -2,7 +2,7 @@
 
 ==========  ====================================================================
 Tang 2018   skeletons.json, config.json, audio.mp3
-ours        motion.npz, audio.wav (or .flac, .ogg, .mp3)
+ours        motion.npz, audio.wav (or .flac, .ogg, .mp3, .m4a)
 both        beats.json, optional: beats, bars, dance, units, motion_offset_s
 ==========  ====================================================================
 
@@ -38,7 +38,7 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.body.skeletons import Skeleton
-from harmolab.files import MAX_JSON_BYTES, PathLike, named_faults, read_json, reading
+from harmolab.files import MAX_JSON_BYTES, SOUNDS, PathLike, named_faults, read_json, reading
 from harmolab.readers.arrays import checked_motion, in_metres, number_array
 from harmolab.readers.audio import load_audio
 from harmolab.readers.beats import BeatAnnotation, load_annotation
@@ -86,11 +86,11 @@ def dance_of(folder: PathLike) -> str:
 
 
 def find_audio(folder: PathLike) -> Path:
-    """The file audio.wav, .flac, .ogg or .mp3 of a folder; FileNotFoundError if there is none."""
-    paths = [Path(folder) / f"audio.{suffix}" for suffix in ("wav", "flac", "ogg", "mp3")]
+    """The file audio.wav, .flac, .ogg, .mp3 or .m4a of a folder; FileNotFoundError if there is none."""
+    paths = [Path(folder) / f"audio{suffix}" for suffix in SOUNDS]
     for path in filter(Path.is_file, paths):
         return path
-    raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
+    raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg, .mp3 or .m4a")
 
 
 class SkeletonsKeywords(TypedDict, total=False):
@@ -337,7 +337,7 @@ def missing_parts(folder: PathLike) -> list[str]:
     try:
         find_audio(folder)
     except FileNotFoundError:
-        missing.append("audio.wav (.flac, .ogg, .mp3)")
+        missing.append("audio.wav (.flac, .ogg, .mp3, .m4a)")
     return missing
 
 

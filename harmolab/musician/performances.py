@@ -1,7 +1,7 @@
 """Performances of musicians on disk, one folder each (sound, points, notes), and splits that share no piece.
 
 ======================  ==============================================================================================
-sound                   ``audio.wav`` (.flac, .ogg, .mp3); else the only sound file; else the sound of the only video
+sound                   ``audio.wav`` (or .flac ...); else the only sound file; else the sound of the only video
 points                  ``motion.npz`` of ours; else the only file of key points (.json, .jsonl), or the only folder of
                         OpenPose's frames (``*_keypoints.json``), which may be this one
 ``notes.csv``           optional; see below. A folder without sound must have it
@@ -57,6 +57,7 @@ from scipy.sparse.csgraph import connected_components
 from harmolab.data.recordings import Problem, RecordingFolders, natural
 from harmolab.files import (
     MAX_TEXT_BYTES,
+    SOUNDS,
     MissingFrameRate,
     PathLike,
     named_faults,
@@ -122,7 +123,6 @@ class Performance:
 # Files of a folder: the sound, the points and the notes
 
 ABOUT, MOTION, NOTES = "performance.json", "motion.npz", "notes.csv"
-SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 _FRAME = "_keypoints.json"
 _POINTS = (".json", ".jsonl")
 _LONGEST_NAME = 200
@@ -324,7 +324,7 @@ _MAX_DEPTH = 4
 _NO_POINTS = (
     "has no points of the player: motion.npz, a .json or .jsonl of key points, or a folder of OpenPose's frames"
 )
-_NO_SOUND = "has no sound (.wav, .flac, .ogg, .mp3 or a video) and no notes.csv"
+_NO_SOUND = f"has no sound ({', '.join(SOUNDS)} or a video) and no notes.csv"
 
 
 def load_performance(

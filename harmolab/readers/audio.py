@@ -1,4 +1,4 @@
-"""Sound files to Audio (WAV, FLAC, OGG and MP3, through libsndfile), and the sound of video files, through PyAV.
+"""Sound files to Audio (WAV, FLAC, OGG and MP3, through libsndfile), M4A and the sound of videos through PyAV.
 
 The header decides first, but is not believed: reading stops at the length that was asked for, whatever the header
 says, and a span is sought, not read through.
@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +27,7 @@ MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 # The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.
 MAX_FRAMES_PER_BYTE = 10_000
 MAX_AMPLITUDE = 1e10
-_WHAT = "WAV, FLAC, OGG or MP3 sound; convert it to one of these"
+_WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
 _OGG_PAGE = 65_307
 
@@ -48,6 +49,10 @@ def audio_info(path: PathLike) -> AudioInfo:
     FileNotFoundError, ValueError
         Both name the file.
     """
+    if _is_m4a(path):
+        with _sound_stream(path) as (container, stream):
+            seconds, channels = (container.duration or 0) / av.time_base, stream.codec_context.layout.nb_channels
+            return AudioInfo(stream.codec_context.sample_rate, seconds, channels, "M4A")
     with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(file) as sound:
         _check_header(sound, file.stat().st_size)
         return AudioInfo(sound.samplerate, sound.frames / sound.samplerate, sound.channels, sound.format)
@@ -83,6 +88,8 @@ def load_audio(
     FileNotFoundError, ValueError
         Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read.
     """
+    if _is_m4a(path):
+        return _span(path, start, duration, sample_rate, max_seconds)
     with reading(path, _WHAT, max_bytes=None) as file:
         if duration is None:
             _check_whole(file)
@@ -227,7 +234,19 @@ def load_sound(
     """A sound file, or the sound of a video; the parameters and errors are those of `load_audio`."""
     if not is_video(path):
         return load_audio(path, start=start, duration=duration, sample_rate=sample_rate)
-    sound = video_sound(path, sample_rate=sample_rate)
+    return _span(path, start, duration, sample_rate)
+
+
+def _is_m4a(path: PathLike) -> bool:
+    """True for sound in the container of mp4, which libsndfile does not read, by its suffix."""
+    return Path(path).suffix.lower() == ".m4a"
+
+
+def _span(
+    path: PathLike, start: float, duration: float | None, sample_rate: float | None, max_seconds: float = 3600.0
+) -> Audio:
+    """A span of the sound of a video, or of a file in such a container."""
+    sound = video_sound(path, sample_rate=sample_rate, max_seconds=max_seconds)
     if not 0 <= start < sound.duration:
         raise ValueError(f"{path}: has {sound.duration:.2f} s of sound, none from {start:g} s on")
     return sound.span(start, sound.duration - start if duration is None else duration)
@@ -253,17 +272,24 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
     FileNotFoundError, ValueError
         Both name the file; a video without sound is an error.
     """
+    with _sound_stream(path) as (container, stream):
+        rate = round(sample_rate or stream.codec_context.sample_rate)
+        pieces = list(_pieces(container, stream, rate, max_seconds))
+        if not pieces:
+            raise ValueError("holds no samples of sound")
+        return Audio(_mixed(np.concatenate(pieces)), rate)
+
+
+@contextmanager
+def _sound_stream(path: PathLike) -> Iterator[tuple[Any, Any]]:
+    """The container and its first stream of sound, of a rate that can be read."""
     with opened_container(Path(path)) as container:
         if not container.streams.audio:
             raise ValueError("holds no sound; name the music's own file")
         stream = container.streams.audio[0]
         if stream.codec_context is None or not MIN_RATE <= stream.codec_context.sample_rate <= MAX_RATE:
             raise ValueError(f"holds sound that cannot be read; {MIN_RATE} to {MAX_RATE} Hz can be sound")
-        rate = round(sample_rate or stream.codec_context.sample_rate)
-        pieces = list(_pieces(container, stream, rate, max_seconds))
-        if not pieces:
-            raise ValueError("holds no samples of sound")
-        return Audio(_mixed(np.concatenate(pieces)), rate)
+        yield container, stream
 
 
 def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Iterator[NDArray[Any]]:

@@ -180,13 +180,14 @@ def video_frames(
 def opened_container(path: Path) -> Iterator[Any]:
     """A media file, open for reading; faults of FFmpeg become ValueError, and all errors name the file."""
     only = {"format_whitelist": FORMATS, "protocol_whitelist": "file"}
-    with reading(path, "video", max_bytes=None) as file:
+    what = "video" if is_video(path) else "sound"
+    with reading(path, what, max_bytes=None) as file:
         try:
             with av.open(f"file:{file}", container_options=only, **READ_TAGS) as container:
                 yield container
         except av.FFmpegError as error:
             fault = f"damaged, cut off or something else ({error.strerror})"
-            raise ValueError(f"cannot be read as video: {fault}") from error
+            raise ValueError(f"cannot be read as {what}: {fault}") from error
 
 
 @contextmanager

@@ -23,10 +23,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
-from harmolab.files import MissingFrameRate, PathLike, column_lines, reading
+from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading
 from harmolab.readers.keypoints import FRAME_ENDS
 
-SONGS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 GENERATED, RECORDED = "generated", "recorded"
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
@@ -113,12 +112,12 @@ def songs_in(folder: PathLike) -> tuple[Song, ...]:
     """
     songs = []
     for path in _entries(folder):
-        if path.is_file() and path.suffix.lower() in SONGS:
+        if path.is_file() and path.suffix.lower() in SOUNDS:
             songs.append(Song(path.stem, path))
         elif path.is_dir():
             songs += [Song(path.name, sound) for sound in _own_sound(path)]
     if not songs:
-        raise ValueError(f"{folder}: holds no song ({', '.join(SONGS)}, or folders with an audio file)")
+        raise ValueError(f"{folder}: holds no song ({', '.join(SOUNDS)}, or folders with an audio file)")
     return tuple(songs)
 
 

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from harmolab.files import MAX_TEXT_BYTES, Arrays, PathLike, read_columns, reading
+from harmolab.files import MAX_TEXT_BYTES, SOUNDS, Arrays, PathLike, read_columns, reading
 from harmolab.musician.keypoints import player_points
-from harmolab.musician.performances import SOUNDS, Performance
+from harmolab.musician.performances import Performance
 from harmolab.readers.arrays import checked_motion, read_npz
 from harmolab.readers.audio import load_audio
 from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
