@@ -225,7 +225,9 @@ def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus:
         table = pd.read_csv(tmp_path / "results" / f"{name}.csv")
         assert len(table) == len(summary[name]) and table["simulated"].all()
     assert json.loads((tmp_path / "results" / "analysis.json").read_text()) == summary
-    assert run("data", "study", "analyse", folder).output.count("simulated raters, no") == 4
+    printed = run("data", "study", "analyse", folder).output
+    assert printed.count("simulated raters, no") == 4
+    assert re.search("score .* rank .* 95 % interval .* auc", printed)  # the interval is that of the rank
 
 
 def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):

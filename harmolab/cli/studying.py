@@ -209,7 +209,7 @@ def _print(tables: Tables, answers: lab.Answers, kind: str) -> None:
 
 
 def _printed(row: dict[str, Any]) -> dict[str, Any]:
-    """The columns of a row that fit into a terminal, with its interval as one."""
-    left_out = ("simulated", "low", "high", "point_biserial", "pb_low", "pb_high")
-    kept = {name: value for name, value in row.items() if name not in left_out}
-    return {**kept, "95 % interval": (row["low"], row["high"])}
+    """The columns of a row that fit into a terminal, its interval as one of them, after what it is the interval of."""
+    left_out = ("simulated", "high", "point_biserial", "pb_low", "pb_high")
+    whole = {**row, "low": (row["low"], row["high"])}
+    return {"95 % interval" if name == "low" else name: whole[name] for name in row if name not in left_out}
