@@ -156,6 +156,7 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     (("play", "--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
     (("play", "--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
     (("retime", "--out", "x.wav"), "written as .npz, .bvh, .mp4"),
+    (("retime", "--out", "x.npz", "--height", "720"), "--height is for a video, not for x.npz"),
     (("retime", "--out", "nowhere/x.npz"), "no such folder"),
     (("retime", "--out", "x.npz", "--strength", "2"), "strength must lie between 0 and 1"),
     (("retime", "--out", "x.npz", "--slowest", "0"), "slowest must lie above 0"),
@@ -212,9 +213,10 @@ def test_the_warper_of_2019_can_be_asked_for(pair: tuple[Path, Path], tmp_path: 
 @pytest.mark.slow
 def test_a_film_has_pictures_and_the_song_from_the_offset_on(pair: tuple[Path, Path], tmp_path: Path):
     film = tmp_path / "x.mp4"
-    retime(*pair, "--out", film, "--offset", -0.5)
+    retime(*pair, "--out", film, "--offset", -0.5, "--height", 240)
     assert len(frames(film)) == 180
     with av.open(str(film)) as container:
+        assert container.streams.video[0].height == 240
         sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
     assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
 
@@ -224,9 +226,10 @@ def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
     clip = synthetic_clip("waltz", seconds=12.0, jitter=0.15, seed=1)
     song = write_song(tmp_path / "song.wav", clip)
     write_video(tmp_path / "in.mp4", render_skeleton(clip.motion, fps=30.0, height=160), 30.0)
-    retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--dance", "waltz")
+    retime(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--dance", "waltz", "--height", 144)
     with av.open(str(tmp_path / "out.mp4")) as container:
-        assert (container.streams.video[0].frames, len(container.streams.audio)) == (360, 1)
+        film = container.streams.video[0]
+        assert (film.frames, film.height, len(container.streams.audio)) == (360, 144, 1)
     scores = []
     for name in ("in.mp4", "out.mp4"):
         video = video_frames(tmp_path / name, height=160)

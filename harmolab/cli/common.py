@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 PAGES = (".html", ".htm")
 OF_LAB = 60.0  # seconds of a dance unless asked for more: the picture of a minute can still be read
 VIDEOS_OUT = (".mp4", ".webm")
+HEIGHT = 480  # of a video, pixels, unless asked for otherwise
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 
 

@@ -11,7 +11,7 @@ import typer
 
 import harmolab
 from harmolab.cli import common
-from harmolab.cli.common import FileOptions, PartOptions
+from harmolab.cli.common import HEIGHT, FileOptions, PartOptions
 from harmolab.cli.data import is_body_found
 from harmolab.cli.screen import note, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, reading_fault, sources
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 GIF = ".gif"
 GIF_SECONDS, GIF_HEIGHT, GIF_RATE = 5.0, 240, 12.5  # unless asked for otherwise: some hundred kilobytes
-HEIGHT = 480
 NO_GIF = "a video has more colours than a gif; choose a name that ends in .mp4 or .webm"
 NO_START = "a video is drawn from its first picture on; leave out --start"
 

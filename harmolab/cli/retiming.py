@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
+from harmolab.cli.common import HEIGHT, Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, printable, progress, wrote
 from harmolab.cli.sources import note_tempo, reading_fault, sound_offset, sources
 
@@ -40,6 +40,7 @@ def retime(
     *,
     judged: JudgeOptions,
     method: Literal["dp", "lee2019"] = "dp",
+    height: Annotated[int | None, typer.Option(min=120, max=2160, show_default=f"{HEIGHT}")] = None,
     read: FileOptions,
 ) -> None:
     """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
@@ -59,6 +60,7 @@ def retime(
     slowest : Lowest local speed, above 0 to 1.
     fastest : Highest local speed, 1 or more.
     method : dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.
+    height : Video: pixels; a film is never enlarged.
     """
     from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files
@@ -68,6 +70,8 @@ def retime(
     common.check_place(out)
     files = sources(context, song, motion, judged)
     common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
+    if height and out.suffix.lower() not in common.VIDEOS_OUT:
+        raise ValueError(f"--height is for a video, not for {out}")
     if files.is_video and files.song != files.motion and offset is None:
         with suppress(ValueError):  # it has no sound
             offset = sound_offset(files, video_sound(files.motion))
@@ -76,7 +80,7 @@ def retime(
     retimed = retime_files(
         files.song, files.motion, out, strength=strength, phase=place, offset=offset, slowest=slowest,
         fastest=fastest, dance=files.dance, beats=files.beats, one=files.one, method=method,
-        progress=progress, params=judged.params(files.dance), **read.keywords,
+        height=height or HEIGHT, progress=progress, params=judged.params(files.dance), **read.keywords,
     )  # fmt: skip
     note_tempo(files.song, files.dance, retimed.before.music)
     _print(retimed, files.motion, place)

@@ -241,6 +241,7 @@ def retime_files(
     slowest: float = 0.7,
     fastest: float = 1.4,
     method: Method = "dp",
+    height: int = 480,
     progress: Progress = silent,
     **reading: Unpack[ReadingKeywords],
 ) -> Retimed:
@@ -254,6 +255,7 @@ def retime_files(
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     params : HarmonyParams of the number before and after, as in `harmolab.verdict.judge.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
+    height : int, pixels, of a video; a film is never enlarged
     progress : Progress over reading, beat tracking and drawing
     reading : fps, scale, joints, smpl, up, as in `load_clip`
 
@@ -274,9 +276,9 @@ def retime_files(
         score=lambda bent: score_clip(replace(clip, motion=bent), params),
     )  # fmt: skip
     if video:
-        warp_video(video, out, retimed.warp, sound_of(clip))
+        warp_video(video, out, retimed.warp, sound_of(clip), height=height)
     elif Path(out).suffix.lower() in CODINGS:
-        write_dance(out, replace(clip, motion=retimed.motion), progress=progress)
+        write_dance(out, replace(clip, motion=retimed.motion), height=height, progress=progress)
     else:
         save_motion(out, retimed.motion, offset=clip.offset)
     return retimed
