@@ -320,7 +320,7 @@ def test_what_cannot_be_done_is_one_line(hands: Callable[..., Path], song: Path,
     faults: dict[tuple[object, ...], str] = {
         (tmp_path / "none.wav", *out): "none.wav: no such file",
         (tmp_path / "broken.wav", *out): "broken.wav: ",
-        (tmp_path / "click.wav", *out): "less than two frames",
+        (tmp_path / "click.wav", *out): "click.wav: 0.02 s of sound are less than two frames",
         (tmp_path, *out): "folder",
         (song, "--out", tmp_path / "p.pdf"): "a performance is written as",
         (song, "--out", "/nowhere/p.html"): "/nowhere: no such folder",

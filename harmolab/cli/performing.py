@@ -15,6 +15,7 @@ from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_outp
 from harmolab.cli.dancing import files_to_write, written
 from harmolab.cli.screen import note, progress, say, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
+from harmolab.files import named_faults
 
 Instrument = Literal["piano", "violin"]
 UNASKED = (".html", ".mp4")  # where nothing is asked for
@@ -78,9 +79,10 @@ def perform(
         begin = perf_counter()
         plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
         own = None if truth is None else plays(truth)
-        result = musician.performed(
-            system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
-        )
+        with named_faults(song):
+            result = musician.performed(
+                system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
+            )
         length, took = result.figure.duration, perf_counter() - begin
     used = str(weights) if weights else f"the {result.instrument} player that comes with harmolab"
     done = written(
