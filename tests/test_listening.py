@@ -103,7 +103,7 @@ def test_key_of_another_study_is_refused(tmp_path: Path):
 @cases(
     "change, message",
     ({"n": 10}, "n must be a multiple of 4"),
-    ({"n": 0}, "n must be a multiple of 4"),
+    ({"n": 0}, "n must be a multiple of 4 above 0"),
     ({"n": True}, "n must be a multiple of 4"),
     ({"n": 16}, "only 12 clips"),
     ({"kind": "rank"}, "kind must be 'pick', 'choice' or 'rate', got 'rank'"),
