@@ -3,6 +3,7 @@
 import hashlib
 import itertools
 import json
+import pickle
 import subprocess
 import sys
 import tomllib
@@ -538,6 +539,12 @@ def test_the_pose_is_held_in_silence_and_the_guard_does_not_mind(dancer: Choreog
     assert made.held[8 * 30 + 2 : 16 * 30 - 2].all() and not made.held[: 7 * 30].any()
     assert "poorest" in likeness(made.motion, limits=dancer.limits).fails
     assert "poorest" not in likeness(made.motion, limits=dancer.limits, held=made.held).fails
+
+
+def test_a_dancer_sent_to_another_process_dances_the_same(dancer: Choreographer):
+    sent = pickle.loads(pickle.dumps(dancer))
+    dances = [each.generate(SILENCE, seconds=6.0, seed=1).positions for each in (dancer, sent)]
+    np.testing.assert_array_equal(*dances)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_dance(dancer: Choreographer):

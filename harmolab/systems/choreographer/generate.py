@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Self
@@ -235,7 +234,7 @@ class Choreographer(DanceSystem):
         self._limits = limits
         self._moves: dict[tuple[Take, ...], Moves] = {}
         self._signals: dict[Take, ShapeSignal] = {}
-        self._mirrored = cache(mirrored)
+        self._mirrored: dict[Take, Take] = {}
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -437,7 +436,8 @@ class Choreographer(DanceSystem):
             if beats.size > 1:
                 courses.append(Course(take, beats))
         if sum(take.seconds for take in takes) < max(FEW_SECONDS, ENOUGH_SHARE * seconds) and side_pairs(self.skeleton):
-            courses += [Course(self._mirrored(course.take), course.beats) for course in courses]
+            mirrors = [self._mirrored.setdefault(course.take, mirrored(course.take)) for course in courses]
+            courses += [Course(take, course.beats) for take, course in zip(mirrors, courses, strict=True)]
         if not courses:
             raise ValueError(f"no recording is long enough for two beats of {period:.2f} s")
         return moves_of(courses, self.params)
