@@ -28,10 +28,16 @@ def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[An
     """A read-only contiguous copy of `values`; ValueError names the field when it is not a finite numeric array."""
     if np.iscomplexobj(values):
         raise ValueError(f"{name} must be real numbers, got complex ones")
+    if np.ma.is_masked(values):
+        raise ValueError(f"{name} has masked entries; interpolate or cut them first")
     try:
-        array = np.array(values, dtype=dtype, order="C")
+        original = np.asarray(values)
+        with np.errstate(invalid="ignore"):
+            array = np.array(original, dtype=dtype, order="C")
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    if array.dtype.kind != "f" and not np.array_equal(array, original):
+        raise ValueError(f"{name} must be {'True or False' if array.dtype.kind == 'b' else 'whole numbers'}")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
         raise ValueError(f"{name} holds NaN or infinity (first at index {where}); interpolate or cut it first")

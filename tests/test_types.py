@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from harmolab.beats.meter import MeterUnit
 from harmolab.body.skeletons import Skeleton
@@ -32,8 +33,9 @@ def test_audio_span_takes_the_samples_from_start_on():
     np.testing.assert_array_equal(Audio(np.arange(10.0), 2.0).span(1.0, 1.5).samples, [2, 3, 4])
 
 
-def test_audio_keeps_single_precision():
-    assert Audio(np.zeros(3, np.float32), 8000).samples.dtype == np.float32
+def test_audio_keeps_single_precision_of_a_tensor_too():
+    for samples in (np.zeros(3, np.float32), torch.zeros(3)):
+        assert Audio(samples, 8000).samples.dtype == np.float32
 
 
 SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
@@ -63,6 +65,8 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     (r"positions holds NaN or infinity \(first at index 0, 0, 0\)", Motion, (FRAMES + np.inf, 15.0, PAIR)),
     ("fps must be positive and finite, got -15.0", Motion, (FRAMES, -15.0, PAIR)),
     (r"valid must have one entry per frame \(4\), got shape \(3,\)", Motion, (FRAMES, 15.0, PAIR, [True] * 3)),
+    ("valid must be True or False", Motion, (FRAMES, 15.0, PAIR, [0.4, np.nan, 1.0, 1.0])),
+    ("positions has masked entries; interpolate", Motion, (np.ma.masked_equal(FRAMES, 0.0), 15.0, PAIR)),
     ("no motion from 1.5 s for 1 s in a motion of 2.00 s", motion(4, 2.0).span, (1.5, 1)),
     ("beat times reach 5400 in a clip of 10 s; were these frames?", BeatTrack, ([0.0, 5400.0], [1, 1], 15.0, 10.0)),
     ("beat times start at -0.1 s; they must not be negative", BeatTrack, ([-0.1], [1], 15.0, 10.0)),
@@ -72,6 +76,7 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     (r"times \(2,\) and strengths \(1,\) must be two equal lists", BeatTrack, ([1.0, 2.0], [1], 15.0, 10.0)),
     (r"beat times holds NaN or infinity \(first at index 0\)", BeatTrack, ([np.nan], [1], 15.0, 10.0)),
     (r"bar_places must .* per beat \(2\), got shape \(1,\)", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0])),
+    ("bar_places must be whole numbers", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0.5, np.nan])),
     ("a bar pattern needs at least one beat, got 0", BarPattern, (0, (1.0,), (0.0,))),
     ("cosines and sines must be two equal lists", BarPattern, (1, (), ())),
     ("cosines and sines must be two equal lists", BarPattern, (1, (1.0,), (0.0, 1.0))),
