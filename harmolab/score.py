@@ -13,13 +13,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from harmolab.files import plain
-from harmolab.params import HarmonyParams
+from harmolab.params import CHOICES, HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares, rotations
-from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
+from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray, moments
 
 # Salience of beats (Eq. 11-13)
 
@@ -230,14 +231,18 @@ def interval_matrix(audio_times: FloatArray, visual_times: FloatArray) -> FloatA
     return np.abs(position_matrix(visual_times, audio_times.size) - audio_times[:, None])
 
 
-def nearest_intervals(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
-    """T: distance of each music beat to its nearest visual beat, (N,) seconds (Eq. 17); infinite without any."""
+def nearest_intervals(audio_times: ArrayLike, visual_times: ArrayLike) -> FloatArray:
+    """T: distance of each music beat to its nearest visual beat, (N,) seconds (Eq. 17); infinite without any.
+
+    ValueError unless both are lists of finite numbers.
+    """
+    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
     if visual_times.size == 0:
         return np.full(audio_times.size, np.inf)
     return interval_matrix(audio_times, visual_times).min(axis=1)
 
 
-def hit_mask(audio_times: FloatArray, visual_times: FloatArray, *, delay: float, matching: str = "many") -> BoolArray:
+def hit_mask(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, matching: str = "many") -> BoolArray:
     """Hp: which music beats have a visual beat within the delay (Eq. 18).
 
     Parameters
@@ -253,19 +258,25 @@ def hit_mask(audio_times: FloatArray, visual_times: FloatArray, *, delay: float,
     Returns
     -------
     (N,) bool array; all False if there are no visual beats.
+
+    Raises
+    ------
+    ValueError
+        If the times are no lists of finite numbers, or `matching` is another word.
     """
-    if matching == "many" or visual_times.size == 0:
+    if matching == "many":
         return nearest_intervals(audio_times, visual_times) <= delay + EDGE
     return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
 
 
-def hit_pairs(
-    audio_times: FloatArray, visual_times: FloatArray, *, delay: float, matching: str = "nearest"
-) -> IntArray:
+def hit_pairs(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, matching: str = "nearest") -> IntArray:
     """The visual beat that hits each music beat: (N,) indices into `visual_times`, -1 for a miss (Eq. 18).
 
-    Parameters are those of `hit_mask`. Visual beats that no index names are redundant (caption of Fig. 3).
+    Parameters and errors are those of `hit_mask`. Visual beats that no index names are redundant (caption of Fig. 3).
     """
+    if matching not in CHOICES["matching"]:
+        raise ValueError(f"matching must be one of {', '.join(CHOICES['matching'])}; got {matching!r}")
+    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
     if audio_times.size == 0 or visual_times.size == 0:
         return np.full(audio_times.size, -1, dtype=np.int64)
     intervals = interval_matrix(audio_times, visual_times)
@@ -290,9 +301,9 @@ def _in_order(intervals: FloatArray, delay: float) -> IntArray:
     return pairs
 
 
-def hitting_score(hits: BoolArray, strengths: FloatArray) -> float:
+def hitting_score(hits: ArrayLike, strengths: ArrayLike) -> float:
     """h_s: the strengths of the music beats that were hit, added up (Eq. 19)."""
-    return float(hits @ strengths)
+    return float(np.asarray(hits) @ np.asarray(strengths))
 
 
 def f_score(audio_harmony: float, visual_harmony: float, beta: float) -> float:
@@ -311,15 +322,18 @@ def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) ->
     return (1 + beta**2) * score / (n_audio * beta**2 + n_visual)
 
 
-def chance_level(visual_times: FloatArray, *, delay: float, duration: float) -> float:
+def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> float:
     """c: share of the clip within the delay of a visual beat, which is what a random music beat would score.
 
     That holds where one visual beat may serve many music beats (``matching="many"``); where each serves one music beat
-    only, chance reaches less, and `HarmonyScore.p_value` tells whether a dance is above it.
+    only, chance reaches less, and `HarmonyScore.p_value` tells whether a dance is above it. ValueError unless the times
+    are a list of finite numbers, and the duration (seconds) is positive.
     """
-    if visual_times.size == 0:
+    if not duration > 0:
+        raise ValueError(f"duration must be positive, got {duration}")
+    times = np.sort(moments(visual_times, "visual_times"))
+    if times.size == 0:
         return 0.0
-    times = np.sort(visual_times)
     starts = np.maximum(times - delay, 0.0)
     ends = np.minimum(times + delay, duration)
     # Sorted beats: each adds what lies beyond the end of all before it.

@@ -45,6 +45,14 @@ def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[An
     return array
 
 
+def moments(times: ArrayLike, name: str) -> FloatArray:
+    """Moments (B,) in seconds, as a read-only array; ValueError names them where they are no list of finite numbers."""
+    array = _frozen(times, name)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
+    return array
+
+
 def _positive(value: float, name: str) -> float:
     """`value` as a float; ValueError unless it is positive and of a size that physical quantities have."""
     try:

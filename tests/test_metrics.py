@@ -16,6 +16,7 @@ from harmolab.metrics import beat_alignment as alignment
 from harmolab.metrics import features
 from harmolab.metrics.quality import STEP, bone_error, foot_skating, freezing, jerk, largest_step, pfc, relative_jerk
 from harmolab.readers.keypoints import COCO_17
+from harmolab.score import chance_level, hit_mask, hitting_score
 from harmolab.types import Motion
 from tests.builders import along_x, cases, refused, track
 
@@ -33,6 +34,28 @@ def test_beat_alignment_has_two_directions():
     music, motion = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0])
     aligned = alignment.beat_align(motion, music), alignment.beat_align(music, motion)
     assert aligned == (1.0, pytest.approx(0.25))
+
+
+@cases(
+    "message, call, arguments, options",
+    (r"queries holds NaN or infinity \(first at index 1\)", alignment.beat_align, ([1.0, np.nan], STEADY), {}),
+    (r"targets must be a list of moments \(B,\), got shape \(1, 38\)", alignment.beat_align, ([], [STEADY]), {}),
+    ("sigma must be positive, got 0", alignment.beat_align, ([1.0], STEADY), {"sigma": 0}),
+    ("visual_times holds NaN", alignment.mir_eval_scores, (STEADY, [np.nan]), {}),
+    ("no measure is called recall; there are f, cemgil", alignment.mir_eval_scores, ([], []), {"only": ["recall"]}),
+    ("audio_times holds NaN", hit_mask, ([np.nan], STEADY), {"delay": 0.1}),
+    ("matching must be one of many, nearest, max; got 'one'", hit_mask, ([], []), {"delay": 0.1, "matching": "one"}),
+    ("visual_times must be a list of moments", chance_level, (1.0,), {"delay": 0.1, "duration": 2.0}),
+    ("duration must be positive, got 0", chance_level, ([1.0],), {"delay": 0.1, "duration": 0}),
+)
+def test_what_are_no_moments_is_refused_by_name(message, call, arguments, options):
+    refused(message, call, *arguments, **options)
+
+
+def test_lists_and_frame_numbers_are_moments_too():
+    frames = np.array([1, 3], np.uint8)
+    assert alignment.beat_align(frames, [2, 3], sigma=1) == pytest.approx((1 + np.exp(-0.5)) / 2)
+    assert hitting_score(hit_mask([1.0, 2.0], [2.0], delay=0.1), [3.0, 4.0]) == 4.0
 
 
 def test_hit_rate_counts_motion_beats_near_music_beats():

@@ -9,10 +9,11 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from harmolab.params import HarmonyParams
 from harmolab.score import hit_mask, nearest_intervals
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.types import BeatTrack, FloatArray, moments
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
 AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps
@@ -30,7 +31,7 @@ def kinematic_params() -> HarmonyParams:
     return HarmonyParams(detector="valleys", fps=None, smoothing=AIST_SMOOTHING, visual_threshold=None)
 
 
-def beat_align(queries: FloatArray, targets: FloatArray, *, sigma: float = AIST_SIGMA) -> float:
+def beat_align(queries: ArrayLike, targets: ArrayLike, *, sigma: float = AIST_SIGMA) -> float:
     """Mean of exp(-d^2 / (2 sigma^2)) over `queries`, d the distance to the nearest target (Li et al. 2021, AIST++).
 
     Parameters
@@ -43,6 +44,11 @@ def beat_align(queries: FloatArray, targets: FloatArray, *, sigma: float = AIST_
     -------
     float in [0, 1]; 0 when either side is empty.
 
+    Raises
+    ------
+    ValueError
+        If the times are no lists of finite numbers, or sigma is not positive.
+
     Notes
     -----
     Over motion beats, one well-placed beat scores 1; over music beats, a motion that turns all the time does. Published
@@ -53,9 +59,10 @@ def beat_align(queries: FloatArray, targets: FloatArray, *, sigma: float = AIST_
     >>> beat_align(np.array([1.0]), np.array([1.0, 2.0]))
     1.0
     """
-    if len(queries) == 0 or len(targets) == 0:
-        return 0.0
-    return float(np.exp(-(nearest_intervals(queries, targets) ** 2) / (2 * sigma**2)).mean())
+    if not sigma > 0:
+        raise ValueError(f"sigma must be positive, got {sigma}")
+    intervals = nearest_intervals(moments(queries, "queries"), moments(targets, "targets"))
+    return float(np.exp(-(intervals**2) / (2 * sigma**2)).mean()) if intervals.size else 0.0
 
 
 def beat_coverage(n_visual: int, n_audio: int) -> float:
@@ -87,7 +94,7 @@ MIR_EVAL_NAMES = ("f", "cemgil", "goto", "p_score", "cmlc", "cmlt", "amlc", "aml
 
 
 def mir_eval_scores(
-    audio_times: FloatArray, visual_times: FloatArray, *, only: Collection[str] = MIR_EVAL_NAMES
+    audio_times: ArrayLike, visual_times: ArrayLike, *, only: Collection[str] = MIR_EVAL_NAMES
 ) -> dict[str, float]:
     """The beat-tracking measures of mir_eval, music beats as reference, motion beats as estimate.
 
@@ -99,7 +106,15 @@ def mir_eval_scores(
     -------
     dict of "mir_eval_" + name for the names of `only`; all 0 with fewer than two beats on either side, or when those of
     one side lie within a hundredth of a second, which is the finest that mir_eval can tell apart.
+
+    Raises
+    ------
+    ValueError
+        If the times are no rising lists of finite numbers, or `only` names what is no measure.
     """
+    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
+    if unknown := set(only) - set(MIR_EVAL_NAMES):
+        raise ValueError(f"no measure is called {', '.join(unknown)}; there are {', '.join(MIR_EVAL_NAMES)}")
     if min(len(audio_times), len(visual_times)) < 2 or min(np.ptp(audio_times), np.ptp(visual_times)) <= 0.01:
         return {f"mir_eval_{name}": 0.0 for name in only}
     # Imported late: it takes a second, and only callers of this function need it.
