@@ -500,7 +500,7 @@ def soft_harmony(
     beats, strengths : (N, B) tensors
         Music beats in seconds from frame 0, and their strengths.
     beat_mask : (N, B) tensor, 1 (or True) at real beats
-    mask : (N, T) tensor, 1 at real frames; padding stands at the end
+    mask : (N, T) tensor, 1 at real frames; padding stands at the end, and may hold anything, as that of beats may
     fps : float, hertz
     tau : float
         Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 the hard score of hits.
@@ -521,7 +521,8 @@ def soft_harmony(
     Raises
     ------
     ValueError
-        For tensors that do not fit together, tau not positive, or a setting that has no relaxation.
+        For tensors that do not fit together, beats that are not finite, tau not positive, or a setting that has no
+        relaxation.
     """
     _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
     if params.measure == "shape" and positions.ndim == 2:
@@ -529,7 +530,11 @@ def soft_harmony(
     _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
-    beats, counted = beats.to(positions.dtype), beat_mask.bool()
+    counted, after = beat_mask.bool(), ~frames_before_end(mask).bool()
+    # Padding may be NaN, which has no gradient of 0.
+    after = after.view(*after.shape, *[1] * (positions.ndim - 2))
+    positions = positions.masked_fill(positions.isnan() & after, 0.0)
+    beats = beats.to(positions.dtype).nan_to_num()
     if span is not None:
         span = span.to(positions.dtype)
         counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
@@ -662,13 +667,15 @@ def _check_tensors(
 ) -> None:
     """ValueError for tensors that do not fit together."""
     shape = tuple(positions.shape)
-    if len(shape) not in (2, 4) or shape[1] < 2:
+    if len(shape) not in (2, 4) or min(shape) < 1 or shape[1] < 2 or shape[3:] not in ((), (2,), (3,)):
         raise ValueError(f"positions must be (N, T, J, 3), or a speed (N, T), with two frames or more; got {shape}")
     if tuple(mask.shape) != shape[:2]:
         raise ValueError(f"mask must be {shape[:2]}, one entry per frame; got {tuple(mask.shape)}")
     if not beats.shape == strengths.shape == beat_mask.shape or beats.ndim != 2 or len(beats) != shape[0]:
         shapes = [tuple(each.shape) for each in (beats, strengths, beat_mask)]
         raise ValueError(f"beats, strengths and beat_mask must be ({shape[0]}, B) each, got {shapes}")
+    if not beats[beat_mask.bool()].isfinite().all():
+        raise ValueError("beats must be finite where beat_mask is 1; mask what is none")
     if bar_places is not None and tuple(bar_places.shape) != shape[:1]:
         raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):

@@ -144,6 +144,19 @@ def test_padding_clips_and_beats_of_others_change_nothing(params: HarmonyParams)
             torch.testing.assert_close(getattr(alone, name)[0], getattr(together, name)[row], rtol=1e-6, atol=1e-6)
 
 
+@cases("params", PAPER, HarmonyParams.valleys(), HarmonyParams.recommended())
+def test_padding_of_nan_changes_neither_score_nor_gradient(params: HarmonyParams):
+    scores, gradients = [], []
+    for filler in (0.0, float("nan")):
+        clips = Clips(4, frames=90)
+        clips.beats[~clips.beat_mask] = filler
+        clips.positions[~clips.mask] = filler
+        motion = torch.tensor(clips.positions, requires_grad=True)
+        scores.append(clips.soft(params, 0.2, motion).above_chance)
+        gradients += torch.autograd.grad(scores[-1].sum(), motion)
+    assert torch.equal(*scores) and torch.equal(*gradients) and gradients[0].any()
+
+
 @pytest.mark.parametrize("params", [SMOOTH, HarmonyParams.valleys()], ids=["paper smoothed", "valleys"])
 def test_gradient_is_that_of_finite_differences(params: HarmonyParams):
     clips = Clips(7, count=2, frames=12, joints=1, beats=3)
@@ -263,6 +276,8 @@ def test_softness_falls_geometrically():
     ({"mask": torch.ones(2, 8)}, r"mask must be \(2, 9\)"),
     ({"strengths": torch.ones(2, 2)}, "beats, strengths and beat_mask must be"),
     ({"span": torch.zeros(2)}, r"span must be \(2, 2\)"),
+    ({"beats": torch.full((2, 3), float("nan"))}, "beats must be finite where beat_mask is 1"),
+    ({"positions": torch.zeros(2, 9, 3, 4)}, r"positions must be \(N, T, J, 3\).*got \(2, 9, 3, 4\)"),
     ({"tau": 0.0}, "tau must be positive, got 0.0"),
     ({"fps": -15.0}, "fps must be positive, got -15.0"),
     ({"params": replace(PAPER, fps=25.0)}, "defined at 25 fps and the motion has 15: resample it first"),
