@@ -161,6 +161,8 @@ class HarmonyParams:
             raise ValueError(f"fps must be positive or None, got {self.fps}")
         if not abs(self.lag) <= MAX_LAG:
             raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
+        if not isinstance(self.pattern, BarPattern | None):
+            raise ValueError(f"pattern must be a BarPattern or None, got {self.pattern!r}; see HOW_PATTERNS")
         for name, choices in CHOICES.items():
             if (value := getattr(self, name)) not in choices:
                 raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}{GONE.get(value, '')}")

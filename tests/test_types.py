@@ -188,6 +188,7 @@ def test_paper_mode_has_the_papers_values():
     ({"lag": float("inf")}, "lag must lie within 2 s of the beat, got inf"),
     ({"measure": "pattern"}, "one of shape, hits; got 'pattern'; the joint speed in the room gave way"),
     ({"detector": "jumps"}, "detector must be one of turns, valleys, peaks, direction; got 'jumps'"),
+    ({"pattern": "waltz"}, "pattern must be a BarPattern or None, got 'waltz'; see HOW_PATTERNS"),
     ({"matching": "one"}, "matching must be one of many, nearest, max; got 'one'"),
 )
 def test_bad_settings_are_refused_by_name(changed, message):
