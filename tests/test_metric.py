@@ -289,6 +289,13 @@ def test_a_dance_without_a_bar_pattern_is_remarked():
     assert len(of_dances) == 1 and "of 1 of 3 dances is NaN" in of_dances[0] and "'walz' is none of" in of_dances[0]
 
 
+def test_remarks_are_true_of_flat_dances_and_of_none():
+    assert DanceMetric(SYNTHETIC).remarks == ()
+    (motion,), beats = short(1)
+    flat = replace(motion, positions=motion.positions[..., :2])
+    assert says(evaluate([flat], beats)["remarks"], "foot_skating of 1 of 1 dances is NaN: it needs three dimensions")
+
+
 def test_a_body_on_its_side_or_in_centimetres_is_remarked_and_columns_of_a_table_will_do():
     (motion, other), beats = short(2)
     lying, large = replace(motion, positions=motion.positions[..., [0, 2, 1]]), 100 * other.positions

@@ -300,14 +300,14 @@ def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
         "harmony": f"it needs {FEWEST_BEATS} beats of the music, some 8 s, and a body that moves; the most beats of a "
         f"dance here are {beats}",
         "likeness": f"it needs {SHORTEST:g} s of movement in three dimensions, of joints with names",
-        "foot_skating": "no joint is called a foot or an ankle",
+        "foot_skating": "it needs three dimensions, and a joint that is called a foot or an ankle",
     }
     for name, reason in reasons.items():
         if count := sum(math.isnan(float(row[name])) for row in rows):
             yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
     for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCES)).items():
         yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {dance!r} is none of {', '.join(DANCES)}."
-    if reference is None:
+    if reference is None or not rows:
         return
     recorded = reference.features
     if min(len(rows), len(recorded)) < LEAST:
