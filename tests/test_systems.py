@@ -397,6 +397,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
     (f"{__name__}:Nobody", "has no class Nobody"),
     ("json:dumps", "json has no class dumps"),
+    ("json:JSONDecoder", "the class has no generate, save, load, train; see harmolab.systems.System"),
 )
 def test_an_unknown_system_is_named(stranger: str, message: str):
     refused(message, find, stranger)

@@ -69,7 +69,11 @@ class System(Trainable, Protocol):
         """
 
     def save(self, folder: PathLike) -> None:
-        """Write weights, and ``model.json`` that names the system, to a folder; it is made if need be."""
+        """Write weights, and ``model.json``, to a folder; it is made if need be.
+
+        The file has ``{"format": 1, "system": "package.module:Class", "build": {}}`` at least; "build" is for what the
+        class needs to be built again.
+        """
 
     @classmethod
     def load(cls, folder: PathLike) -> Self:
@@ -88,13 +92,16 @@ def find(name: str) -> type[System]:
     Raises
     ------
     ValueError
-        If there is no such system, or it is a part of one.
+        If there is no such system, it is a part of one, or the class lacks a method of `System`.
     """
     check_whole(name)
     module, outside, _ = name.partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
-    return _class(name, module if outside else PLAYERS.get(name, f"{__package__}.{name}"))
+    system: type[System] = _class(name, module if outside else PLAYERS.get(name, f"{__package__}.{name}"))
+    if missing := [method for method in ("generate", "save", "load", "train") if not hasattr(system, method)]:
+        raise ValueError(f"system {name}: the class has no {', '.join(missing)}; see harmolab.systems.System")
+    return system
 
 
 def trainable(name: str) -> type[Trainable]:

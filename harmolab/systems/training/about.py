@@ -29,7 +29,7 @@ def read_about(path: PathLike) -> dict[str, Any]:
     with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
         about = read_json(file)
         if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
-            raise ValueError("does not describe weights of harmolab")
+            raise ValueError(f'does not describe weights of harmolab: it needs "format": {FORMAT} and "build": {{...}}')
         if about["format"] != FORMAT:
             raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
     return about
