@@ -12,13 +12,18 @@ import numpy as np
 import pytest
 import torch
 
+from harmolab.beats.audio import audio_beats
 from harmolab.beats.meter import MeterUnit
+from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
+from harmolab.metrics.likeness import Likeness, likeness
+from harmolab.metrics.quality import jerk
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
+from harmolab.verdict.judge import score_clip, score_motion
 from study.profile import RunProfile
 from tests.builders import cases, refused, track
 
@@ -36,6 +41,10 @@ def test_audio_span_takes_the_samples_from_start_on():
 def test_audio_keeps_single_precision_of_a_tensor_too():
     for samples in (np.zeros(3, np.float32), torch.zeros(3)):
         assert Audio(samples, 8000).samples.dtype == np.float32
+
+
+def held_at(frames: list[bool]) -> Likeness:
+    return likeness(motion(), held=np.array(frames))
 
 
 SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
@@ -83,6 +92,17 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("coefficients must be finite", BarPattern, (1, (float("nan"),), (0.0,))),
     (r"a meter unit must end after it starts, got 2\.0 to 1\.0 s", MeterUnit, (2.0, 1.0, [True], "4/4")),
     ("waltz: motion starting at 9.00 s does not overlap audio of 5.00 s", Clip, ("waltz", SILENCE, motion(), 9.0)),
+    ("skeleton must be a harmolab.Skeleton, got tuple", Motion, (FRAMES, 15.0, ("hip", "knee"))),
+    ("audio must be a harmolab.Audio, got ndarray", Clip, ("waltz", np.zeros(10))),
+    ("motion must be a harmolab.Motion, got ndarray", Clip, ("waltz", SILENCE, FRAMES)),
+    ("beats must be a harmolab.BeatTrack, got list", Clip, ("waltz", SILENCE, None, 0.0, "", [1.0])),
+    ("clip must be a harmolab.Clip, got str", score_clip, ("waltz.wav",)),
+    ("audio_track must be a harmolab.BeatTrack, got list", score_motion, ([1.0], motion())),
+    ("motion must be a harmolab.Motion, got ndarray", score_motion, (track([1.0]), FRAMES)),
+    ("motion must be a harmolab.Motion, got ndarray", visual_beats, (FRAMES,)),
+    ("motion must be a harmolab.Motion, got ndarray", jerk, (FRAMES,)),
+    ("audio must be a harmolab.Audio, got ndarray", audio_beats, (np.zeros(10),)),
+    (r"held must have one entry per frame \(4\), got shape \(1,\)", held_at, ([True],)),
     ("offset must be finite, got nan", Clip, ("waltz", SILENCE, None, float("nan"))),
 )
 def test_what_is_no_record_is_refused_by_name(message, record, values):

@@ -394,6 +394,7 @@ def likeness(
         with the same joints: `LikenessLimits.of`.
     held : (T,) bool array
         Frames in which a pose is held on purpose, since the music is silent. They count as filler does: nowhere.
+        ValueError for another shape.
 
     Notes
     -----
@@ -408,6 +409,8 @@ def likeness(
     >>> likeness(Motion(np.zeros((60, 1, 3)), 15.0, Skeleton.unnamed(1))).verdict
     'cannot be judged: no joints are named left and right hip, or shoulder'
     """
+    if held is not None and np.shape(held) != motion.valid.shape:
+        raise ValueError(f"held must have one entry per frame ({motion.n_frames}), got shape {np.shape(held)}")
     if held is not None:
         motion = replace(motion, valid=motion.valid & ~held)
     if motion.positions.shape[2] != 3:

@@ -36,7 +36,7 @@ from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
-from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind
 from harmolab.verdict import evidence, sentences
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
@@ -160,7 +160,10 @@ def score_motion(
 
     Cut beats and motion to what they share first (`Clip.shared` does it for a clip): all beats count. `params` are
     ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
+    ValueError unless a BeatTrack and a Motion are passed.
     """
+    check_kind(audio_track, BeatTrack, "audio_track")
+    check_kind(motion, Motion, "motion")
     params = params or HarmonyParams.recommended()
     timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
     visual = visual_beats(timed, params=params)
@@ -219,7 +222,7 @@ def score_clip(
     Raises
     ------
     ValueError
-        If the clip has no motion, or motion and music hardly overlap.
+        If `clip` is none, it has no motion, or motion and music hardly overlap.
 
     Examples
     --------
@@ -230,6 +233,7 @@ def score_clip(
     >>> bool(score.music.times[score.hits].size == score.hits.sum())
     True
     """
+    check_kind(clip, Clip, "clip")
     params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
     if clip.beats is None and tracker is not None:
         clip = replace(clip, beats=tracker(clip.audio))
