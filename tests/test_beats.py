@@ -138,7 +138,7 @@ def test_a_tempo_prior_is_a_dance_or_a_range(given, expected):
     assert listening.tempo_range(given) == expected
 
 
-@pytest.mark.parametrize("given", [(120, 100), (0, 100), (100, 100), (float("nan"), 100)])
+@pytest.mark.parametrize("given", [(120, 100), (0, 100), (100, 100), (float("nan"), 100), 120, (100, 110, 120)])
 def test_a_bad_tempo_prior_is_refused(given):
     refused("a tempo range is two rising numbers in beats per minute, got", listening.tempo_range, given)
     refused("unknown dance 'polka'; known: cha-cha, jive", listening.tempo_range, "polka")

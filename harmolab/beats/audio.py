@@ -96,10 +96,9 @@ def tempo_range(tempo: str | tuple[float, float] | None) -> tuple[float, float] 
         if tempo not in DANCES:
             raise ValueError(f"unknown dance {tempo!r}; known: {', '.join(DANCES)}")
         return DANCES[tempo].tempo
-    low, high = map(float, tempo)
-    if not 0 < low < high < 1000:
+    if np.shape(tempo) != (2,) or not 0 < tempo[0] < tempo[1] < 1000:
         raise ValueError(f"a tempo range is two rising numbers in beats per minute, got {tempo}")
-    return low, high
+    return float(tempo[0]), float(tempo[1])
 
 
 def audio_beats(
