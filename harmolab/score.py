@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from harmolab.files import plain
 from harmolab.params import CHOICES, HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares, rotations
-from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray, moments
+from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
 
 # Salience of beats (Eq. 11-13)
 
@@ -216,6 +216,16 @@ class HarmonyScore(Display):
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
+
+
+def moments(times: ArrayLike, name: str) -> FloatArray:
+    """Moments (B,) as an array; ValueError names them where they are no list of finite numbers."""
+    array = np.asarray(times, dtype=np.float64)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds NaN or infinity (first at index {np.flatnonzero(~np.isfinite(array))[0]})")
+    return array
 
 
 def position_matrix(visual_times: FloatArray, n_audio: int) -> FloatArray:

@@ -45,18 +45,10 @@ def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[An
     return array
 
 
-def check_kind(value: object, kind: type, name: str) -> None:
+def _check_kind(value: object, kind: type, name: str) -> None:
     """ValueError that names the value where it is no record of this kind."""
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be a harmolab.{kind.__name__}, got {type(value).__name__}")
-
-
-def moments(times: ArrayLike, name: str) -> FloatArray:
-    """Moments (B,) in seconds, as a read-only array; ValueError names them where they are no list of finite numbers."""
-    array = _frozen(times, name)
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
-    return array
 
 
 def _positive(value: float, name: str) -> float:
@@ -149,7 +141,7 @@ class Motion(Display):
 
     def __post_init__(self) -> None:
         positions = _frozen(self.positions, "positions")
-        check_kind(self.skeleton, Skeleton, "skeleton")
+        _check_kind(self.skeleton, Skeleton, "skeleton")
         if positions.ndim != 3 or positions.shape[2] not in (2, 3):
             raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got {positions.shape}")
         if positions.shape[0] < 2:
@@ -354,10 +346,10 @@ class Clip(Display):
     has_start: bool = True
 
     def __post_init__(self) -> None:
-        check_kind(self.audio, Audio, "audio")
+        _check_kind(self.audio, Audio, "audio")
         for value, kind, name in ((self.motion, Motion, "motion"), (self.beats, BeatTrack, "beats")):
             if value is not None:
-                check_kind(value, kind, name)
+                _check_kind(value, kind, name)
         if not np.isfinite(self.offset):
             raise ValueError(f"offset must be finite, got {self.offset}")
         if self.motion is not None and not -self.motion.duration < self.offset < self.audio.duration:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from harmolab.beats.tempo import NEAR, likelier_tempo, steady_beats
 from harmolab.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, check_kind
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
 # librosa's tracker on this machine: compiled or not, as numba's cache tells
 
@@ -121,7 +121,8 @@ def audio_beats(
     `quality`, the share of the tracked beats that lie on it, and `windows`, the music that the beats explain.
     Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
     """
-    check_kind(audio, Audio, "audio")
+    if not isinstance(audio, Audio):
+        raise ValueError(f"a harmolab.Audio is needed, got {type(audio).__name__}")
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)

@@ -7,7 +7,7 @@ import numpy as np
 from harmolab.body import kinematics
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_speed
-from harmolab.types import BeatTrack, FloatArray, Motion, check_kind
+from harmolab.types import BeatTrack, FloatArray, Motion
 
 RATE = 120.0  # hertz: with `subframe`, slower motion is interpolated first, so that its frame rate does not show
 
@@ -26,7 +26,8 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     fps : float, hertz
         Of the curve.
     """
-    check_kind(motion, Motion, "motion")
+    if not isinstance(motion, Motion):
+        raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
     direction = params.detector == "direction"
     is_shape = params.measure == "shape"
     key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, direction, params.speed, is_shape)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harmolab.params import HarmonyParams
-from harmolab.score import hit_mask, nearest_intervals
-from harmolab.types import BeatTrack, FloatArray, moments
+from harmolab.score import hit_mask, moments, nearest_intervals
+from harmolab.types import BeatTrack, FloatArray
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
 AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps

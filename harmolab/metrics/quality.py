@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from harmolab.body.kinematics import upsample_motion
 from harmolab.body.skeletons import foot_joints, root_position
-from harmolab.types import BoolArray, FloatArray, Motion, check_kind
+from harmolab.types import BoolArray, FloatArray, Motion
 
 STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared
 FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is missed
@@ -295,7 +295,8 @@ def sampled(motion: Motion, step: float, *, steps: int, fps: float = 0.0) -> Sam
         If the motion is two-dimensional, `steps` steps of `step` seconds fit nowhere into its valid frames, or step is
         not positive.
     """
-    check_kind(motion, Motion, "motion")
+    if not isinstance(motion, Motion):
+        raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
     if motion.positions.shape[2] != 3:
         raise ValueError("a three-dimensional motion is needed: metres, y up")
     if not 0 < step < math.inf:

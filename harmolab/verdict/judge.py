@@ -36,7 +36,7 @@ from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
-from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind
+from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
 from harmolab.verdict import evidence, sentences
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
@@ -162,8 +162,9 @@ def score_motion(
     ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
     ValueError unless a BeatTrack and a Motion are passed.
     """
-    check_kind(audio_track, BeatTrack, "audio_track")
-    check_kind(motion, Motion, "motion")
+    if not (isinstance(audio_track, BeatTrack) and isinstance(motion, Motion)):
+        kinds = f"{type(audio_track).__name__} and {type(motion).__name__}"
+        raise ValueError(f"a harmolab.BeatTrack and a harmolab.Motion are needed, got {kinds}")
     params = params or HarmonyParams.recommended()
     timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
     visual = visual_beats(timed, params=params)
@@ -233,7 +234,8 @@ def score_clip(
     >>> bool(score.music.times[score.hits].size == score.hits.sum())
     True
     """
-    check_kind(clip, Clip, "clip")
+    if not isinstance(clip, Clip):
+        raise ValueError(f"a harmolab.Clip is needed, got {type(clip).__name__}; score_files takes paths")
     params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
     if clip.beats is None and tracker is not None:
         clip = replace(clip, beats=tracker(clip.audio))
