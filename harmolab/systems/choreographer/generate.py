@@ -436,11 +436,16 @@ class Choreographer(DanceSystem):
             if beats.size > 1:
                 courses.append(Course(take, beats))
         if sum(take.seconds for take in takes) < max(FEW_SECONDS, ENOUGH_SHARE * seconds) and side_pairs(self.skeleton):
-            mirrors = [self._mirrored.setdefault(course.take, mirrored(course.take)) for course in courses]
-            courses += [Course(take, course.beats) for take, course in zip(mirrors, courses, strict=True)]
+            courses += [Course(self._mirror(course.take), course.beats) for course in courses]
         if not courses:
             raise ValueError(f"no recording is long enough for two beats of {period:.2f} s")
         return moves_of(courses, self.params)
+
+    def _mirror(self, take: Take) -> Take:
+        """The take with its sides exchanged, once for all songs."""
+        if take not in self._mirrored:
+            self._mirrored[take] = mirrored(take)
+        return self._mirrored[take]
 
 
 # Corpora that were read before are kept, not read and measured again
