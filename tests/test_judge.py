@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
 from harmolab.significance import ranks
 from harmolab.types import BeatTrack, FloatArray, Motion
-from harmolab.verdict import bar_pattern
+from harmolab.verdict import bar_pattern, evidence, sentences
 from harmolab.verdict.evidence import MOMENTS, N_RATIOS, PlaceTest, TimeTest, floor, place_test, time_test
 from harmolab.verdict.judge import Judgement, judge, level_of, score_motion
 from tests.builders import cases, refused, track
@@ -112,6 +113,26 @@ def test_each_dancer_is_told_what_was_seen(judgement: Callable[[], Judgement], l
     assert level > 2 or not MILLISECONDS.search(words)
     assert level > 0 or (np.isnan(one.harmony_above_chance) and np.isnan(one.p_time))
     assert (not one.beats.is_sure and level > 0) == ("unsure" in " ".join([*one.remarks, *one.details]))
+
+
+@cases("first, last, count", (12.5, 24.0, 22), (0.0, 12.5, 24), (6.5, 18.5, 24))
+def test_who_stands_still_for_long_hears_on_how_many_beats(first: float, last: float, count: int) -> None:
+    frames = np.arange(720)
+    frames[(frames > 30 * first) & (frames <= 30 * last)] = round(30 * first)
+    judgement = judged(replace(dancer(), positions=dancer().positions[frames]))
+    assert judgement.level == 4 and count - 4 <= judgement.n_still <= count
+    words = f". On about {judgement.n_still} of 46 beats you stand still or move evenly; only the others tell."
+    assert judgement.verdict.endswith(words) and judgement.without_start().verdict.endswith(words)
+    few, some = (sentences.stillness(SimpleNamespace(n_still=8, beats=range(beats))) for beats in (80, 79))
+    assert few == "" and some.startswith("On about 8 of 79 beats")
+
+
+@cases("length, pulse, seen, count", (7, 0.4, True, 0), (8, 0.4, True, 8), (8, 0.4, False, 0), (8, np.nan, True, 0))
+def test_stillness_begins_at_eight_beats_that_are_seen(length: int, pulse: float, seen: bool, count: int) -> None:
+    times = np.arange(2400) / 100
+    moves = (times < 10) | (times > 10 + PERIOD * length)
+    values = np.sin(2 * np.pi * times / PERIOD) * moves
+    assert evidence.still_beats(part(times=times, values=values, valid=moves | seen, pulse=pulse), BEATS.times) == count
 
 
 def test_who_rests_on_every_second_beat_is_advised_to_say_so() -> None:

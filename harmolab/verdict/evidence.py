@@ -23,6 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -407,6 +408,7 @@ def beat_course(signal: ShapeSignal, beats: FloatArray) -> Course:
 # All the evidence
 
 LEAST_PULSE = 0.03  # per second: 2 cm/s for an adult
+STILL = 8  # beats, two bars
 LEAST_SWING = 0.02  # metres a second, where fewer than three points have no size to compare with
 LEAST_SHARE = 0.1  # of the movement in the room, in 3-D; a picture cannot tell a turning statue from a dancer
 CLEAR = 8.0  # z of a tempo that is the body's own: noise reaches 5 to 8, dancers 10 to 47
@@ -448,6 +450,11 @@ class Evidence:
         if self.signal is None or self.signal.times.size == 0:
             return len(self.beats)
         return int((np.interp(self.beats.times, self.signal.times, self.signal.valid) >= 0.5).sum())
+
+    @cached_property
+    def n_still(self) -> int:
+        """Number of beats in stretches of `STILL` or more without a pulse: the body stands still, or moves evenly."""
+        return still_beats(self.signal, self.beats.times) if self.signal and self.time else 0
 
     @property
     def is_placed(self) -> bool:
@@ -575,6 +582,14 @@ def floor(signal: ShapeSignal) -> str:
     is_point = signal.dimensions == 0 and signal.axes == 3
     is_still = signal.pulse < LEAST_PULSE or (is_point and signal.swing < LEAST_SWING)
     return "too little movement inside the body" if is_still else ""
+
+
+def still_beats(signal: ShapeSignal, beats: FloatArray) -> int:
+    """Number of beats in stretches of `STILL` or more, each with less pulse until the next than the floor asks for."""
+    parts = np.split(np.where(signal.valid, signal.pulse * signal.values, NAN), np.searchsorted(signal.times, beats))
+    is_still = [bool(part.size and part.std() < LEAST_PULSE) for part in parts[1:-1]]
+    lengths = [len(list(run)) for still, run in groupby(is_still) if still]
+    return sum(length for length in lengths if length >= STILL)
 
 
 def has_rate(time: TimeTest, pattern: BarPattern) -> bool:

@@ -61,8 +61,9 @@ class Judgement(evidence.Evidence, Display):
 
     @property
     def verdict(self) -> str:
-        """The level in a sentence or two."""
-        return sentences.UNPLACED if self.level == 3 and not self.has_start else sentences.verdict(self)
+        """The level in a sentence or two, and how long the body stood still."""
+        words = sentences.UNPLACED if self.level == 3 and not self.has_start else sentences.verdict(self)
+        return f"{words} {sentences.stillness(self)}".strip()
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -35,6 +35,13 @@ def verdict(evidence: Evidence) -> str:
     return (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level](evidence)
 
 
+def stillness(evidence: Evidence) -> str:
+    """What is said where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
+    still, beats = evidence.n_still, len(evidence.beats)
+    words = f"On about {still} of {beats} beats you stand still or move evenly; only the others tell."
+    return words if 10 * still > beats else ""
+
+
 def _cannot_tell(evidence: Evidence) -> str:
     if evidence.floor:
         return f"Cannot tell: {evidence.floor}."
