@@ -31,10 +31,10 @@ BEATS = track(PERIOD * np.arange(1, 47), duration=SECONDS)
 MILLISECONDS = re.compile(r"\d+ ms|late|early")
 
 
-def dancer(lag: float = 0.0, tempo: float = 120.0, every: float = 1.0) -> Motion:
+def dancer(lag: float = 0.0, tempo: float = 120.0, every: float = 1.0, seed: int = 4) -> Motion:
     """A body that rests `lag` beats after every so many beats."""
     ends = (np.arange(-2, 60) * every + lag) * 60 / tempo
-    return synthetic_motion(ends[(ends >= 0) & (ends < SECONDS + 1)], seconds=SECONDS, fps=30.0, seed=4)
+    return synthetic_motion(ends[(ends >= 0) & (ends < SECONDS + 1)], seconds=SECONDS, fps=30.0, seed=seed)
 
 
 def judged(motion: Motion, beats: BeatTrack = BEATS, pattern: BarPattern | None = None) -> Judgement:
@@ -219,6 +219,19 @@ def test_a_waltz_is_seen_by_its_threes_without_being_told() -> None:
     judgement = judge(ShapeSpeed(100.0, speed, energy, energy.mean(axis=1), size, size > 0, 3), BEATS)
     assert (judgement.level, judgement.reading) == (4, "waltz")
     assert judgement.verdict == "You are on the beat: you move in threes, as in a waltz."
+
+
+@cases("seed, every, lag, words", (2, 0.75, 0.625, "4 times in 3 beats"), (6, 1.5, 0.5, "2 times in 3 beats"))
+def test_who_moves_otherwise_in_three_beats_does_not_waltz(seed: int, every: float, lag: float, words: str) -> None:
+    judgement = judged(dancer(lag, every=every, seed=seed))
+    assert (judgement.level, judgement.reading) == (3, "waltz")
+    assert judgement.verdict == f"In time, but not with each beat: you move {words}."
+
+
+@pytest.mark.parametrize("power", [0.199, 0.201])
+def test_a_waltz_has_a_fifth_of_its_power_at_one_movement_a_bar(power: float) -> None:
+    rates = {Fraction(1, 3): power, Fraction(2, 3): 0.9, Fraction(1): 0.9, Fraction(4, 3): 1.0}
+    assert evidence.has_bar(TimeTest(np.zeros(241), np.zeros(241), 0.02, rates, {3: 9.0})) == (power > 0.2)
 
 
 def test_what_would_show_more_is_said() -> None:

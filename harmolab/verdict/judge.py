@@ -114,7 +114,7 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     bars = beats.bar_places if pattern else None  # a bar counts only where the dance was told
     place = evidence.place_test(signal, beats.times, bars, pattern or own_reading(time))
     interval, lags = place.spread(seed=seed)
-    level = level_of(time, place, interval, lags)
+    level = min(level_of(time, place, interval, lags), 4 if pattern or evidence.has_bar(time) else 3)
     if level == 1 and not beats.is_sure:
         return nothing
     return Judgement(level, beats, pattern, signal, time, place, interval, lags)
