@@ -124,6 +124,13 @@ def test_a_motion_file_that_keeps_its_song_time_needs_no_offset(folder: Path, cl
     assert kept.verdict.startswith("You are on the beat")
 
 
+def test_a_place_of_which_others_fit_as_well_is_one_where_the_dance_may_begin():
+    places = (Placement(9.0, "sound", repeats=True), Placement(9.0, "movement", 0.5, 0.8))
+    assert all(str(place).startswith("Your dance may begin at 9.00 s of the song") for place in places)
+    sure = (Placement(9.0, "sound"), Placement(9.0, "movement", 0.5, 0.97))
+    assert all(str(place).startswith("Your dance begins at 9.00 s of the song") for place in sure)
+
+
 def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):
     times = np.sort(np.random.default_rng(3).uniform(0, SECONDS, len(clip.beats)))
     save_motion(tmp_path / "lost.npz", synthetic_motion(times, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1))

@@ -173,8 +173,8 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
         place = None if sound is None else find_sound_offset(sound, song)
     if place is None or not place.is_clear:
         return None
-    doubt = "" if place.is_unique else f". {REPEATS.removesuffix('.')}"
-    note(f"{files.motion.name} begins at {round(place.seconds, 2) + 0.0:.2f} s of the song, by its sound{doubt}")
+    begins, doubt = ("begins", "") if place.is_unique else ("may begin", f". {REPEATS.removesuffix('.')}")
+    note(f"{files.motion.name} {begins} at {round(place.seconds, 2) + 0.0:.2f} s of the song, by its sound{doubt}")
     return place.seconds
 
 

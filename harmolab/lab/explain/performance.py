@@ -312,7 +312,8 @@ class Placement:
         doubt = "" if self.is_sure else " The evidence for this place is weak."
         if self.repeats:
             doubt = f" {REPEATS}"
-        return f"Your dance begins at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
+        begins = "begins" if self.is_sure and not self.repeats else "may begin"
+        return f"Your dance {begins} at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
 
 
 def load_performance(
