@@ -1,6 +1,6 @@
 // What stands around a picture: preset buttons, the sentence, sliders and menus, numbers, and the line to copy.
 const LEGENDS = {
-  scoring: [["circle", "met"], ["cross", "missed"], ["field", "close enough"], ["ignored", "ignored"], ["diamond", "score now, among all starts of the music"], ["dashed", "chance"]],
+  scoring: [["circle", "met, or ranked above 0.5"], ["cross", "missed, or ranked below"], ["field", "close enough"], ["ignored", "ignored"], ["diamond", "score now, among all starts of the music"], ["dashed", "chance"]],
   saliency: [["kept", "noticed"], ["ignored", "not noticed"], ["dotted", "threshold"]],
   detector: [["wave", "curve of the dance"], ["triangle", "visual beat"], ["kept", "music beat"], ["circle", "planted rest, found", "planted"], ["cross", "planted rest, not found", "planted"]],
   meter: [["dot", "strong beat"], ["open", "weak beat"], ["bracket", "meter unit"], ["triangle dark", "annotated downbeat", "downbeats"], ["dashed", "share of all beats that are strong", "downbeats"]],
