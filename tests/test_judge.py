@@ -137,7 +137,7 @@ def test_stillness_begins_at_eight_beats_that_are_seen(length: int, pulse: float
 
 def test_who_rests_on_every_second_beat_is_advised_to_say_so() -> None:
     once = judged(dancer(every=2.0))
-    assert any('--how "half time"' in remark for remark in once.remarks)
+    assert any('--how "half time"' in remark and "at 60 bpm, not 120" in remark for remark in once.remarks)
     assert not any("--dance" in line for line in (*once.remarks, *once.details))
     assert "half time" not in " ".join(judged(dancer(0.5)).remarks)
 

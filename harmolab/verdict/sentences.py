@@ -202,7 +202,8 @@ def _advice(evidence: Evidence) -> list[str]:
     if evidence.level == 4 or evidence.floor:
         return lines
     if evidence.moves_in_half_time:
-        lines.append('What would help: say so if you mean to rest on every second beat (--how "half time").')
+        half = f"count this music at {evidence.tempo / 2:.0f} bpm, not {evidence.tempo:.0f}, or"
+        lines.append(f'What would help: say so if you {half} mean to rest on every second beat (--how "half time").')
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     if evidence.pattern is None and evidence.level == 3 and _may_be_half(evidence):
