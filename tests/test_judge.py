@@ -124,7 +124,7 @@ def test_who_stands_still_for_long_hears_on_how_many_beats(first: float, last: f
     words = f". On about {judgement.n_still} of 46 beats you stand still or move evenly; only the others tell."
     assert judgement.verdict.endswith(words) and judgement.without_start().verdict.endswith(words)
     few, some = (sentences.stillness(SimpleNamespace(n_still=8, beats=range(beats))) for beats in (80, 79))
-    assert few == "" and some.startswith("On about 8 of 79 beats")
+    assert few == "" and some.startswith(" On about 8 of 79 beats")
 
 
 @cases("length, pulse, seen, count", (7, 0.4, True, 0), (8, 0.4, True, 8), (8, 0.4, False, 0), (8, np.nan, True, 0))

@@ -62,8 +62,7 @@ class Judgement(evidence.Evidence, Display):
     @property
     def verdict(self) -> str:
         """The level in a sentence or two, and how long the body stood still."""
-        words = sentences.UNPLACED if self.level == 3 and not self.has_start else sentences.verdict(self)
-        return f"{words} {sentences.stillness(self)}".strip()
+        return sentences.verdict(self, has_start=self.has_start)
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -30,15 +30,19 @@ UNPLACED = (
 HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat off."
 
 
-def verdict(evidence: Evidence) -> str:
-    """The level in a sentence or two."""
-    return (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level](evidence)
+def verdict(evidence: Evidence, *, has_start: bool = True) -> str:
+    """The level in a sentence or two, and how long the body rested; `has_start` is that of a `Judgement`."""
+    level = evidence.level
+    if level == 0:
+        return _cannot_tell(evidence)
+    words = (_no_sign, _no_place, _in_time, _on_the_beat)[level - 1]
+    return (UNPLACED if level == 3 and not has_start else words(evidence)) + stillness(evidence)
 
 
 def stillness(evidence: Evidence) -> str:
-    """What is said where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
+    """A sentence where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
     still, beats = evidence.n_still, len(evidence.beats)
-    words = f"On about {still} of {beats} beats you stand still or move evenly; only the others tell."
+    words = f" On about {still} of {beats} beats you stand still or move evenly; only the others tell."
     return words if 10 * still > beats else ""
 
 
