@@ -359,6 +359,15 @@ def test_the_grid_covers_the_span_and_nothing_else():
     np.testing.assert_allclose(steady.times, np.arange(5.2, 30.5, 0.5), atol=0.015)
 
 
+@pytest.mark.parametrize("first", [0.2, 0.45])
+def test_of_even_eighths_the_tracker_says_which_is_the_beat(first: float):
+    beats = np.arange(first, SECONDS, 0.5)
+    envelope = envelope_at(np.arange(0.2, SECONDS, 0.25))
+    steady = tempos.steady_beats(envelope, ENVELOPE_RATE, beats, (0.1, SECONDS))
+    assert steady.quality > 0.98
+    assert np.abs((steady.times - first + 0.25) % 0.5 - 0.25).max() < 0.015
+
+
 def test_a_tempo_that_drifts_is_followed():
     beats = changing(118, 121)
     steady = tempos.steady_beats(envelope_at(beats), ENVELOPE_RATE, beats, (0.4, SECONDS))

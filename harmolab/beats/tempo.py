@@ -218,7 +218,11 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
     steps = np.diff(tracked)
     step = float(steps[np.abs(steps / np.median(steps) - 1) < 0.25].mean())
     grid = best_grid(curve, rate, 60.0 / step, SEARCH)
-    quality = float((np.abs(grid.deviations(tracked)) <= NEAR).mean())
+    # Even eighths support the grid and the off-beat of it alike: then the tracker says which is the beat.
+    grids = (grid, grid._replace(first=grid.first + grid.period / 2))
+    shares = [float((np.abs(one.deviations(tracked)) <= NEAR).mean()) for one in grids]
+    is_late = shares[0] < STEADY <= shares[1]
+    grid, quality = grids[is_late], shares[is_late]
     if quality >= STEADY:
         times, least = grid.beats(*span), FITS_GRID
     else:
