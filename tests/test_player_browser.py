@@ -113,7 +113,7 @@ def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromi
 
 def test_where_it_stands_is_said_when_it_stands_and_not_while_it_plays(page: Any) -> None:
     status = "document.getElementById('status')"
-    assert page.evaluate(f"{status}.getAttribute('role')") == "status"
+    assert page.get_by_role("status").evaluate_all("all => all.map(one => one.id)") == ["status"]
     page.evaluate("harmolabPlayer.seek(2)")
     wait_until(page, f"{status}.textContent.startsWith('2.00 s. one: ')")
     page.evaluate("harmolabPlayer.play()")
