@@ -145,9 +145,9 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
     event.preventDefault();
     const { selected } = state, at = beats.findIndex(beat => selected && beat.kind === selected.kind && beat.index === selected.index);
     if (event.key === "Enter") { if (selected) hear(selected); return; }
-    if (event.shiftKey && selected) { moveBeat(selected, beats[at].time + way * NUDGE); return; }
-    state.selected = beats[clamp(at < 0 ? 0 : at + way, 0, beats.length - 1)];
-    draw();
+    if (event.shiftKey && selected) moveBeat(selected, beats[at].time + way * NUDGE);
+    else { state.selected = beats[clamp(at < 0 ? 0 : at + way, 0, beats.length - 1)]; draw(); }
+    view.note.textContent = `${state.selected.kind} beat at ${beatTimes(state.selected.kind)[state.selected.index].toFixed(2)} s`;
   });
 
   readColours();

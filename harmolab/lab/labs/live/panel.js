@@ -35,7 +35,7 @@ const decimals = step => (step >= 1 ? 0 : step >= 0.1 && Number.isInteger(step *
 function sliderRow(data, control, set) {
   const { name, label, symbol, low, high, step, unit } = control;
   const input = element("input", { type: "range", min: low, max: high, step, "data-name": name, "aria-label": `${label} (${symbol})`, oninput: () => set({ [name]: input.valueAsNumber }) });
-  const output = element("output"), text = value => (name === "clip" ? data.evidence.names[value] : `${value.toFixed(decimals(step))} ${unit}`.trim());
+  const output = element("span", { class: "value" }), text = value => (name === "clip" ? data.evidence.names[value] : `${value.toFixed(decimals(step))} ${unit}`.trim());
   const show = value => {
     if (input.valueAsNumber !== value) input.value = value;
     output.textContent = text(value);
@@ -55,7 +55,7 @@ function menuRow(control, set) {
 
 // The panel of a lab; `set(values)` and `choose(preset)` are called when the reader acts.
 function panel(data, { set, choose }) {
-  const sentence = element("p", { class: "sentence", role: "status", "aria-live": "polite" }), note = element("p", { class: "note" });
+  const sentence = element("p", { class: "sentence", role: "status", "aria-live": "polite" }), note = element("p", { class: "note", role: "status" });
   const canvas = element("canvas", { tabindex: 0, role: "img" }), board = element("dl", { class: "board" }), code = element("code", { title: "settings for Python" });
   const buttons = data.presets.map(preset => element("button", { type: "button", onclick: () => choose(preset) }, preset.label));
   const rows = data.controls.map(control => [control.name, control.options ? menuRow(control, set) : sliderRow(data, control, set)]);
