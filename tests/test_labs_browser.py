@@ -375,7 +375,7 @@ def tap_page(chromium: Any, address: str, viewport: dict[str, int] = WIDE) -> An
 
 def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, kept: list[TappedBeats]) -> None:
     page = tap_page(chromium, address)
-    page.keyboard.press("p")
+    page.locator("#play").press("Enter")
     for beat in range(2, 16):
         at_beat(page, beat)
         page.keyboard.press("Enter" if beat % 6 == 2 else "1" if beat % 6 == 5 else " ")
