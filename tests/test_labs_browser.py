@@ -286,7 +286,7 @@ def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[
     address, trials, log = asked
     page = at_address(chromium, address)
     for number in range(1, N + 1):
-        page.get_by_text(f"Trial {number} of {N}").wait_for(timeout=WAIT)
+        page.get_by_role("progressbar", name=f"Trial {number} of {N}").wait_for(timeout=WAIT)
         frame = player_in(page)
         before = picture(frame, ".stage")
         play(frame)
