@@ -308,7 +308,7 @@ def test_a_dropped_phone_video_becomes_a_verdict_a_player_and_a_lab(
     page.keyboard.press("Tab")
     page.focus("#judge")
     page.keyboard.press("Enter")
-    page.wait_for_selector(".verdict", timeout=180_000)
+    page.get_by_role("status").filter(has_text="on the beat").wait_for(timeout=180_000)
     assert "on the beat" in page.inner_text(".verdict")
     waited(page)
     assert page.inner_text("#fault") == ""
