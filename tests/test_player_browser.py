@@ -111,6 +111,13 @@ def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromi
     closed(page)
 
 
+def test_pressed_buttons_and_the_legend_keep_their_colours_in_print_and_where_colours_are_forced(page: Any) -> None:
+    page.emulate_media(forced_colors="active")
+    look = "all => all.map(one => getComputedStyle(one)).map(one => [one.backgroundColor, one.printColorAdjust])"
+    looks = page.eval_on_selector_all("[aria-pressed=true], .bar", look)
+    assert looks == [["rgb(34, 34, 34)", "exact"], ["rgb(0, 114, 178)", "exact"]]
+
+
 def test_where_it_stands_is_said_when_it_stands_and_not_while_it_plays(page: Any) -> None:
     status = "document.getElementById('status')"
     assert page.get_by_role("status").evaluate_all("all => all.map(one => one.id)") == ["status"]
@@ -217,13 +224,8 @@ def test_seeks_by_button_bar_key_and_timeline(page: Any) -> None:
 def test_loops_a_stretch(page: Any) -> None:
     page.evaluate("harmolabPlayer.loop(2, 2.8); harmolabPlayer.seek(2.4)")
     page.evaluate("harmolabPlayer.play()")
-    seen = page.evaluate(
-        """async () => {
-          const seen = [];
-          for (let i = 0; i < 150; i++) { await new Promise(requestAnimationFrame); seen.push(harmolabPlayer.time()); }
-          return seen;
-        }"""
-    )
+    each_frame = "() => new Promise(requestAnimationFrame).then(harmolabPlayer.time)"
+    seen = page.evaluate(f"Array.fromAsync({{ length: 150 }}, {each_frame})")
     assert min(seen) >= 1.99
     assert max(seen) <= 2.8 + 0.1
     assert (np.diff(seen) < -0.5).sum() >= 1
