@@ -790,8 +790,7 @@ def test_latex_holds_names_with_any_mark(table: Evaluation, name: str) -> None:
 def test_the_page_needs_no_network_and_escapes_names(planted: Path, table: Evaluation) -> None:
     page = (planted / "table" / "index.html").read_text("utf-8")
     assert not re.search(r"(src|href|srcset|action)=[\"']?(https?:)?//", page)
-    assert not re.search(r"url\(|@import|<link\b", page) and WILD not in page
-    assert "&lt;b&gt;50%_$x&lt;/b&gt;" in page
+    assert not re.search(r"url\(|@import|<link\b", page) and WILD not in page and "&lt;b&gt;50%_$x&lt;/b&gt;" in page
     assert page.count("<iframe") == 6  # the best and the worst of two systems and of the recorded dances
 
 
@@ -802,6 +801,7 @@ def test_page_fits_its_window_and_asks_for_nothing(chromium: Any, planted: Path,
     page.frames[1].wait_for_function("window.harmolabPlayer", timeout=20_000)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.evaluate("[...document.images].every(one => one.naturalWidth > 0)")
+    assert page.evaluate("[...document.all].every(one => parseFloat(getComputedStyle(one).fontSize) >= 12)")
     edges = page.eval_on_selector_all("td.control", "cells => cells.map(one => one.getBoundingClientRect().right)")
     assert len(edges) > 3 * 20 and max(edges) <= width  # no control is out of sight
     closed(page)

@@ -68,9 +68,7 @@ def closed(page: Any) -> None:
 
 def fits(page: Any, viewport: dict[str, int]) -> bool:
     """Whether nothing is outside the screen."""
-    width, height = page.evaluate(
-        "(({ scrollWidth, scrollHeight }) => [scrollWidth, scrollHeight])(document.documentElement)"
-    )
+    width, height = page.evaluate("(root => [root.scrollWidth, root.scrollHeight])(document.documentElement)")
     return width <= viewport["width"] and height <= viewport["height"]
 
 
@@ -313,6 +311,7 @@ def test_question_player_and_answers_fit_on_one_screen(
     assert frame.evaluate("document.documentElement.scrollWidth <= innerWidth")
     heights = page.eval_on_selector_all("form button", "buttons => buttons.map(button => button.clientHeight)")
     assert min(heights) >= 44  # for a thumb
+    assert frame.evaluate("[...document.all].every(one => parseFloat(getComputedStyle(one).fontSize) >= 12)")
     closed(page)
 
 

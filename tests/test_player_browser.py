@@ -541,8 +541,7 @@ def test_voice_of_this_machine_speaks_the_count(pair_page: Any) -> None:
         """() => {
           window.words = [];
           window.SpeechSynthesisUtterance = function (text) { this.text = text; };
-          const voices = [{ localService: false, lang: "en-GB" }, { localService: true, lang: "en-US" }];
-          speechSynthesis.getVoices = () => voices;
+          speechSynthesis.getVoices = () => [{ localService: false, lang: "en" }, { localService: true, lang: "en" }];
           const noted = word => [word.text, word.voice.localService, harmolabPlayer.time()];
           speechSynthesis.speak = word => window.words.push(noted(word));
         }"""
@@ -587,13 +586,15 @@ def test_full_screen_fills_the_screen_with_the_picture(pair_page: Any) -> None:
     wait_until(pair_page, "!document.fullscreenElement")
 
 
-def test_a_finger_hits_every_control_of_a_phone(chromium: Any, pair: Path) -> None:
-    page = opened(chromium, pair, PHONE)
+@pytest.mark.parametrize(("viewport", "least"), [(PHONE, 44), (WIDE, 24)])
+def test_a_finger_hits_every_control_of_a_phone(chromium: Any, pair: Path, viewport: Any, least: int) -> None:
+    page = opened(chromium, pair, viewport)
     small = page.evaluate(
-        """[...document.querySelectorAll("button, label, summary, #seek")].filter(each => each.offsetParent)
+        """least => [...document.querySelectorAll("button, label, summary, #seek")].filter(each => each.offsetParent)
           .map(each => [each.textContent, each.getBoundingClientRect()])
-          .filter(([, box]) => box.width < 44 || box.height < 44).map(([text, box]) => [text, box.width, box.height])"""
+          .filter(([, { width, height }]) => Math.min(width, height) < least).map(([text]) => text)""",
+        least,
     )
     assert small == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     closed(page)
