@@ -124,9 +124,8 @@ def drag_by_finger(page: Any, start: float, end: float, y: float, steps: int = 8
     """A finger that goes from one place of the screen to another at the same height."""
     touch = page.context.new_cdp_session(page)
     for step in range(steps + 1):
-        kind = "touchMove" if step else "touchStart"
         points = [{"x": start + (end - start) * step / steps, "y": y}]
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        touch.send("Input.dispatchTouchEvent", {"type": "touchMove" if step else "touchStart", "touchPoints": points})
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 
@@ -209,11 +208,12 @@ def test_a_click_on_a_mark_chooses_its_dance(chromium: Any, tmp_path: Path) -> N
     closed(page)
 
 
-def test_a_dark_system_gives_a_dark_lab_whose_picture_follows_a_change(chromium: Any, scoring_page: Path) -> None:
+@pytest.mark.parametrize("change", [{"color_scheme": "light"}, {"media": "print"}])
+def test_a_dark_system_gives_a_dark_lab_whose_picture_follows_a_change(chromium: Any, scoring_page: Path, change: Any):
     page = opened(chromium, scoring_page, color_scheme="dark")
     corner = "[...document.querySelector('canvas').getContext('2d').getImageData(1, 1, 1, 1).data].slice(0, 3)"
     assert max(page.evaluate(corner)) < 60
-    page.emulate_media(color_scheme="light")
+    page.emulate_media(**change)
     page.wait_for_function(f"Math.min(...{corner}) > 240")
     closed(page)
 

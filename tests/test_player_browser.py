@@ -55,9 +55,9 @@ def saved(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE) -> Any:
+def opened(chromium: Any, path: Path, viewport: dict[str, int] = WIDE, **context: Any) -> Any:
     """The page, ready to play."""
-    page = at_address(chromium, path.as_uri(), viewport)
+    page = at_address(chromium, path.as_uri(), viewport, **context)
     page.evaluate("harmolabPlayer.ready")
     return page
 
@@ -99,13 +99,13 @@ def assert_lit_on_its_beats(page: Any, kind: str, beats: np.ndarray, seconds: fl
     assert lit.sum() >= 4 and clear.mean() > 0.9
 
 
-def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromium: Any, saved: Path) -> None:
-    page = at_address(chromium, saved.as_uri(), color_scheme="dark")
+@pytest.mark.parametrize("change", [{"color_scheme": "light"}, {"media": "print"}])
+def test_a_dark_system_gives_a_dark_page_and_its_pictures_follow_a_change(chromium: Any, saved: Path, change: Any):
+    page = opened(chromium, saved, color_scheme="dark")
     corner = "[...document.getElementById('{}').getContext('2d').getImageData(30, 2, 1, 1).data].slice(0, 3)"
-    page.evaluate("harmolabPlayer.ready")
     assert max(page.evaluate(corner.format("timeline"))) < 60
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(23, 25, 28)"
-    page.emulate_media(color_scheme="light")
+    page.emulate_media(**change)
     wait_until(page, f"Math.min(...{corner.format('timeline')}) > 240")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     closed(page)

@@ -151,7 +151,7 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
   });
 
   readColours();
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); draw(); });
+  matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); draw(); });
   show();
   soundButtons();
   // JupyterLab would take arrow keys for shortcuts of its own, and looks for this on the element that has the focus.
