@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -50,6 +51,18 @@ def test_what_moves_besides_the_dancer_is_named(dance: Motion, tmp_path: Path, p
 def test_a_picture_without_movement_is_told_so(tmp_path: Path):
     write_video(tmp_path / "wall.mp4", [np.full((64, 96, 3), 90, np.uint8)] * 60, 20.0)
     refused(f"{UNREAD}nothing moves in the picture", filmed_motion, tmp_path / "wall.mp4")
+    watch = PictureWatch([np.full((6, 8), at % 20 == 9, np.float32) for at in range(60)])  # another slide each second
+    refused("nothing moves in the picture", watch.check)
+
+
+def test_a_light_that_flashes_on_the_beat_is_not_taken_for_a_dancer(tmp_path: Path):
+    wall = cv2.resize(np.random.default_rng(1).uniform(40, 160, (48, 64)), (128, 96))
+    frames = [np.uint8(wall * (1 + 0.5 * 0.5 ** (at % 10))) for at in range(80)]
+    for name in ("room.mp4", "dancer.mp4"):
+        write_video(tmp_path / name, frames, 20.0)
+        refused("the light changes or the film is cut", filmed_motion, tmp_path / name)
+        for at, frame in enumerate(frames):
+            cv2.circle(frame, (round(55 + 3 * np.sin(0.3 * at)), 60), 12, 60, -1)
 
 
 @pytest.mark.parametrize(("columns", "is_read"), [(0, True), (1, False)])
