@@ -71,7 +71,7 @@ def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
 LOG = logging.getLogger(__name__)
 COMPILING = "compiling librosa's beat tracker, once on a machine (half a minute)"
 HOP = 512  # samples between onset strengths
-CACHE_VERSION = 6  # raise when the analysis changes
+CACHE_VERSION = 7  # raise when the analysis changes
 # Envelope samples by which onset strength lies behind what annotators tap: 30 ms at 22,050 Hz. There it is 19 to 51 ms
 # on songs of known grid; from 8 to 48 kHz it is 1.0 to 1.6 samples on three recordings.
 LATENESS = 1.3

@@ -143,10 +143,10 @@ def _steadiness(track: BeatTrack) -> str:
         seconds = float(np.ptp(track.times))
         lost = (1 - track.fit) * seconds
         return f"unsure: in about {lost:.0f} of {seconds:.0f} s the sound does not keep to these beats"
-    share = f"({quality:.0%} of tracked beats on one grid)"
-    if quality >= STEADY:
+    share, course = f"({quality:.0%} of tracked beats on one grid)", _course(track.times)
+    if quality >= STEADY and not course:
         return f"steady {share}"
-    return f"not steady {share}, followed beat by beat{_course(track.times)}"
+    return f"not steady {share}, followed beat by beat{course}"
 
 
 def _course(times: FloatArray) -> str:
