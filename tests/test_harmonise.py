@@ -138,12 +138,14 @@ def test_the_seed_decides():
     assert np.abs(first - other).max() > 1e-6
 
 
-def test_frames_that_are_not_valid_stay_marked():
+def test_frames_that_are_not_valid_stay_marked_and_as_they_are():
     motion, beats = dance(2, seconds=4.0)
     valid = np.arange(motion.n_frames) >= 20
     result = harmonise(replace(motion, valid=valid), beats, steps=6)
     np.testing.assert_array_equal(result.valid, valid)
     assert result.positions.shape == motion.positions.shape
+    moved = np.abs(result.positions - motion.positions)
+    assert moved[:20].max() < 1e-12 < 1e-3 < moved[20:].max()
 
 
 def test_a_flat_picture_without_bones_can_be_harmonised():

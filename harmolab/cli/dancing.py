@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -76,12 +76,11 @@ def written(paths: Iterable[Path], write: Callable[[Path], None], *, is_asked: b
     for path in paths:
         try:
             write(path)
+            done.append(path)
         except ValueError as error:
             if is_asked:
                 raise
             note(f"left out: {path}: {error}")
-        else:
-            done.append(path)
     return done
 
 
@@ -163,19 +162,16 @@ class DanceReport:
         """Sentences that go with the numbers: of the score, the dancer, and the choice of movement."""
         judgement = self.score.judgement if self.has_harmony else None
         remarks = () if judgement is None else judgement.remarks
-        sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
-        sentences += self.remarks
+        sentences = [*(remark for remark in remarks if self.knows_bars or ADVICE not in remark), *self.remarks]
         if self.choreography is not None:
-            form = self.choreography.form
-            sentences += [*self.choreography.warnings, *([f"heard: {form}"] if form else [])]
+            sentences += [*self.choreography.warnings, *(f"heard: {form}" for form in [self.choreography.form] if form)]
         return tuple(map(sentence, sentences))
 
     @cached_property
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
         judgement = self.score.judgement if self.has_harmony and len(self.music) else None
-        is_sure = judgement is None or judgement.beats.is_sure
-        harmony = () if judgement is None else (judgement.verdict if is_sure else UNSURE,)
+        harmony = () if judgement is None else (judgement.verdict if judgement.beats.is_sure else UNSURE,)
         return tuple(map(sentence, (self.likeness.verdict, *harmony)))
 
     @cached_property
@@ -189,17 +185,14 @@ class DanceReport:
     def _rests(self) -> dict[str, float]:
         """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
         late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
-        shifts = late.items() if self.has_harmony else ()
-        return {name: lab.rests_on_beat(self.motion, self.music, late=beats) for name, beats in shifts}
+        return {name: lab.rests_on_beat(self.motion, self.music, late=late[name]) for name in late if self.has_harmony}
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""
-        choreography = self.choreography
-        if choreography is None:
+        if (choreography := self.choreography) is None:
             return {}
-        mean, worst = choreography.mean_seam_cm, choreography.worst_seam_cm
         return {
-            "seams, cm": f"{mean:.1f} on average, {worst:.1f} at worst",
+            "seams, cm": f"{choreography.mean_seam_cm:.1f} on average, {choreography.worst_seam_cm:.1f} at worst",
             "distinct movement to choose from": f"{choreography.distinct_minutes:.1f} minutes",
             "longest stretch of one recording": f"{choreography.longest_stretch} beats",
             "beats that were seen before in it": f"{choreography.seen_before:.0%}",
@@ -312,12 +305,13 @@ def dance(
     def danced(number: int) -> DanceReport:
         motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
         music = track.span(offset, motion.duration)
+        held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
         if harmonise is not None:
-            reach = harmonise * CENTIMETRE
-            motion = harmolab.harmonise(motion, music, reach=reach, params=params, progress=progress)
+            sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
+            moved = harmolab.harmonise(sounding, music, reach=reach, params=params, progress=progress)
+            motion = replace(moved, valid=motion.valid)
         clip = harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance)
         score = harmolab.score_clip(clip, params)
-        held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
         judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
         return DanceReport(
             number, motion, offset, music, score, judged, choreography, dancer.remarks,

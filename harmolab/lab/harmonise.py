@@ -51,9 +51,8 @@ def harmonise(
 
     Parameters
     ----------
-    motion : Motion
-    beats : BeatTrack
-        Music beats on the motion's own time line.
+    motion : Motion, of which frames that are not valid stay as they are
+    beats : BeatTrack, music beats on the motion's own time line
     reach : float, metres (or the motion's unit)
         The most that a joint may move in any frame.
     params : HarmonyParams, default ``HarmonyParams.recommended(pattern)``
@@ -144,10 +143,15 @@ class _Splines:
     def of(cls, motion: Motion) -> "_Splines":
         """The splines at a motion's frames."""
         place = torch.arange(motion.n_frames, dtype=torch.float64) / (motion.fps * KNOT)
-        first = place.floor()
-        x = place - first
+        x = place - (first := place.floor())
         weights = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
         return cls(first.long(), torch.stack(weights, dim=1) / 6)
+
+    def free(self, motion: Motion) -> Tensor:
+        """(K, 1, 1), 1 for the knots that may move: 0 for those that matter to a frame that is not valid."""
+        free = torch.ones(int(self.first[-1]) + 4, 1, 1, dtype=torch.float64)
+        free[self.first[torch.tensor(~motion.valid)][:, None] + torch.arange(4)] = 0.0
+        return free
 
     def at(self, knots: Tensor) -> Tensor:
         """(T, J, D) values at the frames, of knots (K, J, D)."""
@@ -162,9 +166,10 @@ def _search(
     stride = max(1, int(motion.fps // RATE))
     sparse = Motion(motion.positions[::stride], motion.fps / stride, motion.skeleton, motion.valid[::stride])
     body, splines = _Body.of(sparse), _Splines.of(sparse)
-    shape = (int(_Splines.of(motion).first[-1]) + 4, *motion.positions.shape[1:])
-    random = torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    knots = (FIRST_MOVE * reach * random).requires_grad_()
+    free = _Splines.of(motion).free(motion)
+    shape, generator = (len(free), *motion.positions.shape[1:]), torch.Generator().manual_seed(seed)
+    knots = (FIRST_MOVE * reach * torch.randn(shape, generator=generator, dtype=torch.float64) * free).requires_grad_()
+    knots.register_hook(free.mul)
     adam = torch.optim.Adam([knots], lr=RATE_OF_STEPS * reach)
     for step in turns:
         adam.zero_grad()
@@ -217,8 +222,7 @@ def _aim(motion: Motion, music: BeatTrack, params: HarmonyParams) -> HarmonyPara
     readings = [replace(params, pattern=HOW_PATTERNS[name]) for name in ("rest", "hit")]
     judgements = [score_motion(music, motion, params=each, n_rotations=0).judgement for each in readings]
     places = [None if judgement is None else _place(judgement) for judgement in judgements]
-    lags = [np.inf if place is None else abs(place.lag) for place in places]
-    return readings[int(np.argmin(lags))]
+    return readings[int(np.argmin([np.inf if place is None else abs(place.lag) for place in places]))]
 
 
 def _place(judgement: Judgement) -> PlaceTest | None:
