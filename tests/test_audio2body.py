@@ -12,7 +12,6 @@ import soxr
 import torch
 
 from benchmarks import bench_audio2body
-from harmolab.body.kinematics import Similarity
 from harmolab.musician import bow as bowing
 from harmolab.musician import cleaning, sequences
 from harmolab.musician import sound_features as hearing
@@ -22,6 +21,7 @@ from harmolab.musician.networks import SoundToPoints, predicted_points, predicte
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows, PointSpace
+from harmolab.musician.similarities import Similarity
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance, planted_performances
 from harmolab.musician.train import errors, errors_between, mean_pose_errors, terms, train_audio2body
 from harmolab.readers.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton

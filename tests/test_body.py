@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from harmolab.body import kinematics, skeletons
+from harmolab.musician import similarities
 from harmolab.types import FloatArray, Motion
 from tests.builders import along_x, cases, refused
 
@@ -155,42 +156,42 @@ def test_no_motion_is_blown_up_beyond_all_memory(change_rate: Callable[..., np.n
 
 def test_similarity_scales_turns_and_shifts_in_this_order():
     # In a picture (y down) a quarter turn clockwise: right becomes down.
-    quarter = kinematics.Similarity(2.0, np.pi / 2, np.array([1.0, 0.0]))
+    quarter = similarities.Similarity(2.0, np.pi / 2, np.array([1.0, 0.0]))
     np.testing.assert_allclose(quarter.apply(np.array([[3.0, 0.0], [0.0, 1.0]])), [[1, 6], [-1, 0]], atol=1e-12)
 
 
 def test_inverse_of_a_similarity_undoes_it(rng: np.random.Generator):
     points = rng.normal(size=(4, 3, 2))
-    similarity = kinematics.Similarity(0.7, -2.0, np.array([5.0, -9.0]))
+    similarity = similarities.Similarity(0.7, -2.0, np.array([5.0, -9.0]))
     np.testing.assert_allclose(similarity.inverse().apply(similarity.apply(points)), points, atol=1e-12)
 
 
 def test_planted_similarity_is_fitted_exactly(rng: np.random.Generator):
     points = rng.normal(size=(5, 2))
-    fit = kinematics.fit_similarity(points, kinematics.Similarity(1.3, 3.0, np.array([20.0, -7.0])).apply(points))
+    fit = similarities.fit_similarity(points, similarities.Similarity(1.3, 3.0, np.array([20.0, -7.0])).apply(points))
     np.testing.assert_allclose([fit.scale, fit.rotation, *fit.shift], [1.3, 3.0, 20.0, -7.0], atol=1e-12)
 
 
 def test_fitted_similarity_never_mirrors():
     corner = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
-    fit = kinematics.fit_similarity(corner, corner * [-1, 1])
+    fit = similarities.fit_similarity(corner, corner * [-1, 1])
     # By hand, centred z: sum |z|^2 = 10/3, and w = -conj(z), so sum conj(z) w = -sum conj(z)^2 = -(2 + 4i/3).
     assert fit.scale * np.exp(1j * fit.rotation) == pytest.approx(-(2 + 4j / 3) / (10 / 3))
 
 
 def test_points_of_weight_zero_do_not_count(rng: np.random.Generator):
     points = rng.normal(size=(4, 2))
-    target = kinematics.Similarity(2.0, 0.1, np.zeros(2)).apply(points)
+    target = similarities.Similarity(2.0, 0.1, np.zeros(2)).apply(points)
     target[3] += 100.0
-    fit = kinematics.fit_similarity(points, target, np.array([1.0, 1.0, 0.5, 0.0]))
+    fit = similarities.fit_similarity(points, target, np.array([1.0, 1.0, 0.5, 0.0]))
     assert (fit.scale, fit.rotation) == (pytest.approx(2.0), pytest.approx(0.1))
 
 
 def test_many_similarities_are_fitted_at_once(rng: np.random.Generator):
     points, target = rng.normal(size=(6, 4, 2)), rng.normal(size=(4, 2))
-    factors, shifts = kinematics.similarity_factors(points, np.broadcast_to(target, points.shape))
+    factors, shifts = similarities.similarity_factors(points, np.broadcast_to(target, points.shape))
     for pose, factor, shift in zip(points, factors, shifts, strict=True):
-        fit = kinematics.fit_similarity(pose, target)
+        fit = similarities.fit_similarity(pose, target)
         assert factor == pytest.approx(fit.scale * np.exp(1j * fit.rotation))
         assert [shift.real, shift.imag] == pytest.approx(list(fit.shift))
 
@@ -210,12 +211,12 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     (SQUARE, SQUARE * [-1, 1], None, "are the points mirrored"),
 )
 def test_what_no_similarity_can_be_fitted_to_is_refused(points, target, weights, fault):
-    refused(fault, kinematics.fit_similarity, points, target, weights)
+    refused(fault, similarities.fit_similarity, points, target, weights)
 
 
 @pytest.mark.parametrize("values", [(0.0, 0.0, np.zeros(2)), (1.0, np.nan, np.zeros(2)), (1.0, 0.0, np.zeros(3))])
 def test_similarity_that_cannot_be_is_refused(values):
-    refused("similarity", kinematics.Similarity, *values)
+    refused("similarity", similarities.Similarity, *values)
 
 
 # Hips 20 cm and shoulders 30 cm to either side, an elbow and a hand on the left, a nose to the front.

@@ -22,7 +22,6 @@ from typer.testing import Result
 
 import harmolab
 from benchmarks import bench_audio2body
-from harmolab.body.kinematics import Similarity
 from harmolab.cli import app
 from harmolab.musician import Audio2Body
 from harmolab.musician.avatar import avatar
@@ -34,6 +33,7 @@ from harmolab.musician.page import Performed, performance_span, save_performed
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import load_playing
 from harmolab.musician.sequences import PointSpace
+from harmolab.musician.similarities import Similarity
 from harmolab.musician.synthetic import PlantedPerformance, planted_performance, planted_performances
 from harmolab.musician.train import compared
 from harmolab.readers.audio import save_audio

@@ -15,9 +15,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.body.kinematics import Similarity, fit_similarity, similarity_factors
 from harmolab.files import named_faults
 from harmolab.musician.performances import Performance
+from harmolab.musician.similarities import Similarity, fit_similarity, similarity_factors
 from harmolab.readers.player_points import HANDS_12, SIDES
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from harmolab.body.kinematics import Similarity
 from harmolab.musician import players
 from harmolab.musician.performances import Performance
+from harmolab.musician.similarities import Similarity
 from harmolab.readers.player_points import INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion, Notes
 
