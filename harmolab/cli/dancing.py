@@ -164,7 +164,8 @@ class DanceReport:
         remarks = () if judgement is None else judgement.remarks
         sentences = [*(remark for remark in remarks if self.knows_bars or ADVICE not in remark), *self.remarks]
         if self.choreography is not None:
-            sentences += [*self.choreography.warnings, *(f"heard: {form}" for form in [self.choreography.form] if form)]
+            sentences += self.choreography.warnings
+            sentences += [f"heard: {form}"] if (form := self.choreography.form) else []
         return tuple(map(sentence, sentences))
 
     @cached_property

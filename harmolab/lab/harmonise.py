@@ -143,7 +143,8 @@ class _Splines:
     def of(cls, motion: Motion) -> "_Splines":
         """The splines at a motion's frames."""
         place = torch.arange(motion.n_frames, dtype=torch.float64) / (motion.fps * KNOT)
-        x = place - (first := place.floor())
+        first = place.floor()
+        x = place - first
         weights = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
         return cls(first.long(), torch.stack(weights, dim=1) / 6)
 
