@@ -502,7 +502,7 @@ def test_a_system_below_the_recorded_dances_is_told_beside_these_with_another_so
 ) -> None:
     below = with_difference(replace(table, systems=(WILD,)), WILD, RECORDED, -0.1, -0.15, -0.05, songs=20)
     changed = with_difference(below, WILD, OTHER_SONG, *numbers, songs=20)
-    start = f"{WILD} goes with its music less than the recorded dances, {words} the same with another song ("
+    start = f"{WILD} goes with its music less than the recorded dances, {words} the same with another song (harmony "
     assert next(findings(changed)).startswith(start)
 
 

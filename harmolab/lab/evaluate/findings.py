@@ -26,9 +26,11 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
         if mean is None or recorded is None:
             yield f"{system}: no harmony above chance could be measured.{likely}"
             continue
-        numbers = f"{number_text(mean.mean)} above chance, that of the recorded dances {number_text(recorded.mean)}"
+        numbers = (
+            f"harmony {number_text(mean.mean)} above chance, that of the recorded dances {number_text(recorded.mean)}"
+        )
         relation = "" if doubt else _relation(evaluation, system)
-        yield f"{system} {relation} ({numbers}).{likely}" if relation else f"{system}: harmony {numbers}.{likely}"
+        yield f"{system} {relation} ({numbers}).{likely}" if relation else f"{system}: {numbers}.{likely}"
 
 
 def _likeness(evaluation: Evaluation, system: str) -> str:
