@@ -196,6 +196,14 @@ def test_who_moves_twice_a_beat_of_tracked_music_hears_that_it_may_be_twice_as_f
     assert words in " ".join(tracked.remarks) and words not in " ".join(annotated.remarks)
 
 
+@pytest.mark.parametrize("pattern", [None, REST])
+def test_who_is_half_a_beat_off_tracked_beats_hears_that_these_may_be_off_beats(pattern: BarPattern | None) -> None:
+    tracked, annotated = (judged(dancer(0.5), replace(BEATS, quality=quality), pattern) for quality in (1.0, None))
+    words = "If the off-beats were counted, you are on the beat"
+    assert words in " ".join(tracked.remarks + tracked.details)
+    assert words not in " ".join(annotated.remarks + annotated.details)
+
+
 @cases("rate, words", (2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats"))
 @pytest.mark.parametrize("phase", [0.0, 0.3, 0.6])
 def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:

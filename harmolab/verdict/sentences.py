@@ -215,6 +215,8 @@ def _advice(evidence: Evidence) -> list[str]:
             f"The music was counted at {evidence.tempo:.0f} bpm; the sound does not tell that from "
             f"{2 * evidence.tempo:.0f}: say the dance (--dance), or give the beats (--beats)."
         )
+    if evidence.level == 3 and evidence.beats.quality is not None and (evidence.is_opposite or evidence.is_hit):
+        lines.append("If the off-beats were counted, you are on the beat: hear them (`harmolab beats --clicks`).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
             'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'
