@@ -314,7 +314,7 @@ def test_nothing_is_wider_than_the_screen(
 
 def playing_frame(page: Any) -> Any:
     """The player in the page's frame, playing."""
-    page.locator("iframe").scroll_into_view_if_needed()
+    page.locator("iframe").first.scroll_into_view_if_needed()
     frame = page.frames[1]
     frame.wait_for_function("window.harmolabPlayer", timeout=20_000)
     frame.click("#play")
@@ -333,6 +333,19 @@ def test_plays_inside_a_frame(chromium: Any, clip: Clip, tmp_path: Path, sandbox
             "(f => [f.clientHeight, f.contentDocument.documentElement.scrollHeight])(frames[0].frameElement)"
         )
         assert heights[1] <= heights[0]
+    closed(page)
+
+
+def test_of_two_players_on_a_page_the_last_one_started_sounds(chromium: Any, clip: Clip, tmp_path: Path) -> None:
+    (tmp_path / "table.html").write_text("<!DOCTYPE html>" + 2 * player_of(clip)._repr_html_(), "utf-8")
+    page = at_address(chromium, (tmp_path / "table.html").as_uri())
+    first = playing_frame(page)
+    page.locator("iframe").nth(1).scroll_into_view_if_needed()
+    second = page.frames[2]
+    second.wait_for_function("window.harmolabPlayer", timeout=20_000)
+    second.click("#play")
+    first.wait_for_function("document.querySelector('audio').paused", timeout=20_000)
+    assert not second.evaluate("document.querySelector('audio').paused")
     closed(page)
 
 
