@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -423,6 +424,17 @@ def test_what_a_decoder_in_c_prints_does_not_reach_the_screen():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == "ours\nafter"
+
+
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_leaves_no_file_that_is_half_written(ending: signal.Signals, tmp_path: Path):
+    code = (
+        "import os, harmolab.cli\nfrom harmolab.files import atomic_write\n"
+        f"def work():\n with atomic_write('x') as part: part.touch(); os.kill(os.getpid(), {ending:d})\n"
+        "harmolab.cli.app = work; harmolab.cli.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False)
+    assert (done.returncode, done.stderr, list(tmp_path.iterdir())) == (128 + ending, b"", [])
 
 
 # Help

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -190,13 +191,13 @@ def test_resuming_after_a_movement_has_changed_names_its_file(trained: tuple[Pat
     assert files(out) == before
 
 
-def test_after_ctrl_c_there_is_a_line_that_says_how_to_go_on(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
-    def train(*given: object, **options: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("harmolab.systems.music2dance.Music2Dance.train", train)
+@pytest.mark.parametrize(("ending", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143)])
+def test_after_ctrl_c_or_a_signal_to_end_there_is_a_line_that_says_how_to_go_on(
+    ending: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
+):
+    monkeypatch.setattr("harmolab.systems.music2dance.Music2Dance.train", Mock(side_effect=ending))
     result = run(tmp_path, "--out", tmp_path / "run", "--system", "music2dance")
-    assert result.exit_code == 130
+    assert result.exit_code == code
     assert "harmolab: stopped; the same command with --resume goes on from there\n" in result.stderr
 
 

@@ -1,5 +1,7 @@
 """The `harmolab` command. Thin: every command calls one function of the package and prints."""
 
+import signal
+import sys
 from typing import Annotated
 
 import typer
@@ -62,5 +64,8 @@ def common(
 
 
 def main() -> None:
-    """Entry point of the console command."""
+    """Entry point of the console command; what a signal to end stops removes its half-written files, as Ctrl-C does."""
+    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores it
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
     app()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,8 +36,6 @@ def app(
     port : Port of the local page; 0: any free one.
     no_open : Print the address only.
     """
-    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
-        signal.signal(number, signal.default_int_handler)  # as Ctrl-C: the page ends, and its files go
     common.check_pages("harmolab app")
     common.serve(new_server(port), no_open, "then all files of the page are gone")
 

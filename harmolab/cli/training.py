@@ -150,7 +150,7 @@ def train(
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; {TRAIN_HINT}") from None
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):
             note("stopped; the same command with --resume goes on from there")
             raise
         except ValueError as error:
