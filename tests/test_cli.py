@@ -437,6 +437,11 @@ def test_a_signal_to_end_leaves_no_file_that_is_half_written(ending: signal.Sign
     assert (done.returncode, done.stderr, list(tmp_path.iterdir())) == (128 + ending, b"", [])
 
 
+def test_a_closed_standard_error_takes_no_result_away(pair: tuple[object, ...]):
+    command = ["sh", "-c", 'exec "$@" 2>&-', "sh", sys.executable, "-m", "harmolab.cli", "score", *map(str, pair)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == run("score", *pair).stdout
+
+
 # Help
 
 

@@ -1,5 +1,6 @@
 """The `harmolab` command. Thin: every command calls one function of the package and prints."""
 
+import os
 import signal
 import sys
 from typing import Annotated
@@ -65,6 +66,8 @@ def common(
 
 def main() -> None:
     """Entry point of the console command; what a signal to end stops removes its half-written files, as Ctrl-C does."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # closed ones, as the files 0, 1 and 2
+        setattr(sys, name, getattr(sys, name) or open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores it
             signal.signal(number, lambda number, _: sys.exit(128 + number))
