@@ -190,6 +190,11 @@ def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], w
     assert [path.name for path in Path().iterdir()] == [out]
 
 
+def test_a_named_pipe_is_a_file_of_others(pair: tuple[Any, ...]):
+    os.mkfifo("x.npz")
+    assert refusal("retime", *pair, "--out", "x.npz") == f"x.npz: {FOREIGN}" and Path("x.npz").is_fifo()
+
+
 def test_beats_and_clicks_of_others_are_written_over_by_force_only(pair: tuple[Any, ...]):
     words = ("beats", pair[0], *pair[2:], "--out", "x.beats", "--clicks", "x.wav")
     Path("x.beats").write_text("# tapped by hand\n1.0\n2.0\n")

@@ -500,7 +500,8 @@ def check_output(context: typer.Context, out: Path) -> None:
     """ValueError where writing `out` would replace what the command reads or, without `FORCE`, a file of others."""
     read = [path for name, value in context.params.items() if name not in OUTPUTS for path in _paths(value)]
     files.check_output(out, read)
-    if context.meta.get(FORCE) is False and out.is_file() and not files.is_own_file(out):
+    is_there = out.exists() and not out.is_dir()  # a named pipe, too
+    if context.meta.get(FORCE) is False and is_there and not files.is_own_file(out):
         raise ValueError(
             f"{out}: is there already, and not of harmolab; choose another name, or replace it with {FORCE}"
         )
