@@ -125,8 +125,7 @@ def test_a_file_that_is_too_large_or_ends_too_early_leaves_nothing(server: AppSe
     server.most_upload = 1000
     assert put(server, "dance/x.mp4", headers={"Content-Length": "1001"}) == (400, "at most 1000 bytes are taken")
     assert put(server, "dance/x.mp4", headers={"Content-Length": "-1"})[0] == 400
-    parts = urlsplit(server.address)
-    with closing(HTTPConnection(parts.hostname or "", parts.port, timeout=10)) as connection:
+    with closing(HTTPConnection(*server._server.server_address, timeout=10)) as connection:
         connection.request("PUT", f"{server.path}dance/x.mp4", b"some", {"Content-Length": "900"})
         connection.sock.shutdown(1)  # no more comes
         reply = connection.getresponse()
@@ -206,7 +205,9 @@ def test_work_can_be_stopped_and_nothing_else_begins_meanwhile(server: AppServer
 @cases(
     "content, fault",
     ({"task": "judge", "style": "../x"}, "../x: is no dance that is known"),
+    ({"task": "judge", "style": "\ud800"}, "?: is no dance that is known"),
     ({"task": "judge", "offset": "nan"}, "nan: seconds are a number"),
+    ({"task": "judge", "offset": 10**400}, "000: seconds are a number"),
     ({"task": "judge", "offset": [1]}, "seconds are a number"),
     ({"task": "?"}, "there is no '?'"),
     ([], "orders come as a record"),
@@ -255,10 +256,9 @@ def test_whatever_ends_the_command_the_files_are_gone(
     if ending == signal.SIGKILL and is_group:  # nobody is left to remove anything but the next page
         sweep()
     for _ in range(200):
-        if not list(tmp_path.glob("harmolab_app_*")):
-            break
-        time.sleep(0.1)
-    assert list(tmp_path.glob("harmolab_app_*")) == []
+        if left := list(tmp_path.glob("harmolab_app_*")):
+            time.sleep(0.1)
+    assert left == []
 
 
 # In a browser

@@ -355,10 +355,7 @@ def _seconds(text: Any) -> float | None:
     """The number of seconds in a field; None where it is empty."""
     if text in (None, ""):
         return None
-    try:
-        seconds = float(text)
-    except (TypeError, ValueError):
-        raise ValueError(f"{text}: seconds are a number") from None
-    if not isfinite(seconds):
-        raise ValueError(f"{text}: seconds are a number")
-    return seconds
+    with suppress(TypeError, ValueError, OverflowError):
+        if isfinite(seconds := float(text)):
+            return seconds
+    raise ValueError(f"{text}: seconds are a number")

@@ -205,7 +205,7 @@ class _Handler(BaseHTTPRequestHandler):
 def _opened(content: str | bytes | Path) -> BinaryIO:
     if isinstance(content, Path):
         return content.open("rb")
-    return io.BytesIO(content if isinstance(content, bytes) else content.encode())
+    return io.BytesIO(content if isinstance(content, bytes) else content.encode(errors="replace"))
 
 
 # A study as a local page, in a browser or in a frame of a notebook
