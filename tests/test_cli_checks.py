@@ -21,7 +21,7 @@ from typer.main import get_command
 from typer.models import OptionInfo
 
 from harmolab.cli import app
-from harmolab.cli.common import described
+from harmolab.cli.common import described, print_table
 from harmolab.cli.evaluating import print_comparison
 from harmolab.cli.screen import printable
 from harmolab.data.synthetic import write_corpus
@@ -344,7 +344,10 @@ def test_a_name_too_long_to_be_written_is_that_of_the_output(pair: tuple[Any, ..
     assert refusal("play", *pair, "--out", name) == f"{name}: File name too long"
 
 
-def test_no_control_code_of_a_name_reaches_the_screen():
+def test_no_control_code_of_a_name_reaches_the_screen(capsys: pytest.CaptureFixture[str]):
+    print_table([code := "\x1b[31m[/]"], [[code]], code, code)
+    shown = capsys.readouterr().out
+    assert shown.count(r"\x1b[31m[/]") == 4 and "\x1b" not in shown
     assert printable("naïve \x1b[31m\udcff\t.npz") == r"naïve \x1b[31m\udcff\t.npz"
 
 

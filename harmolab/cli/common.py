@@ -344,18 +344,20 @@ def print_table(
 ) -> None:
     """Print a table, as wide as the terminal, and sentences below it; `look` are options of `rich.table.Table`.
 
-    Brackets in cells and title are shown as they are, for they may be of the name of a file.
+    All that it shows may be names of files: brackets stay as they are, control codes are escaped.
     """
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console, table = Console(), Table(*headings, title=escape(title) or None, **look)
+    console, table = Console(), Table(*headings, title=escape(screen.printable(title)) or None, **look)
+    for column in table.columns:
+        column.header = escape(screen.printable(str(column.header)))
     for row in rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*(escape(screen.printable(cell)) for cell in row))
     console.print(table)
     for sentence in notes:
-        console.print(sentence, markup=False, highlight=False)
+        console.print(screen.printable(sentence), markup=False, highlight=False)
 
 
 # Checks of options before a command runs: finite numbers, and files that stay as they are

@@ -388,5 +388,5 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
     """One column a dance."""
     names = dict.fromkeys(name for column in facts.values() for name in column)
-    rows = ([name, *(printable(column.get(name, "-")) for column in facts.values())] for name in names)
+    rows = ([name, *(column.get(name, "-") for column in facts.values())] for name in names)
     common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)

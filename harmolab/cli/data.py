@@ -13,7 +13,7 @@ import typer
 import harmolab
 from harmolab.cli import common
 from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
-from harmolab.cli.screen import LEVEL, QUIET, detail, note, printable, progress, say, waiting, wrote
+from harmolab.cli.screen import LEVEL, QUIET, detail, note, progress, say, waiting, wrote
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -45,10 +45,10 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
     for finding in findings:
         name = path.name if finding.path == str(path) else os.path.relpath(finding.path, path)
         numbers = (finding.frames, finding.rate, finding.joints, finding.seconds, finding.offset)
-        rows.append((printable(name), finding.kind, *map(show, numbers), printable(finding.note)))
-        notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
-        notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
-    print_table(headings, rows, printable(str(path)), *notes)
+        rows.append((name, finding.kind, *map(show, numbers), finding.note))
+        parts = (("read", finding.how), ("odd", finding.odd))
+        notes += [f"{word}: {name}: {sentence}" for word, sentences in parts for sentence in sentences]
+    print_table(headings, rows, str(path), *notes)
     raise typer.Exit(int(is_faulty))
 
 

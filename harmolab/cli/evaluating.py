@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Sequence
 from functools import partial
 from itertools import starmap
@@ -19,7 +20,7 @@ import harmolab
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
-from harmolab.cli.screen import note, printable, progress, say, wrote
+from harmolab.cli.screen import note, progress, say, wrote
 
 KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
@@ -231,12 +232,11 @@ def _print(evaluation: lab.Evaluation) -> None:
 
 def _print_table(records: list[dict[str, Any]], measures: Sequence[str], measured: dict[str, str]) -> None:
     """A table with a column a record, and a line a measure; `measured` are the numbers of dances by system, as text."""
-    from rich.markup import escape
     from rich.table import Column
 
     from harmolab.lab.evaluate.tables import number_text
 
-    systems = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
+    systems = (Column(record["system"], overflow="fold") for record in records)
     rows = [["dances", *(measured[record["system"]] for record in records)]]
     rows += [[count, *(str(record[count]) for record in records)] for count in ("songs", "seeds")]
     for name in measures:
@@ -389,6 +389,6 @@ def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     patterns = dance_patterns(corpus, progress=progress, report=left_out)
     save_patterns(out, patterns)
     for name, pattern in patterns.items():
-        typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
-    example = next(iter(patterns))
-    typer.echo(f"use them: harmolab score SONG DANCE --pattern {out}" + (f" --dance {example}" if example else ""))
+        say(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
+    example = shlex.join(["--dance", name] if (name := next(iter(patterns))) else [])
+    say(f"use them: harmolab score SONG DANCE --pattern {out} {example}".rstrip())

@@ -225,10 +225,9 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
     def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         numbers = (row.get(name) for name in columns.values())
         level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
-        return printable(row["name"]), row["dance"], *map(common.show, numbers), row["error"] or level
+        return row["name"], row["dance"], *map(common.show, numbers), row["error"] or level
 
-    headings = ("recording", "dance", *columns, "fault" if is_paper else "level")
-    common.print_table(headings, map(cells, rows), printable(title))
+    common.print_table(("recording", "dance", *columns, "fault" if is_paper else "level"), map(cells, rows), title)
 
 
 # Names in the table, and of the fields behind them.
