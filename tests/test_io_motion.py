@@ -277,6 +277,7 @@ GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
     (bvh(SIX, "0 0 0 0 0 0 0 0 x\n" * 2), "something else than numbers"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 nan\n" * 2), r"NaN or infinity at frame 0, joint 2 \(knee_end\)"),
     (GOOD.replace("ROOT hip", "ROOT a { OFFSET 0 0 0 CHANNELS 0 }\nROOT hip"), r"second skeleton \('hip'\)"),
+    (GOOD.replace("ROOT hip", "ROOT " + 100 * "hip"), "a name of 300 letters"),
     (GOOD.replace("Xposition", "Wposition"), "has channels"),
     (GOOD.replace("Xposition", "Yposition"), "once each"),
     (GOOD.replace("CHANNELS 6", "CHANNELS 7"), "7 channels"),
@@ -424,10 +425,7 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
     ("picture.npy", np.zeros((2, 10_001, 2))),
 )
 def test_more_joints_than_any_body_has_are_refused(tmp_path: Path, name: str, arrays: Any):
-    if name.endswith("npz"):
-        np.savez(tmp_path / name, **arrays)
-    else:
-        np.save(tmp_path / name, arrays)
+    np.savez(tmp_path / name, **arrays) if name.endswith("npz") else np.save(tmp_path / name, arrays)
     refused(f"{name}: has 10001 joints, more than the 10000 allowed", load_motion, tmp_path / name, fps=25.0)
 
 

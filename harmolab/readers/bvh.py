@@ -47,7 +47,7 @@ from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
 _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
-_MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 2**24
+_MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_NAME, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 200, 2**24
 _BLOCK_PLACES = 2**17
 _LARGEST_METRES = 3.0  # extent at rest, in units of the file, that is read as metres
 _USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
@@ -112,9 +112,7 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
 
 def _hierarchy(words: list[str]) -> list[_Joint]:
     """The joints, parents before children, from the words before MOTION."""
-    joints: list[_Joint] = []
-    open_joints: list[int] = []
-    stream = iter(words[1:])
+    joints, open_joints, stream = list[_Joint](), list[int](), iter(words[1:])
     for word in stream:
         key = word.upper()
         if key in ("ROOT", "JOINT", "END"):
@@ -122,7 +120,7 @@ def _hierarchy(words: list[str]) -> list[_Joint]:
         elif key == "}" and open_joints:
             open_joints.pop()
         elif key in ("OFFSET", "CHANNELS") and open_joints:
-            _fill_joint(key, joints, open_joints[-1], stream)
+            _fill_joint(key, joints[open_joints[-1]], stream)
         else:
             raise ValueError(f"cannot follow the hierarchy at {word[:40]!r}")
     if not joints or open_joints:
@@ -141,8 +139,10 @@ def _without_empty_ends(joints: list[_Joint]) -> list[_Joint]:
 
 def _name(stream: Iterator[str]) -> str:
     """The words up to the opening bracket: the name of a joint."""
-    words = list(itertools.takewhile(lambda word: word != "{", stream))
-    return " ".join(words) or "joint"
+    name = " ".join(itertools.takewhile(lambda word: word != "{", stream)) or "joint"
+    if len(name) > _MAX_NAME:
+        raise ValueError(f"has a joint with a name of {len(name)} letters; shorten it to {_MAX_NAME} at most")
+    return name
 
 
 def _open_joint(kind: str, name: str, joints: list[_Joint], open_joints: list[int]) -> None:
@@ -158,9 +158,8 @@ def _open_joint(kind: str, name: str, joints: list[_Joint], open_joints: list[in
     open_joints.append(len(joints) - 1)
 
 
-def _fill_joint(key: str, joints: list[_Joint], index: int, stream: Iterator[str]) -> None:
+def _fill_joint(key: str, joint: _Joint, stream: Iterator[str]) -> None:
     """Read OFFSET or CHANNELS into a joint."""
-    joint = joints[index]
     if key == "OFFSET":
         joint.offset = np.array([_number(stream, f"OFFSET of {joint.name}") for _ in range(3)])
         return
@@ -215,9 +214,7 @@ def _rate(step: float, options: ReadingOptions) -> tuple[float, tuple[Assumption
 
 def _numbers(text: str) -> FloatArray:
     """All numbers of a text."""
-    with warnings.catch_warnings():
-        # At a word that is no number, older numpy only warns.
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):  # at a word that is no number, older numpy only warns
         try:
             return np.fromstring(text, sep=" ")
         except (DeprecationWarning, ValueError):
