@@ -548,6 +548,7 @@ def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
     ([{"frame": 1, "predictions": 5}], "entry 0 has no list 'predictions'"),
     ([{"frame": 1, "predictions": []}], "nobody is seen in any of its 1 frames"),
     (results([1]), "at least two frames"),
+    ([[]] * 432_001, "has 432001 frames, more than the 432000 allowed"),
     ([{**results([1])[0], "keypoints": coco_pose(1, 0.0)}] * 2, "nobody is seen"),
     ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
     ('{"fps": 30}', "holds an object with 'fps', which is neither MediaPipe landmarks"),

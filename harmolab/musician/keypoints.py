@@ -128,6 +128,7 @@ def player_landmarks(content: Any) -> FloatArray:
         The content is damaged, or does not say whose hands the labels of "hands" name.
     """
     frames = content["frames"] if isinstance(content, dict) else content
+    keypoints.check_frames(len(frames))
     handedness = content.get("handedness") if isinstance(content, dict) else None
     if handedness not in (None, *HANDEDNESS):
         raise ValueError(f"'handedness' is {str(handedness)[:30]!r}; it must be 'mirrored' or 'picture'")

@@ -114,10 +114,8 @@ def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.Readi
     MissingFrameRate, ValueError
         As `joint_motion`, or a file holds no joints in space; names the folder, or the file.
     """
-    if len(files) > keypoints.MAX_FRAMES:
-        raise ValueError(
-            f"{folder}: has {len(files)} frames, more than the {keypoints.MAX_FRAMES} allowed; cut it into parts"
-        )
+    with named_faults(folder):
+        keypoints.check_frames(len(files))
     if options.fps is None:
         raise MissingFrameRate(
             f"{folder}: holds no frame rate; pass fps, such as --fps 25 (Bailando's settings make 60)"

@@ -133,6 +133,12 @@ MAX_FRAMES = 432_000  # four hours at 30 frames per second
 SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
 
 
+def check_frames(count: int) -> None:
+    """ValueError for more than `MAX_FRAMES` frames."""
+    if count > MAX_FRAMES:
+        raise ValueError(f"has {count} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
+
+
 def named_skeleton(count: int) -> Skeleton | None:
     """The pose skeleton with `count` joints: 17 COCO, 18 and 25 OpenPose; None for other counts."""
     return {17: COCO_17, 18: OPENPOSE_18, 25: OPENPOSE_25}.get(count)
@@ -267,6 +273,7 @@ def is_landmarks(content: Any) -> bool:
 def landmarks_by_frame(content: Any) -> FloatArray:
     """(T, 33, 4) x, y, z and visibility, NaN in empty frames, of content that `is_landmarks`."""
     frames = content["frames"] if isinstance(content, dict) else content
+    check_frames(len(frames))
     lists = [frame.get("landmarks") if isinstance(frame, dict) else frame for frame in frames]
     return np.stack([landmark_array(points, f"frame {number}") for number, points in enumerate(lists)])
 

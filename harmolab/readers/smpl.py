@@ -43,7 +43,7 @@ from harmolab.body.skeletons import Skeleton, skeleton_part
 from harmolab.files import PathLike, reading
 from harmolab.readers.aist import AIST_FPS, is_aist_name
 from harmolab.readers.arrays import checked_motion, in_metres, read_npz
-from harmolab.readers.keypoints import MAX_FRAMES
+from harmolab.readers.keypoints import check_frames
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, stated_up
 from harmolab.types import FloatArray, Motion
 
@@ -232,8 +232,7 @@ def rotation_matrices(values: NDArray[Any], name: str) -> tuple[FloatArray, str]
             f"{name} must be axis-angle (T, J, 3), 6-D (T, J, 6) or matrices (T, J, 9), also flat, of 22, 24, 52 or 55 "
             f"joints, got shape {values.shape}"
         )
-    if len(values) > MAX_FRAMES:
-        raise ValueError(f"has {len(values)} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
+    check_frames(len(values))
     # SMPL-H and SMPL-X have fingers, jaw and eyes from the 23rd joint on.
     kept = count if count in (SHARED, 24) else SHARED
     numbers = values.reshape(len(values), count, size)[:, :kept].astype(np.float64)
