@@ -4,6 +4,8 @@ import json
 import os
 import resource
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import time
@@ -131,6 +133,13 @@ def test_a_file_that_is_too_large_or_ends_too_early_leaves_nothing(server: AppSe
         reply = connection.getresponse()
         assert (reply.status, reply.read()) == (400, b"the file came in part only")
     assert [path.name for path in server.folder.iterdir()] == [LOCK]
+
+
+def test_a_browser_that_breaks_off_prints_nothing(server: AppServer, capfd: pytest.CaptureFixture[str]):
+    with socket.create_connection(server._server.server_address) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # reset, not closed
+    time.sleep(0.2)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.slow

@@ -425,7 +425,10 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
     ("picture.npy", np.zeros((2, 10_001, 2))),
 )
 def test_more_joints_than_any_body_has_are_refused(tmp_path: Path, name: str, arrays: Any):
-    np.savez(tmp_path / name, **arrays) if name.endswith("npz") else np.save(tmp_path / name, arrays)
+    if name.endswith("npz"):
+        np.savez(tmp_path / name, **arrays)
+    else:
+        np.save(tmp_path / name, arrays)
     refused(f"{name}: has 10001 joints, more than the 10000 allowed", load_motion, tmp_path / name, fps=25.0)
 
 

@@ -124,6 +124,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.page = page
         super().__init__(*args)  # answers the request
 
+    def handle(self) -> None:
+        """Answers one connection; a browser that breaks it off is no fault."""
+        with suppress(ConnectionError):
+            super().handle()
+
     def parse_request(self) -> bool:
         """True for a request below the page's own address; any other is answered here."""
         if not super().parse_request():
