@@ -58,8 +58,7 @@ class TrainParams:
         Over all processes together.
     shards : int
         Parts that each batch is computed in, one after the other or by several processes; at least as many as there are
-        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch,
-        and path and spread compare smaller parts of a batch.
+        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch.
     pretrain_rate, adversarial_rate : float
         Initial learning rates of Adam.
     pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
