@@ -231,7 +231,7 @@ HARMONY = (
     ),
     Claim(
         "Sec. 6", "over-frequent visual beats fool the metric", "named as a limit",
-        lambda tables: f"a tremor of 5 mm on a dance that is too slow: h +{_trick(tables, 'paper_harmony'):.2f}, hit rate "
+        lambda tables: f"a jitter of 5 mm on a dance that is too slow: h +{_trick(tables, 'paper_harmony'):.2f}, hit rate "
                        f"+{_trick(tables, 'paper_hit_rate'):.2f}",
         lambda tables: f"above chance {_trick(tables, 'above_chance'):+.2f}",
         "reproduced", lambda tables: _trick(tables, "paper_hit_rate") > 0.1, "12_cheating_the_score", "test_cheating.py",
