@@ -216,7 +216,7 @@ def recording_folders(corpus: PathLike) -> recordings.RecordingFolders:
     """The folders of recordings at or below a folder; ValueError without one, else errors as `find_recordings`."""
     complete = recordings.find_recordings(corpus)
     if not complete.folders:
-        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+        raise ValueError(f"{corpus}: holds no folder of a recording; see `harmolab data check {corpus}`")
     return complete
 
 

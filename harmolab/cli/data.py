@@ -15,7 +15,7 @@ from harmolab.cli import common
 from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
 from harmolab.cli.screen import LEVEL, QUIET, detail, note, progress, say, waiting, wrote
 
-data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
+data_app = typer.Typer(no_args_is_help=True, help="Check, convert and make files of movement; ask people.")
 
 
 @data_app.command("check", cls=CheckedCommand)
@@ -29,7 +29,7 @@ def data_check(path: Path, as_json: AsJson = False) -> None:
 
     Parameters
     ----------
-    path : A file, a sequence folder or a corpus.
+    path : A file, the folder of a recording, or a corpus.
     """
     from rich.table import Column
 

@@ -52,16 +52,16 @@ def make(
 
     Parameters
     ----------
-    corpus : Folder of sequences (Tang 2018 layout, or ours).
+    corpus : Folder of recordings (Tang 2018 layout, or ours).
     out : Folder for the study; `ask` needs nothing else.
     kind : pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13) rate: one dance, four
         marks from 0 to 10 (Music2Dance)
     n : Number of trials; an even one, so that the answers are balanced.
     seconds : Length of a trial's music and dances.
     wrong : The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial).
-    against : choice, rate: a folder with another dance to the same music for each sequence, under the same name (a
-        sequence folder, NAME.npz or NAME.bvh), from where its file says that it begins in the song, else from the
-        sequence's begin. No answer is right then; it is told which is preferred.
+    against : choice, rate: a folder with another dance to the same music for each recording, under the same name (a
+        folder, NAME.npz or NAME.bvh), from where its file says that it begins in the song, else from where the
+        recording begins. No answer is right then; it is told which is preferred.
     seed : Same seed, same study. Raters should not know it.
     """
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
