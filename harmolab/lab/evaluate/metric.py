@@ -22,7 +22,7 @@ from harmolab.lab.evaluate.reference import Reference, load_reference
 from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
-from harmolab.params import DANCES
+from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS, steady_skeleton
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
@@ -305,8 +305,8 @@ def _remarks(rows: Sequence[Row], reference: Reference | None) -> Iterable[str]:
     for name, reason in reasons.items():
         if count := sum(math.isnan(float(row[name])) for row in rows):
             yield f"{name} of {count} of {len(rows)} dances is NaN: {reason}."
-    for dance, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCES)).items():
-        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {dance!r} is none of {', '.join(DANCES)}."
+    for kind, count in Counter(row["dance"] for row in rows if row["dance"] not in ("", *DANCE_PATTERNS)).items():
+        yield f"harmony_dance of {count} of {len(rows)} dances is NaN: {kind!r} is none of {', '.join(DANCE_PATTERNS)}."
     if reference is None or not rows:
         return
     recorded = reference.features
