@@ -531,9 +531,9 @@ def soft_harmony(
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
     counted, after = beat_mask.bool(), ~frames_before_end(mask).bool()
-    # Padding may be NaN, which has no gradient of 0.
+    # Padding may be NaN or infinite, which has no gradient of 0.
     after = after.view(*after.shape, *[1] * (positions.ndim - 2))
-    positions = positions.masked_fill(positions.isnan() & after, 0.0)
+    positions = positions.masked_fill(~positions.isfinite() & after, 0.0)
     beats = beats.to(positions.dtype).nan_to_num()
     if span is not None:
         span = span.to(positions.dtype)
