@@ -262,6 +262,8 @@ def test_a_reference_of_another_pose_network_has_no_pose_features():
     ([np.zeros((30, 7, 3))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: has 7 joints: pass skeleton=harmolab\.Skeleton"),
     ([np.zeros((30, 72))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: positions must be \(frames, joints, 3\)"),
     ([np.full((30, 24, 3), np.nan)], [[1.0]], {"fps": 30.0}, r"motions\[0\]: "),
+    ([np.ma.masked_less(np.zeros((30, 24, 3)), 1)], [[1.0]], {"fps": 30.0}, r"motions\[0\]: positions has masked"),
+    ([np.zeros((30, 24, 3))], [np.ones(1, "f2")], {"fps": 30.0}, r"beats\[0\] are of float16: one at 30 s would be"),
     ([np.zeros((30, 24, 3))], [], {"fps": 30.0}, r"beats must have one entry a dance \(1\), got 0"),
     ([np.zeros((30, 24, 3))], [[20.0]], {"fps": 30.0}, r"beats\[0\]: beat times reach 20 in a clip of 1 s; were these"),
     ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "songs": []}, None),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.oddities import brief_text, faults_of
@@ -24,7 +25,7 @@ from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
 from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS, steady_skeleton
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
 
 if TYPE_CHECKING:
@@ -256,20 +257,17 @@ def _motion(value: Positions, name: str, fps: float | None, skeleton: Skeleton |
         joints = positions.shape[1]
         if skeleton is None and joints not in SKELETONS:
             raise ValueError(f"has {joints} joints: pass skeleton=harmolab.Skeleton(names, parents)")
-        return Motion(positions, fps, steady_skeleton(positions)[0] if skeleton is None else skeleton)
+        return Motion(positions, fps, skeleton or steady_skeleton(positions.astype(np.float64))[0])
 
 
-def _array(value: Any, name: str) -> FloatArray:
-    """An array or tensor in double precision, on the CPU; ValueError for a tensor with a gradient."""
+def _array(value: Any, name: str) -> NDArray[Any]:
+    """An array as it is, or a tensor in double precision, on the CPU; ValueError for a tensor with a gradient."""
     if getattr(value, "requires_grad", False):
         raise ValueError(f"{name} is a tensor with a gradient, and nothing here is a loss: pass {name}.detach()")
     if hasattr(value, "detach"):
         value = value.detach().cpu().double().numpy()  # bfloat16 has no kind of numpy's
     with named_faults(name):
-        try:
-            return np.asarray(value, dtype=np.float64)
-        except TypeError as error:
-            raise ValueError(f"is no array of numbers ({error})") from None
+        return np.asanyarray(value)  # the record that it goes into refuses masked, complex and other entries
 
 
 def _tracks(beats: Iterable[Any], motions: Sequence[Motion]) -> list[BeatTrack]:
@@ -286,6 +284,8 @@ def _track(value: Any, name: str, motion: Motion) -> BeatTrack:
     if isinstance(value, BeatTrack):
         is_longer = value.duration > motion.duration + 1 / motion.fps
         return value.span(0.0, motion.duration) if is_longer else value
+    if getattr(getattr(value, "dtype", None), "itemsize", 4) < 4:
+        raise ValueError(f"{name} are of {value.dtype}: one at 30 s would be up to 60 ms off; pass seconds of 32 bits")
     times = _array(value, name).ravel()
     with named_faults(name):
         return BeatTrack(times, np.ones(times.size), motion.fps, motion.duration)
