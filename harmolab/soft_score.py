@@ -513,6 +513,7 @@ def soft_harmony(
         its mask: beats of the whole song may be passed.
     bar_places : (N,) tensor of int, optional
         Place in its bar of each clip's first beat, for patterns of several beats; the best place is taken if None.
+        Beats must ascend then; else they may stand in any order.
 
     Returns
     -------
@@ -521,8 +522,8 @@ def soft_harmony(
     Raises
     ------
     ValueError
-        For tensors that do not fit together, beats that are not finite, tau not positive, or a setting that has no
-        relaxation.
+        For tensors that do not fit together, beats of 16 bits, beats or strengths that are not finite, strengths below
+        0, tau not positive, or a setting that has no relaxation.
     """
     _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
     if params.measure == "shape" and positions.ndim == 2:
@@ -657,14 +658,9 @@ def _audio_strengths(strengths: Tensor, counted: Tensor, params: HarmonyParams) 
 
 
 def _check_tensors(
-    positions: Tensor,
-    beats: Tensor,
-    strengths: Tensor,
-    beat_mask: Tensor,
-    mask: Tensor,
-    span: Tensor | None,
-    bar_places: Tensor | None,
-) -> None:
+    positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor,
+    span: Tensor | None, bar_places: Tensor | None,
+) -> None:  # fmt: skip
     """ValueError for tensors that do not fit together."""
     shape = tuple(positions.shape)
     if len(shape) not in (2, 4) or min(shape) < 1 or shape[1] < 2 or shape[3:] not in ((), (2,), (3,)):
@@ -676,6 +672,10 @@ def _check_tensors(
         raise ValueError(f"beats, strengths and beat_mask must be ({shape[0]}, B) each, got {shapes}")
     if not beats[beat_mask.bool()].isfinite().all():
         raise ValueError("beats must be finite where beat_mask is 1; mask what is none")
+    if not ((strengths >= 0) & (strengths < torch.inf))[beat_mask.bool()].all():
+        raise ValueError("strengths must be finite and not negative where beat_mask is 1")
+    if beats.dtype.itemsize < 4:
+        raise ValueError(f"beats are of {beats.dtype}: one at 30 s would be up to 60 ms off; pass seconds of 32 bits")
     if bar_places is not None and tuple(bar_places.shape) != shape[:1]:
         raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):
