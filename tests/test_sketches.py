@@ -1,5 +1,6 @@
 """Sketches of the songs of a corpus: who dances them, how many there are, and which of them lie beside the beat."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from harmolab.systems import FeatureParams, TrainParams
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.takes import take_of
 from harmolab.systems.harmogan.sketches import Sketched, dance_patterns, sketched
+from harmolab.systems.training.groups import sequence_name
 from harmolab.systems.training.motion_code import coded
 from harmolab.systems.training.requests import DanceRequest
-from harmolab.systems.training.splits import Split, split_units, training_spans
+from harmolab.systems.training.splits import SIDES, Split, split_units, training_spans
 from harmolab.systems.training.units import load_units
 from tests.builders import refused
 
@@ -35,8 +37,7 @@ def split(corpus: Path) -> Split:
 
 @pytest.fixture(scope="module")
 def of_songs(corpus: Path, split: Split) -> Sketched:
-    folders = find_recordings(corpus).folders
-    return sketched(split, (*folders, corpus / "without units and unreadable"), PARAMS)
+    return sketched(split, (*find_recordings(corpus).folders, corpus / "without units and unreadable"), PARAMS)
 
 
 def test_training_units_have_so_many_sketches_and_the_others_one_under_their_name(split: Split, of_songs: Sketched):
@@ -58,7 +59,7 @@ def test_nobody_dances_to_a_song_with_its_own_recording(corpus: Path, split: Spl
     folders = find_recordings(corpus).folders
     sketched(split, folders, replace(PARAMS, sketches=1))
     songs = {load_recording(folder).clip.audio.samples.tobytes(): folder.name for folder in folders}
-    teachers = set(training_spans(split))
+    teachers = {Path(name).name for name in training_spans(split)}
     assert len(asked) > len(teachers) > 2
     assert all(takes == teachers - {songs[song]} for song, takes in asked)
 
@@ -102,8 +103,18 @@ def test_bars_name_the_pattern_of_the_dance_and_the_place_of_the_first_beat(corp
 
 
 def test_one_recording_is_too_few(corpus: Path, split: Split):
-    alone = [folder for folder in find_recordings(corpus).folders if folder.name in training_spans(split)][:1]
+    alone = [folder for folder in find_recordings(corpus).folders if sequence_name(folder) in training_spans(split)][:1]
     refused("two with training units are needed at least; add recordings", sketched, split, alone, PARAMS)
+
+
+def test_folders_of_one_name_below_different_dancers_stay_apart(corpus: Path, of_songs: Sketched, tmp_path: Path):
+    for folder in find_recordings(corpus).folders:
+        shutil.copytree(folder, tmp_path / folder.name / "take")
+    units = load_units([tmp_path], FeatureParams.recommended(), step=3)
+    apart = sketched(split_units(units, seed=1), find_recordings(tmp_path).folders, PARAMS)
+    splits = apart.split, of_songs.split
+    below, flat = ([unit.sketch.tobytes() for side in SIDES for unit in getattr(one, side).units] for one in splits)
+    assert below == flat
 
 
 def test_dances_without_bars_have_no_pattern(corpus: Path):

@@ -223,6 +223,11 @@ def copied(synthetic: Path, folder: Path) -> Path:
     return shutil.copytree(synthetic / "clip_0001_cha-cha", folder)
 
 
+def test_two_recordings_of_one_name_are_refused(synthetic: Path, tmp_path: Path):
+    roots = [copied(synthetic, tmp_path / day / "dances" / "one").parent for day in ("monday", "tuesday")]
+    refused("tuesday/dances/one: is called dances/one, as .*monday/dances/one is; rename", load_units, roots, PARAMS)
+
+
 def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path, tmp_path: Path):
     copied(synthetic, tmp_path / "good")
     (copied(synthetic, tmp_path / "bad") / "motion.npz").write_bytes(b"no zip")

@@ -76,21 +76,20 @@ def sketched(
     ValueError
         If training units are of one recording: there is no other to dance its song with.
     """
-    spans = training_spans(split)
-    takes = {} if bank else {folder.name: _takes(folder, spans.get(folder.name, [])) for folder in folders}
+    spans, named = training_spans(split), {sequence_name(folder): folder for folder in folders}
+    takes = {} if bank else {name: _takes(folder, spans.get(name, [])) for name, folder in named.items()}
     if bank is None and sum(map(bool, takes.values())) < 2:
         fault = "each song is sketched with the other recordings: two with training units are needed at least"
         raise ValueError(f"{split.train.source}: {fault}; add recordings, or try another --split-seed")
     patterns = dance_patterns([take for own in takes.values() for take in own])
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
-    for folder in progress(folders, "sketching"):
-        name = sequence_name(folder)
+    for name, folder in progress(named.items(), "sketching"):
         own = {side: [unit for unit in getattr(split, side).units if unit.sequence == name] for side in SIDES}
         if not any(own.values()):
             continue  # unread: it may be left out because it cannot be read
         recording = load_recording(folder)
-        others = bank or Choreographer([take for other, each in takes.items() if other != folder.name for take in each])
+        others = bank or Choreographer([take for other, each in takes.items() if other != name for take in each])
         number = names.index(recording.clip.dance) if recording.clip.dance in patterns else -1
         song = _danced(others, recording, params, split.train.features.fps, number, cleans=bank is None)
         units["train"] += _training_units(own["train"], song, params)
@@ -119,13 +118,9 @@ def _danced(
     """The sketches of a recording's song, over the time of its movement; and that movement, if it `cleans` it."""
     clip, motion = recording.clip, motion_in_space(recording)
     track = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
-    dances = (
-        bank.generate(
-            clip.audio, track, start=clip.offset, seconds=motion.duration, dance=clip.dance or None,
-            seed=params.seed * params.sketches + number,
-        )
-        for number in range(params.sketches)
-    )  # fmt: skip
+    start, seconds, name = clip.offset, motion.duration, clip.dance or None
+    seeds = range(params.seed * params.sketches, (params.seed + 1) * params.sketches)
+    dances = (bank.generate(clip.audio, track, start=start, seconds=seconds, dance=name, seed=seed) for seed in seeds)
     recorded = _clean(motion, fps) if cleans else None
     return Song([coded(motion, fps) for motion in dances], recorded, track, clip.offset, pattern)
 

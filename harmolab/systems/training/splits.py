@@ -134,14 +134,12 @@ def _deal(table: _Table, fixed: dict[str, int], rng: np.random.Generator) -> Int
 
 
 def training_spans(split: Split) -> dict[str, list[tuple[float, float]]]:
-    """Folder name of each recording -> stretches of audio time, in seconds, that its training units cover."""
+    """Name of each recording (`sequence_name`) -> stretches of audio time, seconds, that its training units cover."""
     spans: dict[str, list[tuple[float, float]]] = {}
     for unit in sorted(split.train.units, key=lambda unit: unit.start):
-        pieces = spans.setdefault(unit.sequence.rpartition("/")[2], [])
-        if pieces and unit.start <= pieces[-1][1]:
-            pieces[-1] = (pieces[-1][0], max(pieces[-1][1], unit.end))
-        else:
-            pieces.append((unit.start, unit.end))
+        pieces = spans.setdefault(unit.sequence, [])
+        start, end = pieces.pop() if pieces and unit.start <= pieces[-1][1] else (unit.start, unit.end)
+        pieces.append((start, max(end, unit.end)))
     return spans
 
 

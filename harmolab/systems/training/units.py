@@ -415,21 +415,13 @@ def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra:
         return None
     at = coded.clip.offset + begin / motion.fps
     return DanceUnit(
-        name=f"{coded.name}:{start}+{first - start}+{count}",
-        sequence=coded.name,
-        dance=coded.clip.dance,
-        groups=frozenset(),
-        meter_groups=frozenset(),
-        start=at,
-        audio=coded.audio[begin:end],
-        motion=coded.code[begin:end],
-        index=temporal_index(end - begin, meter - begin),
+        name=f"{coded.name}:{start}+{first - start}+{count}", sequence=coded.name, dance=coded.clip.dance,
+        groups=frozenset(), meter_groups=frozenset(), start=at,
+        audio=coded.audio[begin:end], motion=coded.code[begin:end], index=temporal_index(end - begin, meter - begin),
         # A beat up to half a frame before the first frame counts as on it.
         beats=np.maximum(times[start : first + count] - at, 0.0),
-        strengths=coded.track.strengths[start : first + count],
-        fps=motion.fps,
-        extra=extra,
-    )
+        strengths=coded.track.strengths[start : first + count], fps=motion.fps, extra=extra,
+    )  # fmt: skip
 
 
 def _grouped(unit: DanceUnit, segments: Sequence[Segment]) -> DanceUnit:
@@ -520,15 +512,23 @@ NO_UNIT = "no unit to learn from: no beats were found, or too few in a row that 
 
 
 def recording_folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
-    """Folders of recordings below all roots, each once, and notes on those that are left out."""
-    folders: dict[Path, Path] = {}
+    """Folders of recordings below all roots, each once, and notes on those that are left out.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A root is missing, or two recordings have one name (`sequence_name`); both name the folder.
+    """
+    folders: dict[str, Path] = {}
     notes = []
     for root in roots:
         paths, problems = find_recordings(root)
         notes += [problem.message for problem in problems]
-        folders |= {path.resolve(): path for path in paths if path.resolve() not in folders}
-    fast = [path for path in folders if path.name == TOO_FAST and not (path / "beats.json").is_file()]
-    notes += [f"{folders.pop(path)}: left out, its motion is 2.2 times too fast" for path in fast]
+        for path in paths:
+            if not (first := folders.setdefault(name := sequence_name(path), path)).samefile(path):
+                raise ValueError(f"{path}: is called {name}, as {first} is; rename a folder, so that names differ")
+    fast = [name for name in folders if Path(name).name == TOO_FAST and not (folders[name] / "beats.json").is_file()]
+    notes += [f"{folders.pop(name)}: left out, its motion is 2.2 times too fast" for name in fast]
     return list(folders.values()), notes
 
 

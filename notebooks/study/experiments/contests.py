@@ -526,7 +526,7 @@ def _split(profile: RunProfile, corpus: str) -> Split:
 @cache
 def teachers(profile: RunProfile, corpus: str) -> tuple[Recording, ...]:
     """The stretches of a corpus's recordings that its training units cover, in the order in which HarmoGAN has them."""
-    root, spans = corpus_root(profile, corpus), training_spans(_split(profile, corpus))
+    root, spans = corpus_root(profile, corpus).resolve().parent, training_spans(_split(profile, corpus))
     return tuple(
         stretch for name, pieces in sorted(spans.items()) for stretch in stretches(load_recording(root / name), pieces)
     )
