@@ -45,8 +45,8 @@ def train(split: Split) -> Train:
     """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
 
     def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
-        report = tiny.stopping(stop_after)
-        options = TrainOptions(folder, resume=more.pop("resume", False), accelerator="cpu", report=report)
+        kept = {name: more.pop(name) for name in ("resume", "corpus") if name in more}
+        options = TrainOptions(folder, accelerator="cpu", report=tiny.stopping(stop_after), **kept)
         return train_harmogan(options=options, params=params, **{"model": tiny.MODEL, "split": split} | more)
 
     return run
@@ -339,12 +339,8 @@ def test_a_run_of_a_version_that_kept_no_step_goes_on(tmp_path: Path):
             pass
 
 
-@cases(
-    "corpus",
-    {"synth/one/motion.npz": "b"},  # changed, gone, new
-    {},
-    {"synth/one/motion.npz": "a", "synth/new/motion.npz": "c"},
-)
+# Changed, gone, new.
+@cases("corpus", {"synth/one/motion.npz": "b"}, {}, {"synth/one/motion.npz": "a", "synth/new/motion.npz": "c"})
 def test_a_recording_that_has_changed_since_is_named(corpus: dict[str, str], tmp_path: Path):
     split, begun = SimpleNamespace(to_dict=dict), {"synth/one/motion.npz": "a"}
     for resume in (False, True):
@@ -376,8 +372,7 @@ def test_a_state_of_other_settings_is_not_resumed(half: Path, train: Train, tmp_
 
 def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
     with FileLock(half / ".lock"):
-        message = refused(half, lambda: train(half, resume=True))
-    assert message == f"{half}: another process is training there"
+        assert refused(half, lambda: train(half, resume=True)) == f"{half}: another process is training there"
 
 
 # Pretraining of another run
@@ -393,6 +388,14 @@ def test_pretraining_on_other_data_or_of_another_size_is_not_taken_over(
 ):
     message = refused(undisturbed, lambda: train(tmp_path / "new", **changes, pretrained=undisturbed))
     assert message.startswith(f"{undisturbed}/{words}") and not (tmp_path / "new").exists()
+
+
+def test_pretraining_on_files_that_changed_since_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    old = shutil.copytree(undisturbed, tmp_path / "old")
+    (old / "corpus.json").write_text('{"synth/one/motion.npz": "a"}')
+    corpus = {"synth/one/motion.npz": "b"}.copy
+    message = refused(old, lambda: train(tmp_path / "new", pretrained=old, corpus=corpus))
+    assert message.startswith(f"{old}/corpus.json: synth/one/motion.npz is not what it was when this training began")
 
 
 @pytest.fixture(scope="module")

@@ -78,7 +78,7 @@ def train_harmogan(
     records = {"model": model, "train": params, "features": units.features, "data": units.source}
     settings = plain(records | {"pretrained": before is not None})
     if before is not None:
-        check_pretrained(before, settings, split)
+        check_pretrained(before, settings, split, options.corpus)
         if not json_file(before / PRETRAINED).is_file():
             raise ValueError(f"{before}: has no pretraining to take over; leave --pretrained out")
     batching = Batching(params.batch_size, params.shards, params.seed)

@@ -270,11 +270,12 @@ def _checked_corpus(path: Path, corpus: dict[str, str]) -> dict[str, str]:
     return corpus
 
 
-def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> None:
-    """FileNotFoundError or ValueError unless the run in `folder` learnt from the units of `split`, at the same size."""
+def check_pretrained(folder: Path, settings: dict[str, Any], split: Split, corpus: Corpus) -> None:
+    """FileNotFoundError or ValueError unless the run in `folder` learnt from the same units and files, at this size."""
     stored = _read(folder / SETTINGS)
     old, new = ({name: each.get(name) for name in ("model", "features", "data")} for each in (stored, settings))
     _compare(folder / SETTINGS, old, new)
+    _checked_corpus(folder / CORPUS, corpus())
     _compare(folder / SPLIT, _read(folder / SPLIT), files.plain(split.to_dict()))
 
 
