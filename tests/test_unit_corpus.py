@@ -14,6 +14,7 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.network_system import noticed_split
 from harmolab.systems.training.splits import split_units
 from harmolab.systems.training.units import DanceUnit, cut_recording, grouped_units, load_units, meter_spans
 from tests.builders import cases, metronome, refused
@@ -234,9 +235,11 @@ def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path,
     (copied(synthetic, tmp_path / "mute") / "audio.wav").unlink()
     units = load_units(tmp_path, PARAMS)
     assert {unit.sequence for unit in units.units} == {f"{tmp_path.name}/good"}
+    lines: list[str] = []
+    refused("no unit is left for the", noticed_split, units, 0, 2, lines.append)
+    assert lines == [f"left out: {line}" for line in units.notes]
     mute, bad = units.notes
-    assert f"{tmp_path / 'mute'}: has no audio" in mute
-    assert str(tmp_path / "bad" / "motion.npz") in bad
+    assert f"{tmp_path / 'mute'}: has no audio" in mute and str(tmp_path / "bad" / "motion.npz") in bad
 
 
 def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path: Path):

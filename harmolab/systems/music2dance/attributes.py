@@ -403,9 +403,9 @@ class Attributes(Learner):
         """
         params, notice = preset_settings(AttributeParams, preset, PRESETS, changes), options.notice
         songs = load_songs(data, progress=options.progress)
-        split = split_songs(songs.songs, seed=split_seed)
         for line in songs.notes:
             notice(f"left out: {line}")
+        split = split_songs(songs.songs, seed=split_seed)
         notice(f"songs: {len(split.train)} train, {len(split.test)} test; dances: {', '.join(songs.classes)}")
         train_attributes(songs.songs, songs.classes, split, options, params)
         test = read_about(options.out)["meta"]["test"]

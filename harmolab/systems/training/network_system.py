@@ -147,10 +147,10 @@ def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) ->
     ValueError
         For too few recordings.
     """
-    split = split_units(units, seed=split_seed)
-    split.settings["step"] = step
     for line in units.notes:
         notice(f"left out: {line}")
+    split = split_units(units, seed=split_seed)
+    split.settings["step"] = step
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
     notice(f"units: {counts}; data: {split.train.source}")
     return split
@@ -167,15 +167,9 @@ class PresetSystem(NetworkSystem):
 
     @classmethod
     def learn(
-        cls,
-        data: list[PathLike],
-        options: TrainOptions,
-        *,
-        preset: str = PRESETS[0],
-        step: int = 2,
-        split_seed: int = 0,
-        **changes: Any,
-    ) -> None:
+        cls, data: list[PathLike], options: TrainOptions, *, preset: str = PRESETS[0], step: int = 2,
+        split_seed: int = 0, **changes: Any,
+    ) -> None:  # fmt: skip
         """`train`; its own keywords:
 
         preset : "small" or "paper", of `settings`
