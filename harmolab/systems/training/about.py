@@ -24,8 +24,10 @@ _SUFFIXES = (".safetensors", ".npz", ".json")
 def read_about(path: PathLike) -> dict[str, Any]:
     """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
     file = json_file(weights_stem(path))
-    if Path(path).is_dir() and not file.exists() and file.with_name(SETTINGS).exists():
-        raise FileNotFoundError(f"{path}: its training has not ended; go on with the same command and --resume")
+    if Path(path).is_dir() and not file.exists():
+        if file.with_name(SETTINGS).exists():
+            raise FileNotFoundError(f"{path}: its training has not ended; go on with the same command and --resume")
+        raise FileNotFoundError(f"{file}: no such file; name a folder that harmolab train wrote weights to (--out)")
     with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
         about = read_json(file)
         if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
