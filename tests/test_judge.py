@@ -189,6 +189,18 @@ def test_another_tempo_is_level_one_and_is_told(tempo: float) -> None:
     assert own and float(own[1]) == pytest.approx(tempo, abs=0.3)
 
 
+@cases(
+    "ends, words",
+    (np.arange(180.0), ""),
+    (np.r_[:60, 60:120:1.24, 120:180], " Not from 0:30 to 1:00: there you move at another tempo than the music's."),
+    (np.r_[:90, 90.5:180], " But from 0:00 to 0:30 and from 1:00 to 1:30 you are in time, each part taken by itself."),
+)
+def test_who_is_in_time_in_parts_only_hears_in_which(ends: FloatArray, words: str) -> None:
+    motion = synthetic_motion(PERIOD * ends, seconds=90.0, fps=30.0, seed=4)
+    judgement = judged(motion, track(PERIOD * np.arange(180), duration=90.0))
+    assert judgement.verdict.endswith(words or "after it.") and judgement.level == (1 if "But" in words else 4)
+
+
 def test_who_moves_twice_a_beat_of_tracked_music_hears_that_it_may_be_twice_as_fast() -> None:
     tracked, annotated = (judged(dancer(every=0.5), replace(BEATS, quality=quality)) for quality in (1.0, None))
     assert tracked.verdict == annotated.verdict and tracked.level == 3

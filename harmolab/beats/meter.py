@@ -130,8 +130,7 @@ def describe_beats(track: BeatTrack) -> str:
         one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
     if track.quality is None and track.is_sure:
         return f"annotated, {track.tempo:.1f} bpm; {one}"
-    steadiness = _steadiness(track)
-    return f"{track.tempo:.1f} bpm, {steadiness}; {one}"
+    return f"{track.tempo:.1f} bpm, {_steadiness(track)}; {one}"
 
 
 def _steadiness(track: BeatTrack) -> str:

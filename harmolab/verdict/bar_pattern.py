@@ -177,8 +177,7 @@ def harmonic_fits(speed: FloatArray, beats: int, count: int, *, moments: int) ->
     half = waves.shape[1] // 2
     kernels = np.zeros((speed.size, 2 * count))
     np.add.at(kernels, np.arange(-half, half + 1) % speed.size, waves.T)
-    fits = np.fft.rfft(speed) * np.conj(np.fft.rfft(kernels.T))
-    return np.fft.irfft(fits, speed.size)
+    return np.fft.irfft(np.fft.rfft(speed) * np.conj(np.fft.rfft(kernels.T)), speed.size)
 
 
 def _waves(beats: int, count: int, moments: int) -> FloatArray:

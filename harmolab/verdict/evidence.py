@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -248,7 +248,7 @@ class PlaceTest:
     @property
     def chance(self) -> float:
         """Mean rank at a random lag: 1/2 for one reading, above that where the best of several is taken."""
-        return _chance(self.curve, len(self.ranks))
+        return 0.5 if len(self.ranks) == 1 else float(self.curve.mean())
 
     @property
     def harmony_above_chance(self) -> float:
@@ -324,8 +324,7 @@ def place_test(signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | No
     speed = np.interp(moments, signal.times[signal.valid], signal.values[signal.valid])
     origin = 0 if bar_places is None else first_place(bar_places)
     ranks = [_beat_ranks(speed, pattern, first + origin - place) for place in places]
-    reach = 0.5 * (cycle if len(places) == 1 else 1)
-    return PlaceTest(pattern, np.array(ranks), first, reach)
+    return PlaceTest(pattern, np.array(ranks), first, 0.5 * (cycle if len(places) == 1 else 1))
 
 
 def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int) -> FloatArray:
@@ -337,10 +336,6 @@ def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int) -> FloatArr
     numbers = np.arange(speed.size // MOMENTS)
     moments = (numbers[:, None] * MOMENTS + np.arange(pattern.beats * MOMENTS)) % speed.size
     return np.array(places)[(numbers + origin)[:, None] % pattern.beats, moments]
-
-
-def _chance(curve: FloatArray, n_readings: int) -> float:
-    return 0.5 if n_readings == 1 else float(curve.mean())
 
 
 def _above(curves: FloatArray, n_readings: int) -> FloatArray:
@@ -409,6 +404,7 @@ def beat_course(signal: ShapeSignal, beats: FloatArray) -> Course:
 
 LEAST_PULSE = 0.03  # per second: 2 cm/s for an adult
 STILL = 8  # beats, two bars
+PART, MOST_PARTS = 48, 8  # beats of a part of a take at least, and number of parts at most
 LEAST_SWING = 0.02  # metres a second, where fewer than three points have no size to compare with
 LEAST_SHARE = 0.1  # of the movement in the room, in 3-D; a picture cannot tell a turning statue from a dancer
 CLEAR = 8.0  # z of a tempo that is the body's own: noise reaches 5 to 8, dancers 10 to 47
@@ -456,6 +452,27 @@ class Evidence:
     def n_still(self) -> int:
         """Number of beats in stretches of `STILL` or more without a pulse: the body stands still, or moves evenly."""
         return still_beats(self.signal, self.beats.times) if self.signal and self.time else 0
+
+    @cached_property
+    def other_parts(self) -> list[Interval]:
+        """Parts of the take, (start, end) in seconds, of which the time test says the contrary of what it says of all.
+
+        Of up to eight equal parts of 48 beats or more: where the whole is not in time, those with p <= .05 over their
+        number; else those with a clear tempo of their own and p > .05. A part too short to tell is none.
+        """
+        parts: list[Interval] = []
+        count = min(len(self.beats) // PART, MOST_PARTS)
+        if self.signal is None or self.time is None or count < 2:
+            return parts
+        for first, last in pairwise(np.linspace(0, len(self.beats) - 1, count + 1).round().astype(int)):
+            beats = self.beats.times[first : last + 1]
+            low, high = np.searchsorted(self.signal.times, (beats[0], beats[-1]))
+            kept = slice(max(low - 2, 0), high + 2)  # a sample more at least on either side
+            cut = {name: getattr(self.signal, name)[kept] for name in ("times", "values", "valid")}
+            test = time_test(replace(self.signal, **cut), beats, cycles=tuple(self.time.cycles))
+            if test.p_value > ALPHA and test.best >= CLEAR if self.level > 1 else test.p_value <= ALPHA / count:
+                parts.append((float(beats[0]), float(beats[-1])))
+        return parts
 
     @property
     def is_placed(self) -> bool:
@@ -554,11 +571,6 @@ class Evidence:
         return floor(self.signal) if self.signal else ""
 
     @property
-    def is_near(self) -> bool:
-        """True where the lag is an eighth of a beat at most."""
-        return abs(self.lag) <= ON_THE_BEAT
-
-    @property
     def keeps_the_beat(self) -> bool:
         """True where the lag is steady once it is looked for within half a beat only, not in the whole bar."""
         if self.place is None or self.place.reach <= 0.5:
@@ -598,8 +610,7 @@ def still_beats(signal: ShapeSignal, beats: FloatArray) -> int:
 def has_rate(time: TimeTest, pattern: BarPattern) -> bool:
     """True where some of the power on which the blocks agree is at the rates of the pattern."""
     rates = {Fraction(h, pattern.beats) for h in range(1, len(pattern.cosines) + 1)}
-    power = sum(time.rates.get(rate, 0.0) for rate in rates)
-    return power >= LEAST_POWER * max(time.rates.values())
+    return sum(time.rates.get(rate, 0.0) for rate in rates) >= LEAST_POWER * max(time.rates.values())
 
 
 def has_bar(time: TimeTest) -> bool:

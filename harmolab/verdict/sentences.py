@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from harmolab.params import HOW_PATTERNS
-from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, Evidence, has_rate
+from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, ON_THE_BEAT, Evidence, has_rate
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FASTEST = 240.0  # beats a minute: music that is counted faster is none
@@ -31,12 +31,24 @@ HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it,
 
 
 def verdict(evidence: Evidence, *, has_start: bool = True) -> str:
-    """The level in a sentence or two, and how long the body rested; `has_start` is that of a `Judgement`."""
+    """The level in a sentence or two, where it does not hold, and how long the body rested.
+
+    `has_start` is that of a `Judgement`.
+    """
     level = evidence.level
     if level == 0:
         return _cannot_tell(evidence)
     words = (_no_sign, _no_place, _in_time, _on_the_beat)[level - 1]
-    return (UNPLACED if level == 3 and not has_start else words(evidence)) + stillness(evidence)
+    return (UNPLACED if level == 3 and not has_start else words(evidence)) + elsewhere(evidence) + stillness(evidence)
+
+
+def elsewhere(evidence: Evidence) -> str:
+    """A sentence where parts of the take are otherwise than the whole; minutes and seconds of what is judged."""
+    clocks = [["{}:{:02}".format(*divmod(round(edge), 60)) for edge in part] for part in evidence.other_parts]
+    parts = " and ".join(f"from {start} to {end}" for start, end in clocks)
+    alone = f" But {parts} you are in time, each part taken by itself."
+    words = alone if evidence.level == 1 else f" Not {parts}: there you move at another tempo than the music's."
+    return words if parts else ""
 
 
 def stillness(evidence: Evidence) -> str:
@@ -74,18 +86,15 @@ def _other_rate(evidence: Evidence) -> str:
 
 def _in_time(evidence: Evidence) -> str:
     # A waltz's threes hold rates that have no place in the beat, such as 2 movements in 3 beats.
-    if not evidence.has_own_rate or not (evidence.pattern or _moves_with_beat(evidence)):
+    moves = evidence.time is not None and has_rate(evidence.time, HOW_PATTERNS["rest"])
+    if not (evidence.has_own_rate and (evidence.pattern or moves)):
         return _other_rate(evidence)
     if evidence.pattern is None:
         fastest, stillest = _moment_of(evidence, "fastest", "the beat"), _moment_of(evidence, "stillest", "it")
         return HIT if evidence.is_hit else f"In time: you are {fastest}, and {stillest}."
-    if evidence.is_near:
+    if abs(evidence.lag) <= ON_THE_BEAT:
         return "In time. Whether you are on the beat cannot be told: other places in it fit as well."
     return f"You keep time, steadily {_late_or_early(evidence)} for {_danced(evidence)}."
-
-
-def _moves_with_beat(evidence: Evidence) -> bool:
-    return evidence.time is not None and has_rate(evidence.time, HOW_PATTERNS["rest"])
 
 
 def _on_the_beat(evidence: Evidence) -> str:
@@ -130,8 +139,7 @@ def _times(rate: Fraction) -> str:
 
 def remarks(evidence: Evidence) -> tuple[str, ...]:
     """Three sentences at most: how sure, how steady, what would help or what else to know."""
-    lines = [_sure(evidence), _steady(evidence), *_more(evidence)[:1]]
-    return tuple(line for line in lines if line)
+    return tuple(line for line in (_sure(evidence), _steady(evidence), *_more(evidence)[:1]) if line)
 
 
 def details(evidence: Evidence) -> tuple[str, ...]:
@@ -156,12 +164,10 @@ def _sure(evidence: Evidence) -> str:
 
 def _steady(evidence: Evidence) -> str:
     low, high = evidence.lag_interval
-    if evidence.level >= 2 and not evidence.has_own_rate:
+    if evidence.level < 2 or not evidence.has_own_rate or np.isnan(low):
         return ""
     if evidence.level == 2:
         return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
-    if evidence.level < 2 or np.isnan(low):
-        return ""
     width = max(high - low, 1 / COURSE_MOMENTS) * 60000 / evidence.tempo
     return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
 
@@ -194,12 +200,6 @@ def _caveats(evidence: Evidence) -> list[str]:
     return lines
 
 
-def _may_be_half(evidence: Evidence) -> bool:
-    """True where the body moves twice a beat and the beats were tracked: half of the music's beats may be missing."""
-    is_double = evidence.time is not None and evidence.time.rate == 2
-    return is_double and evidence.beats.quality is not None and round(2 * evidence.tempo) <= FASTEST
-
-
 def _advice(evidence: Evidence) -> list[str]:
     """Ways to learn more than this verdict says."""
     lines: list[str] = []
@@ -210,7 +210,9 @@ def _advice(evidence: Evidence) -> list[str]:
         lines.append(f'What would help: say so if you {half} mean to rest on every second beat (--how "half time").')
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
-    if evidence.pattern is None and evidence.level == 3 and _may_be_half(evidence):
+    # Who moves twice a beat may hear that half of the music's beats were not tracked.
+    is_double = evidence.time is not None and evidence.time.rate == 2 and evidence.beats.quality is not None
+    if evidence.pattern is None and evidence.level == 3 and is_double and round(2 * evidence.tempo) <= FASTEST:
         lines.append(
             f"The music was counted at {evidence.tempo:.0f} bpm; the sound does not tell that from "
             f"{2 * evidence.tempo:.0f}: say the dance (--dance), or give the beats (--beats)."
