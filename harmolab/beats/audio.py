@@ -75,9 +75,6 @@ CACHE_VERSION = 7  # raise when the analysis changes
 # Envelope samples by which onset strength lies behind what annotators tap: 30 ms at 22,050 Hz. There it is 19 to 51 ms
 # on songs of known grid; from 8 to 48 kHz it is 1.0 to 1.6 samples on three recordings.
 LATENESS = 1.3
-NOTE_RATE = 200.0  # hertz, of the onset strength for notes
-NOTE_WINDOW = 0.046  # seconds
-NOTE_BANDS, NOTE_RANGE = 120, (27.5, 16000.0)  # mel bands, hertz: from the lowest key of a piano on
 QUIET = 1e-4  # part of the largest amplitude below which there is silence: 80 dB
 LOUDEST = 1e6  # amplitude above which squares might overflow in single precision
 
@@ -178,35 +175,6 @@ def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:
     return _cached_analysis(audio, None).envelope, audio.sample_rate / HOP
 
 
-def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
-    """Onset strength that a vibrato does not raise, (F,) array, and its rate of about 200 hertz.
-
-    The rise of each mel band in decibels over the largest of the five bands around it two frames before ("SuperFlux",
-    Boeck and Widmer 2013): a note that trembles in pitch stays within its neighbours. Sample i belongs to second
-    i / rate, the middle of its window.
-    """
-    import librosa
-
-    hop = max(round(audio.sample_rate / NOTE_RATE), 1)
-    window = 2 * max(round(NOTE_WINDOW * audio.sample_rate / 2), 8)
-    samples = _samples(audio)
-    samples = np.pad(samples, (0, max(0, 2 * window - samples.size)))
-    bands = librosa.feature.melspectrogram(
-        y=samples,
-        sr=audio.sample_rate,
-        n_fft=window,
-        hop_length=hop,
-        n_mels=min(NOTE_BANDS, window // 8),  # no band may be narrower than what the window resolves
-        fmin=min(NOTE_RANGE[0], audio.sample_rate / 8),
-        fmax=min(NOTE_RANGE[1], audio.sample_rate / 2),
-    )
-    decibels = librosa.power_to_db(bands, ref=np.max)
-    strength = librosa.onset.onset_strength(
-        S=decibels, sr=audio.sample_rate, hop_length=hop, lag=2, max_size=5, center=False
-    )
-    return np.asarray(strength, dtype=np.float64), audio.sample_rate / hop
-
-
 def beat_strengths(audio: Audio, times: FloatArray) -> FloatArray:
     """Onset strength at given times (seconds): the largest of the three frames around each, (B,) array."""
     return _largest_near(*onset_envelope(audio), np.asarray(times))
@@ -267,11 +235,11 @@ def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
 def _key(audio: Audio, settings: tuple[float, float] | None) -> str:
     """Content hash: samples, rate, tempo prior and other settings, version of the analysis."""
     digest = hashlib.sha256(f"{CACHE_VERSION} {audio.sample_rate} {settings} {HOP}".encode())
-    digest.update(_samples(audio).data)
+    digest.update(single_samples(audio).data)
     return digest.hexdigest()[:40]
 
 
-def _samples(audio: Audio) -> NDArray[np.float32]:
+def single_samples(audio: Audio) -> NDArray[np.float32]:
     """Samples in single precision; absurdly loud ones are scaled down, which moves no onset."""
     peak = float(np.abs(audio.samples).max())
     return np.ascontiguousarray(audio.samples / peak if peak > LOUDEST else audio.samples, dtype=np.float32)
@@ -279,7 +247,7 @@ def _samples(audio: Audio) -> NDArray[np.float32]:
 
 def _window_samples(audio: Audio) -> NDArray[np.float32]:
     """At least one analysis window, so that a sound of a few milliseconds is analysed like any other."""
-    samples = _samples(audio)
+    samples = single_samples(audio)
     return np.pad(samples, (0, max(0, 4 * HOP - samples.size)))
 
 

@@ -19,10 +19,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import find_peaks
 
-from harmolab.beats.audio import note_envelope
 from harmolab.beats.flow import envelope_beats
 from harmolab.beats.visual import RATE, visual_beats
 from harmolab.body.kinematics import refine_extrema, smooth_positions, upsample_positions
+from harmolab.musician.sound_features import note_envelope
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import ANNOTATION_RATE
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root

@@ -10,6 +10,7 @@ import soxr
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from harmolab.beats.audio import single_samples
 from harmolab.musician.params import HIGH_TONE, KEYS, LOW_TONE, LOWEST_KEY, Audio2BodyParams
 from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, FloatArray, Notes
@@ -22,6 +23,9 @@ SLOPE = 2  # frames on each side that a derivative is taken over
 TONE_RATE, TONE_WINDOW = 11025.0, 2048  # hertz, and samples (186 ms) that tones are told apart in: more than a frame
 AT_ONCE = 2048  # frames, so that an hour takes little memory
 A4, A4_MIDI = 440.0, 69
+NOTE_RATE = 200.0  # hertz, of the onset strength for notes
+NOTE_WINDOW = 0.046  # seconds
+NOTE_BANDS, NOTE_RANGE = 120, (27.5, 16000.0)  # mel bands, hertz: from the lowest key of a piano on
 CACHE_VERSION = 2  # raise when the analysis changes
 
 
@@ -172,3 +176,32 @@ def note_features(notes: Notes, fps: float, n_frames: int, *, start: float = 0.0
             if begin >= 0:
                 values[begin, key] = 2 * loudness
     return values
+
+
+def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
+    """Onset strength that a vibrato does not raise, (F,) array, and its rate of about 200 hertz.
+
+    The rise of each mel band in decibels over the largest of the five bands around it two frames before ("SuperFlux",
+    Boeck and Widmer 2013): a note that trembles in pitch stays within its neighbours. Sample i belongs to second
+    i / rate, the middle of its window.
+    """
+    import librosa
+
+    hop = max(round(audio.sample_rate / NOTE_RATE), 1)
+    window = 2 * max(round(NOTE_WINDOW * audio.sample_rate / 2), 8)
+    samples = single_samples(audio)
+    samples = np.pad(samples, (0, max(0, 2 * window - samples.size)))
+    bands = librosa.feature.melspectrogram(
+        y=samples,
+        sr=audio.sample_rate,
+        n_fft=window,
+        hop_length=hop,
+        n_mels=min(NOTE_BANDS, window // 8),  # no band may be narrower than what the window resolves
+        fmin=min(NOTE_RANGE[0], audio.sample_rate / 8),
+        fmax=min(NOTE_RANGE[1], audio.sample_rate / 2),
+    )
+    decibels = librosa.power_to_db(bands, ref=np.max)
+    strength = librosa.onset.onset_strength(
+        S=decibels, sr=audio.sample_rate, hop_length=hop, lag=2, max_size=5, center=False
+    )
+    return np.asarray(strength, dtype=np.float64), audio.sample_rate / hop
