@@ -458,7 +458,7 @@ class Evidence:
         """Parts of the take, (start, end) in seconds, of which the time test says the contrary of what it says of all.
 
         Of up to eight equal parts of 48 beats or more: where the whole is not in time, those with p <= .05 over their
-        number; else those with a clear tempo of their own and p > .05. A part too short to tell is none.
+        number; else those with a clear tempo of their own and p > .05, neighbours as one. Others are left out.
         """
         parts: list[Interval] = []
         count = min(len(self.beats) // PART, MOST_PARTS)
@@ -471,7 +471,8 @@ class Evidence:
             cut = {name: getattr(self.signal, name)[kept] for name in ("times", "values", "valid")}
             test = time_test(replace(self.signal, **cut), beats, cycles=tuple(self.time.cycles))
             if test.p_value > ALPHA and test.best >= CLEAR if self.level > 1 else test.p_value <= ALPHA / count:
-                parts.append((float(beats[0]), float(beats[-1])))
+                joins = self.level > 1 and parts and parts[-1][1] == beats[0]
+                parts.append((parts.pop()[0] if joins else float(beats[0]), float(beats[-1])))
         return parts
 
     @property
