@@ -44,6 +44,7 @@ MAX_TEXT_BYTES = 16 * 2**20
 LEFTOVER_SECONDS = 86_400.0  # a file that is written for a day was left by a killed process
 _LEFTOVER = re.compile(r"\..+\.npz\.\d+\.\d+\.tmp")
 WRITTEN_BY = "written by harmolab"  # stands at the begin or the end of files whose format has room for it
+_LETTERS = 50  # of a name, of up to 4 bytes each, that its hidden neighbour has too: file systems take 255 bytes in all
 _ENDS = 65_536  # bytes at either end of a file that are searched for it
 # What it is in an .npz and on a page; bar patterns, a BVH and a table of recordings are known by what ours alone have.
 _OWN = re.compile(
@@ -202,7 +203,7 @@ def atomic_write(path: PathLike) -> Iterator[Path]:
         It cannot be written; names `path`.
     """
     path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}.tmp")
+    part = path.with_name(f".{path.name[-_LETTERS:]}.{os.getpid()}.{threading.get_native_id()}.tmp")
     with _naming(path, part):
         try:
             yield part
@@ -229,7 +230,7 @@ def _naming(path: Path, part: Path) -> Iterator[None]:
 def atomic_folder(path: PathLike) -> Iterator[Path]:
     """A hidden neighbour of the folder `path` to fill; as `atomic_write`, what `path` held goes as a whole."""
     path = Path(path)
-    part = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{path.name}_", dir=path.parent))
+    part = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{path.name[-_LETTERS:]}_", dir=path.parent))
     try:
         part.chmod(0o755)
         with _naming(path, part):
@@ -273,10 +274,8 @@ def plain(content: Any) -> Any:
 def cache_folder() -> Path | None:
     """Folder of kept analyses: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
     named = os.environ.get("HARMOLAB_CACHE")
-    if named == "off":
-        return None
     if named:
-        return Path(named)
+        return None if named == "off" else Path(named)
     from platformdirs import user_cache_path
 
     return user_cache_path("harmolab")

@@ -25,7 +25,7 @@ from harmolab.cli.common import described, print_table
 from harmolab.cli.evaluating import print_comparison
 from harmolab.cli.screen import printable
 from harmolab.data.synthetic import write_corpus
-from harmolab.files import is_own_file, keep_arrays
+from harmolab.files import is_own_file, keep_arrays, write_text
 from harmolab.lab.render.video import retime_files
 from harmolab.readers.motion import load_motion, save_motion
 from tests.builders import called, cases, complaint, done, planted_dance, refused, still, write_pair
@@ -110,8 +110,7 @@ def test_a_value_beyond_its_range_is_one_line(words: tuple[str, ...], value: str
 
 
 def test_infinity_is_no_number_of_seconds_either():
-    fault = refusal("play", "song.wav", "dance.npz", "--out", "x", "--offset=-inf")
-    assert fault.startswith("--offset must be a finite")
+    assert refusal("play", "x.wav", "x.npz", "--out", "x", "--offset=-inf").startswith("--offset must be a finite")
 
 
 # Outputs
@@ -339,9 +338,11 @@ def test_a_name_with_a_new_line_stays_in_one_line():
     assert r"odd: two\nlines.npy: holds no frame rate" in run("data", "check", "two\nlines.npy").stdout
 
 
-def test_a_name_too_long_to_be_written_is_that_of_the_output(pair: tuple[Any, ...]):
-    name = f"{'a' * 240}.html"
-    assert refusal("play", *pair, "--out", name) == f"{name}: File name too long"
+def test_a_name_too_long_to_be_written_is_that_of_the_output_and_any_other_is_written(tmp_path: Path):
+    name = f"{'a' * 251}.html"
+    assert refusal("play", "song.wav", "dance.npz", "--out", name) == f"{name}: File name too long"
+    write_text(tmp_path / name[1:], "the longest that a file may have")
+    assert [path.name for path in tmp_path.iterdir()] == [name[1:]]
 
 
 def test_no_control_code_of_a_name_reaches_the_screen(capsys: pytest.CaptureFixture[str]):

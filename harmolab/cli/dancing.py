@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (*common.VIDEOS_OUT, ".html", ".bvh", ".npz")
 UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
-LONGEST_NAME = 200  # bytes: file systems take 255, and a file that is being written has a longer name
+LONGEST_NAME = 200  # bytes: file systems take 255, and noun, number and ending are added
 
 
 def dance_files(out: Path | None, song: Path, seed: int, samples: int) -> dict[int, list[Path]]:
