@@ -167,11 +167,14 @@ WRITERS = (
     ("data", "learn", "corpus", "--out", "x.json"),
     ids=lambda words: words[0],
 )
-def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
+def test_an_output_needs_a_folder_that_may_be_written_and_is_none(words: tuple[str, ...], tmp_path: Path):
     *command, name = words
     for path in ("song.wav", "dance.npz", "corpus"):
         Path(path).touch()
     assert refusal(*command, f"nodir/{name}") == "nodir: no such folder"
+    with pytest.MonkeyPatch.context() as patch:  # root may write anywhere
+        patch.setattr(os, "access", lambda folder, _: folder != tmp_path)
+        assert refusal(*command, name) == f"{name}: nothing may be written into its folder; name a file in another one"
     Path(name).mkdir()
     assert refusal(*command, name) == f"{name}: is a folder; name a file in it"
 

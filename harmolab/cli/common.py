@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import shlex
 import webbrowser
@@ -304,9 +305,11 @@ def check_pages(name: str) -> None:
 
 
 def check_place(out: Path) -> None:
-    """ValueError unless the folder of a file to be written is there, and no folder has its name."""
-    if not out.resolve().parent.is_dir():
+    """ValueError unless the folder of a file to be written is there and may be written, and no folder has its name."""
+    if not (folder := out.resolve().parent).is_dir():
         raise ValueError(f"{out.parent}: no such folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ValueError(f"{out}: nothing may be written into its folder; name a file in another one")
     if out.is_dir():
         raise ValueError(f"{out}: is a folder; name a file in it")
 
