@@ -129,7 +129,8 @@ def _check_file(path: Path, max_bytes: int | None) -> None:
 
 def _message(path: str, what: str, error: Exception) -> str:
     """`error` in one line behind the file's name; an error that is none of ours says what was expected."""
-    text = " ".join(str(error).removeprefix(path).split())[:400]  # a name may hold new lines itself
+    # A name may hold new lines itself, and libsndfile names the file by its bytes.
+    text = " ".join(str(getattr(error, "error_string", error)).removeprefix(path).split())[:400]
     if str(error).startswith(path):
         return path + text
     if type(error) in (ValueError, MissingFrameRate):
@@ -243,9 +244,9 @@ def atomic_folder(path: PathLike) -> Iterator[Path]:
 
 
 def write_text(path: PathLike, text: str) -> None:
-    """Write a file of text, UTF-8, whole or not at all."""
+    """Write a file of text, UTF-8, whole or not at all; bytes of file names that are no UTF-8 as escape sequences."""
     with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: PathLike, content: Any) -> None:

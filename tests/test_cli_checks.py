@@ -3,6 +3,7 @@
 import os
 import re
 import resource
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -346,6 +347,13 @@ def test_a_name_too_long_to_be_written_is_that_of_the_output_and_any_other_is_wr
     assert refusal("play", "song.wav", "dance.npz", "--out", name) == f"{name}: File name too long"
     write_text(tmp_path / name[1:], "the longest that a file may have")
     assert [path.name for path in tmp_path.iterdir()] == [name[1:]]
+
+
+def test_names_that_are_no_utf_8_are_read_drawn_and_written(pair: tuple[Any, ...]):
+    song, dance = (shutil.copy(path, os.fsdecode(b"m\xff") + path.suffix) for path in pair[:2])
+    succeed("score", song, dance, *pair[2:], "--plot", "x.png")
+    succeed("play", song, dance, *pair[2:], "--out", "x.html")
+    assert r"m\udcff" in Path("x.html").read_text()
 
 
 def test_no_control_code_of_a_name_reaches_the_screen(capsys: pytest.CaptureFixture[str]):

@@ -547,7 +547,7 @@ def plain_name(path: Path) -> str:
     """
     folder = path.resolve().parent.name
     is_named = path.stem in FOLDER_NAMES and not folder.startswith(gettempprefix())
-    return (folder if is_named else path.stem) or path.name
+    return screen.printable((folder if is_named else path.stem) or path.name)
 
 
 def dance_title(motion: Path, song: Path) -> str:

@@ -343,7 +343,7 @@ def score(
     if plot:
         from harmolab.lab.figures.style import write_figure
 
-        write_figure(lab.score_figure(scores, title=clip.name), plot)
+        write_figure(lab.score_figure(scores, title=printable(clip.name)), plot)
     if as_json:
         about = {"audio": str(files.song), "motion": str(files.motion), "offset": clip.offset, "version": __version__}
         about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": harmolab.describe_beats(music)}

@@ -53,7 +53,7 @@ def audio_info(path: PathLike) -> AudioInfo:
         with _sound_stream(path) as (container, stream):
             seconds, channels = (container.duration or 0) / av.time_base, stream.codec_context.layout.nb_channels
             return AudioInfo(stream.codec_context.sample_rate, seconds, channels, "M4A")
-    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(file) as sound:
+    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(bytes(file)) as sound:
         _check_header(sound, file.stat().st_size)
         return AudioInfo(sound.samplerate, sound.frames / sound.samplerate, sound.channels, sound.format)
 
@@ -93,7 +93,7 @@ def load_audio(
     with reading(path, _WHAT, max_bytes=None) as file:
         if duration is None:
             _check_whole(file)
-        with soundfile.SoundFile(file) as sound:
+        with soundfile.SoundFile(bytes(file)) as sound:
             _check_header(sound, file.stat().st_size)
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
             samples = _mono(sound, first, count)
