@@ -356,6 +356,12 @@ def test_names_that_are_no_utf_8_are_read_drawn_and_written(pair: tuple[Any, ...
     assert r"m\udcff" in Path("x.html").read_text()
 
 
+def test_a_full_disk_behind_standard_output_is_named(pair: tuple[Any, ...]):
+    words = (sys.executable, "-m", "harmolab.cli", "score", *map(str, pair))
+    result = subprocess.run(["sh", "-c", '"$@" > /dev/full', "sh", *words], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (2, "harmolab: standard output: No space left on device\n")
+
+
 def test_no_control_code_of_a_name_reaches_the_screen(capsys: pytest.CaptureFixture[str]):
     print_table([code := "\x1b[31m[/]"], [[code]], code, code)
     shown = capsys.readouterr().out

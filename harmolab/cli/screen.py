@@ -1,12 +1,13 @@
 """All that commands say beside their results: notes, errors, progress; less of it with --quiet, more with --verbose."""
 
+import errno
 import io
 import logging
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Thread
@@ -115,8 +116,11 @@ def plain_errors() -> Iterator[None]:
     except (ValueError, OSError) as error:
         if is_verbose():
             typer.echo(traceback.format_exc(), err=True)
-        is_plain = isinstance(error, OSError) and error.filename is not None and error.strerror
-        refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
+        # A file that meets a full disk is named where it is written.
+        name = getattr(error, "filename", None) or (
+            "standard output" if getattr(error, "errno", 0) == errno.ENOSPC else None
+        )
+        refuse(f"{name}: {error.strerror}" if name and error.strerror else str(error))  # type: ignore[union-attr]
 
 
 def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
@@ -204,7 +208,6 @@ def quiet_decoders() -> Iterator[None]:
 
 
 def _is_file_2(stream: Any) -> bool:
-    try:
+    with suppress(AttributeError, io.UnsupportedOperation):
         return bool(stream.fileno() == 2)
-    except (AttributeError, io.UnsupportedOperation):
-        return False
+    return False
