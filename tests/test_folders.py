@@ -75,11 +75,15 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()
-    own(tmp_path / "good")
+    motion, song, _ = (own(tmp_path / name) / "motion.npz" for name in ("a", "b", "good"))
+    other = motion.rename(motion.with_name("dance.npz"))
+    song.with_name("audio.wav").rename(song.with_name("song.WAV"))
     recordings = find_recordings(tmp_path)
     assert [folder.name for folder in recordings.folders] == ["good"]
-    faults = [message.split(": ")[1] for _, message in recordings.problems]
-    assert faults == ["has no audio.wav (.flac, .ogg, .mp3, .m4a)", "has no config.json"]
+    faults, sound = [message for _, message in recordings.problems], "has no audio.wav (.flac, .ogg, .mp3, .m4a)"
+    cures = f"; harmolab data convert {other} {motion} writes it", "; rename song.WAV to audio.wav"
+    lacking = sound, "has no config.json", f"has no motion.npz{cures[0]}", sound + cures[1]
+    assert [fault.split(": ")[1] for fault in faults] == [*lacking]
 
 
 def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):

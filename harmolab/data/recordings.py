@@ -259,6 +259,8 @@ def on_the_floor(positions: FloatArray, first: list[int], last: list[int]) -> Fl
 ReadingReport = Callable[[PathLike, MotionFile], object]  # called with a file's path and how it was read
 _MAX_DEPTH = 4
 _PARTS = ("skeletons.json", "config.json", "motion.npz")
+_NO_SOUND = "audio.wav (.flac, .ogg, .mp3, .m4a)"
+_OTHER_MOTIONS = (".bvh", ".npz", ".npy", ".pkl", ".c3d")  # to be made a motion.npz
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,17 +310,23 @@ def find_recordings(root: PathLike) -> RecordingFolders:
 
 
 def _lacks(folder: Path, parts: list[str]) -> str:
-    """The sentence that a folder has no such parts."""
-    return f"{folder}: has no {' and no '.join(parts)}"
+    """The sentence that a folder has no such parts, and what makes them of files of other names."""
+    files, cures = {path.suffix.lower(): path for path in sorted(folder.glob("*"))}, ""
+    if "motion.npz" in parts and (motion := next((files[end] for end in _OTHER_MOTIONS if end in files), None)):
+        cures = f"; harmolab data convert {motion} {folder / 'motion.npz'} writes it"
+    if parts[-1] == _NO_SOUND and (sound := next((files[end] for end in SOUNDS if end in files), None)):
+        cures += f"; rename {sound.name} to audio{sound.suffix.lower()}"
+    return f"{folder}: has no {' and no '.join(parts)}{cures}"
 
 
 def _folders_with_parts(root: Path) -> list[Path]:
-    """Folders at or below `root` that hold at least one part of a recording, DANCE_2 before DANCE_10."""
+    """Folders at or below `root` with a part of a recording, or its sound and another motion; DANCE_2 before _10."""
     folders = []
     for name, below, files in os.walk(root):
         depth = len(Path(name).relative_to(root).parts)
         below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
-        if any(part in files for part in _PARTS):
+        moves = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)
+        if any(part in files for part in _PARTS) or (moves and any(f"audio{end}" in files for end in SOUNDS)):
             folders.append(Path(name))
     return sorted(folders, key=natural)
 
@@ -334,11 +342,8 @@ def missing_parts(folder: PathLike) -> list[str]:
     missing = [part for part in _PARTS[:2] if not (folder / part).is_file()]
     if (folder / "motion.npz").is_file() or len(missing) == 2:
         missing = [] if (folder / "motion.npz").is_file() else ["motion.npz"]
-    try:
-        find_audio(folder)
-    except FileNotFoundError:
-        missing.append("audio.wav (.flac, .ogg, .mp3, .m4a)")
-    return missing
+    has_sound = any((folder / f"audio{end}").is_file() for end in SOUNDS)
+    return missing if has_sound else [*missing, _NO_SOUND]
 
 
 def recorded_files(folder: Path) -> list[Path]:
