@@ -184,9 +184,10 @@ def test_resuming_after_a_movement_has_changed_names_its_file(trained: tuple[Pat
     recorded = motion.read_bytes()
     with np.load(motion) as held:
         np.savez(motion, **{**held, "positions": 1.01 * held["positions"]})
-    line = told(run(corpus, "--out", out, "--resume"))
+    result = run(corpus, "--out", out, "--resume")
     motion.write_bytes(recorded)
-    name = motion.relative_to(corpus.parent)
+    name, line = motion.relative_to(corpus.parent), told(result)
+    assert "units: " not in result.stderr  # nothing was read before
     assert line.startswith(f"harmolab: {out}/corpus.json: {name} is not what it was when this training began")
     assert files(out) == before
 

@@ -211,8 +211,8 @@ def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def check_folder(folder: Path, *, resume: bool) -> None:
-    """ValueError unless `folder` is new or empty or, with `resume`, holds a run; nothing is written."""
+def check_folder(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> None:
+    """ValueError unless `folder` is new or empty or, with `resume`, holds a run (on `corpus`); nothing is written."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{folder}: is a file; a run needs a folder of its own")
     held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) if folder.is_dir() else []
@@ -220,6 +220,8 @@ def check_folder(folder: Path, *, resume: bool) -> None:
         raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or choose another folder")
     if held and SETTINGS not in held:
         raise ValueError(f"{folder}: holds {held[0]} but no {SETTINGS}, so no run to resume; choose another folder")
+    if corpus is not None and (folder / CORPUS).is_file():
+        _checked_corpus(folder / CORPUS, corpus())
 
 
 @contextmanager

@@ -91,9 +91,9 @@ class Learner:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few recordings.
         """
-        if int(os.environ.get("RANK", 0)) == 0:
-            check_folder(Path(out), resume=resume)
         corpus = partial(cls.digests, [*data])
+        if int(os.environ.get("RANK", 0)) == 0:
+            check_folder(Path(out), resume=resume, corpus=corpus)
         options = TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus)
         cls.learn([*data], options, **own)
         return cls.load(out)
