@@ -111,6 +111,14 @@ def test_validation_has_measures_of_evaluate_and_training_is_the_same_without(
     assert files(tmp_path / "run")["model.safetensors"] == files(trained[0])["model.safetensors"]
 
 
+def test_quiet_trainings_print_results_only(capsys: pytest.CaptureFixture[str]):
+    token = training.LEVEL.set(training.USUAL - 1)
+    for line in ("units: 9 train", "songs: 7 train", "test songs: 1 of 7"):
+        training._notice(line)
+    training.LEVEL.reset(token)
+    assert capsys.readouterr().err == "test songs: 1 of 7\n"
+
+
 def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} if folder.is_dir() else {}
 

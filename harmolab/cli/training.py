@@ -168,10 +168,10 @@ def train(
 
 
 def _notice(line: str) -> None:
-    if line.startswith(("units: ", "songs: ", "test songs: ")):
-        typer.echo(line, err=True)
-    else:
+    if not line.startswith(("units: ", "songs: ", "test songs: ")):
         note(line)
+    elif LEVEL.get() >= USUAL or line.startswith("test"):  # which is a result
+        typer.echo(line, err=True)
 
 
 def measured(motions: Sequence["Motion"], beats: Sequence["BeatTrack"]) -> dict[str, float]:
