@@ -172,4 +172,6 @@ def load(folder: PathLike, *, system: str | None = None) -> System:
 def maker_of(folder: PathLike) -> str:
     """Name of the system that made the weights in a folder, as they say; errors as of `load`."""
     about = read_about(folder)
+    if about.get("class") == "PoseNet":
+        raise ValueError(f"{folder}: a network that trainings are measured by, no dancer; name the folder of the run")
     return str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed
