@@ -17,6 +17,7 @@ from av.video.reformatter import VideoReformatter
 
 from harmolab.files import WRITTEN_BY
 from harmolab.lab.render.scene import render_dance
+from harmolab.readers import beats
 from harmolab.readers.audio import audio_info, load_audio, load_sound, video_sound
 from harmolab.readers.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
 from harmolab.readers.video import video_frames, write_video
@@ -46,12 +47,11 @@ def wav_header(*, rate: int = RATE, channels: int = 1, data_bytes: int = 0, riff
 
 @pytest.mark.parametrize(("suffix", "tolerance"), [("wav", 1e-4), ("flac", 1e-4), ("ogg", 0.03), ("mp3", 0.03)])
 def test_tone_comes_back_from_every_format(tmp_path: Path, suffix: str, tolerance: float):
-    path = tmp_path / f"tone.{suffix}"
-    tone = sine(440, 16000)
+    path, tone = tmp_path / f"tone.{suffix}", sine(440, 16000)
     soundfile.write(path, tone, 16000)
-    audio = load_audio(path, sample_rate=None)
-    assert (audio.sample_rate, audio.samples.dtype) == (16000, np.float32)
-    np.testing.assert_allclose(audio.samples[1000:15000], tone[1000:15000], atol=tolerance)
+    sound = load_audio(path, sample_rate=None)
+    assert (sound.sample_rate, sound.samples.dtype) == (16000, np.float32)
+    np.testing.assert_allclose(sound.samples[1000:15000], tone[1000:15000], atol=tolerance)
 
 
 def test_m4a_of_a_phone_is_read_at_its_time_whole_or_in_part_and_a_damaged_one_is_named(tmp_path: Path):
@@ -148,17 +148,15 @@ def test_wav_from_a_pipe_with_unknown_length_is_read_to_its_end(tmp_path: Path):
 def test_half_of_a_packed_file_is_refused_but_what_is_there_can_be_read(tmp_path: Path, suffix: str):
     path = tmp_path / f"cut.{suffix}"
     soundfile.write(path, np.random.default_rng(1).uniform(-0.5, 0.5, 4 * 16000), 16000)
-    whole = load_audio(path, sample_rate=None)
+    whole = load_audio(path, sample_rate=None).samples
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     refused(rf"cut\.{suffix}: .*(cut off|lost sync)", load_audio, path)
-    part = load_audio(path, duration=0.5, sample_rate=None)
-    np.testing.assert_allclose(part.samples, whole.samples[:8000], atol=1e-6)
+    np.testing.assert_allclose(load_audio(path, duration=0.5, sample_rate=None).samples, whole[:8000], atol=1e-6)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
 def test_sample_that_is_no_sound_is_refused(tmp_path: Path, value: float):
-    samples = ramp()
-    samples[4321] = value
+    samples = np.where(np.arange(RATE) == 4321, value, ramp())
     soundfile.write(tmp_path / "bad.wav", samples, RATE, subtype="FLOAT")
     refused(r"bad\.wav: holds NaN, infinity or amplitudes", load_audio, tmp_path / "bad.wav")
 
@@ -249,15 +247,7 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("1.0 1.0\n1.5 1.5\n2.0 2.0\n", None, [1, 1, 1]),
     ("1.0\t1.0\t1\n1.5\t1.5\tsecond, weak\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("time\n1.0\t1.0\tbar 1\n1.5\n2.0\t2.0\t\n", None, [1, 1, 1]),
-    ids=[
-        "madmom",
-        "from the third beat",
-        "strong and weak",
-        "strengths that skip",
-        "Audacity",
-        "labels with a text",
-        "mixed",
-    ],
+    ids=["madmom", "from the third beat", "strong and weak", "strengths that skip", "Audacity", "with a text", "mixed"],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
     for name in ("song.txt", "song.csv"):
@@ -300,6 +290,11 @@ def test_beats_in_frames_or_milliseconds_are_refused_but_not_slow_music_in_whole
         path = write(tmp_path, "song.txt", "\n".join(map(str, times)))
         refused(r"song\.txt: beat times lie .* apart; were these frames or milliseconds", load_beats, path)
     assert len(load_beats(write(tmp_path, "song.txt", "1\n2\n3\n4\n5\n"))) == 5
+
+
+def test_lines_of_a_beats_file_are_counted_before_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(beats, "_are_decimal_commas", None)
+    refused("100001 lines of numbers", load_beats, write(tmp_path, "song.beats", "0.5\n" * 100_001))
 
 
 @cases(
@@ -522,8 +517,7 @@ def test_a_video_of_variable_rate_shows_each_picture_for_its_time(tmp_path: Path
     due = np.arange(len(shown)) / video.fps
     still_shown = np.array([max(time for time in times if time <= moment + 0.5 / video.fps) for moment in due])
     assert video.fps == pytest.approx(45 / 1.5, rel=0.05)
-    assert (np.abs(shown - still_shown) <= 0.5 / video.fps + 1e-6).all()
-    assert (np.diff(shown) >= 0).all()
+    assert (np.abs(shown - still_shown) <= 0.5 / video.fps + 1e-6).all() and (np.diff(shown) >= 0).all()
 
 
 def test_frames_at_some_places_are_those_of_the_whole_video(tmp_path: Path):
@@ -548,8 +542,7 @@ def test_a_picture_track_that_starts_late_holds_its_first_picture_from_the_start
 def test_a_recording_of_a_thousand_stated_frames_comes_at_its_true_rate_whole(tmp_path: Path, rate: float):
     write_at(tmp_path / "v.mkv", [round(i / rate, 3) for i in range(50)])  # time stamps of whole milliseconds
     video = video_frames(tmp_path / "v.mkv")
-    assert video.fps == pytest.approx(rate, rel=1e-3)
-    assert numbers(video) == list(range(50))
+    assert (video.fps, numbers(video)) == (pytest.approx(rate, rel=1e-3), list(range(50)))
 
 
 def test_a_video_filmed_on_its_side_comes_upright(tmp_path: Path):

@@ -237,10 +237,13 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
 
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if not line.lstrip().startswith("#")]
+    numbered = enumerate(text.splitlines(), 1)
+    lines = [(number, line) for number, line in numbered if line.strip() and line.lstrip()[0] != "#"]
+    if len(lines) > _MAX_BEATS:
+        raise ValueError(f"has {len(lines)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
     if header:
         lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
-    if header and all(_MOMENT.match(line) for _, line in lines if line.strip()):
+    if header and all(_MOMENT.match(line) for _, line in lines):
         lines = [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]
@@ -250,16 +253,13 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
         rows = rows[1:]
     if not rows:
         raise ValueError("holds no beats; a line for each is read, with its time in seconds first")
-    if len(rows) > _MAX_BEATS:
-        raise ValueError(f"has {len(rows)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
     width = len(rows[0][1])
     if width not in (1, 2):
         raise ValueError(f"has {width} columns; a time and perhaps one more number are read")
     table = np.empty((len(rows), width))
     for row, (line, words) in zip(table, rows, strict=True):
         for word in words:
-            number = _number(word)
-            if number is None or not math.isfinite(number):
+            if (number := _number(word)) is None or not math.isfinite(number):
                 raise ValueError(f"line {line}: {word[:40]!r} is not a number")
         if len(words) != width:
             raise ValueError(f"line {line} has {len(words)} columns, the first has {width}")
