@@ -17,7 +17,7 @@ from av.video.reformatter import VideoReformatter
 
 from harmolab.files import WRITTEN_BY
 from harmolab.lab.render.scene import render_dance
-from harmolab.readers import beats
+from harmolab.readers import audio, beats
 from harmolab.readers.audio import audio_info, load_audio, load_sound, video_sound
 from harmolab.readers.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
 from harmolab.readers.video import video_frames, write_video
@@ -108,7 +108,7 @@ def test_resampled_length_is_rounded_up_as_librosa_does(tmp_path: Path):
     assert load_audio(tmp_path / "short.wav").samples.size == 2760  # 1001 * 22050 / 8000 = 2759.006
 
 
-def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path):
+def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path, size = tmp_path / "night.wav", 34 * 3600 * RATE * 2
     with path.open("wb") as stream:
         stream.write(wav_header(data_bytes=size))
@@ -119,6 +119,8 @@ def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path):
     refused(r"night\.wav: would give 122400 s .* max_seconds=3600; read a part with start", load_audio, path)
     far = load_audio(path, start=900_000_000 / RATE, duration=100 / RATE, max_seconds=10, sample_rate=None)
     np.testing.assert_allclose(far.samples, 0.5, atol=1e-4)
+    monkeypatch.setattr(audio, "MAX_SAMPLES", 80)
+    refused("would give 0 s of sound at 8000 Hz, more than max_seconds=0.01;", load_audio, path, duration=81 / RATE)
 
 
 @cases(
@@ -485,10 +487,12 @@ def test_a_span_of_the_sound_of_a_video_is_that_of_a_sound_file(tmp_path: Path, 
     refused(rf"{name}: has 1.* s of sound, none from 5 s on", load_sound, tmp_path / name, start=5.0)
 
 
-def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_path: Path):
+def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_path: Path, monkeypatch):
     refused(r"sample\.mp4: holds no sound; name the music's own file", video_sound, sample)
     write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=pulse(0.5))
     refused(r"v\.mp4: has more than 0.5 s of sound", video_sound, tmp_path / "v.mp4", max_seconds=0.5)
+    monkeypatch.setattr(audio, "MAX_SAMPLES", 2205)
+    refused(r"v\.mp4: has more than 0.1 s of sound", video_sound, tmp_path / "v.mp4")
     for read in (video_sound, video_frames):
         missing(r"none\.mp4: no such file", read, tmp_path / "none.mp4")
 

@@ -26,6 +26,7 @@ FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
 MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 # The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.
 MAX_FRAMES_PER_BYTE = 10_000
+MAX_SAMPLES = 2**29  # an hour at 149 kHz; silence at a higher rate makes gigabytes of a small file
 MAX_AMPLITUDE = 1e10
 _WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
@@ -77,7 +78,7 @@ def load_audio(
     sample_rate : float or None, hertz
         Resampled to this rate (soxr, high quality). None keeps the file's rate.
     max_seconds : float
-        More than this is refused before any sample is read.
+        More than this, or than MAX_SAMPLES, is refused before any sample is read.
 
     Returns
     -------
@@ -96,10 +97,8 @@ def load_audio(
         with soundfile.SoundFile(bytes(file)) as sound:
             _check_header(sound, file.stat().st_size)
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
-            samples = _mono(sound, first, count)
-            rate = sound.samplerate
-        audio = Audio(samples, rate)
-        return audio if sample_rate in (None, rate) else resampled(audio, sample_rate)
+            audio = Audio(_mono(sound, first, count), sound.samplerate)
+        return audio if sample_rate is None else resampled(audio, sample_rate)
 
 
 def _check_header(sound: soundfile.SoundFile, size: int) -> None:
@@ -149,9 +148,10 @@ def _span_frames(frames: int, rate: int, start: float, duration: float | None, m
     if first >= frames:
         raise ValueError(f"has {frames / rate:.2f} s of sound, none from {start:g} s on")
     count = frames - first if duration is None else min(frames - first, max(1, round(duration * rate)))
+    max_seconds = min(max_seconds, MAX_SAMPLES / rate)
     if count > max_seconds * rate:
         raise ValueError(
-            f"would give {count / rate:.0f} s of sound, more than max_seconds={max_seconds:g}; "
+            f"would give {count / rate:.0f} s of sound at {rate} Hz, more than max_seconds={max_seconds:g}; "
             "read a part with start and duration"
         )
     return first, count
@@ -261,7 +261,7 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
     sample_rate : float or None, hertz
         Resampled to this rate. None keeps the file's rate.
     max_seconds : float
-        More than this is an error.
+        More than this, or than MAX_SAMPLES of all channels, is an error.
 
     Returns
     -------
@@ -300,7 +300,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
     """
     layout = stream.codec_context.layout
     resampler, channels = av.AudioResampler(format="flt", layout=layout, rate=rate), layout.nb_channels
-    skip, count, due = None, 0, None
+    skip, count, due, max_seconds = None, 0, None, min(max_seconds, MAX_SAMPLES / channels / rate)
     for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
         if skip is None:
             late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
