@@ -493,6 +493,11 @@ def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_p
     refused(r"v\.mp4: has more than 0.5 s of sound", video_sound, tmp_path / "v.mp4", max_seconds=0.5)
     monkeypatch.setattr(audio, "MAX_SAMPLES", 2205)
     refused(r"v\.mp4: has more than 0.1 s of sound", video_sound, tmp_path / "v.mp4")
+    with av.open(str(tmp_path / "v.mkv"), "w") as container:
+        container.add_stream("pcm_s16le", rate=RATE)
+        pictures = container.add_stream("mpeg4", rate=25)
+        container.mux([*pictures.encode(av.VideoFrame(640, 480)), *pictures.encode(None)])
+    refused(r"v\.mkv: holds no samples of sound", video_sound, tmp_path / "v.mkv")
     for read in (video_sound, video_frames):
         missing(r"none\.mp4: no such file", read, tmp_path / "none.mp4")
 

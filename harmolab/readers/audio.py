@@ -275,7 +275,7 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
     with _sound_stream(path) as (container, stream):
         rate = round(sample_rate or stream.codec_context.sample_rate)
         pieces = list(_pieces(container, stream, rate, max_seconds))
-        if not pieces:
+        if not any(map(len, pieces)):
             raise ValueError("holds no samples of sound")
         return Audio(_mixed(np.concatenate(pieces)), rate)
 
