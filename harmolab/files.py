@@ -294,7 +294,7 @@ def cached_arrays(name: str) -> Arrays | None:
         with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as content:
             return dict(content)
     # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.
-    except (OSError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+    except (*_FAULTS, MemoryError):
         return None
 
 
