@@ -133,8 +133,7 @@ def wandering_take(name: str, rng: np.random.Generator, *, count: int = 8, meter
     positions = np.stack([np.interp(places, np.arange(count), column) for column in keys.reshape(count, -1).T], axis=1)
     motion = Motion(positions.reshape(-1, *BODY.shape), 30.0, SIDED)
     bars = np.arange(count) % meter if meter else None
-    clip = Clip(name, SILENCE, motion, beats=track(np.arange(count) / 2, bar_places=bars))
-    return take_of(clip)
+    return take_of(Clip(name, SILENCE, motion, beats=track(np.arange(count) / 2, bar_places=bars)))
 
 
 PLAIN = mv.ChoreographerParams(variety=0.0, noise=0.0, unplaced_run=1, harmony=0.0, winding=0.0)
@@ -268,8 +267,7 @@ def test_a_beat_of_the_music_lies_exactly_on_a_recorded_beat(dancer: Choreograph
     frame = course.beats[moves.beat[node]] * course.take.motion.fps
     made = faded(moves, runs, numbers)[middle]
     np.testing.assert_allclose(made[:, 1], recorded[round(frame)][:, 1], atol=0.02)
-    exact = course.positions(np.array([float(moves.beat[node])]))[0]
-    np.testing.assert_allclose(made[:, 1], exact[:, 1], atol=1e-9)
+    np.testing.assert_allclose(made[:, 1], course.positions(moves.beat[node : node + 1] + 0.0)[0, :, 1], atol=1e-9)
 
 
 def plain_moves(*takes: Take) -> mv.Moves:
@@ -408,10 +406,8 @@ def test_a_dance_slows_down_in_its_last_beat_and_rests_at_its_end():
 
 def test_a_short_dance_and_one_that_ends_in_silence_are_not_slowed_down():
     for beats, eased in ((5, 0), (6, 2)):
-        music = heard(silent(99.0, 99.0), end=0.5 * beats, count=beats)
-        assert (beats - music.lengths.size) == eased
-    music = heard(silent(8.0, 12.0), end=10.0, count=20)
-    np.testing.assert_allclose(music.lengths, 0.5)
+        assert beats - heard(silent(99.0, 99.0), end=0.5 * beats, count=beats).lengths.size == eased
+    np.testing.assert_allclose(heard(silent(8.0, 12.0), end=10.0, count=20).lengths, 0.5)
 
 
 @cases(
@@ -541,10 +537,16 @@ def test_the_pose_is_held_in_silence_and_the_guard_does_not_mind(dancer: Choreog
     assert "poorest" not in likeness(made.motion, limits=dancer.limits, held=made.held).fails
 
 
+@pytest.mark.parametrize("start", (1.0, 13.8, 15.0, 29.0))  # in silences, and a little before one
+def test_a_dance_to_nothing_but_silence_is_a_pose_that_is_held(dancer: Choreographer, start: float):
+    song = sound((8, -90), (6, -20), (8, -90), (6, -20), (8, -90))
+    made = dancer.choreograph(song, beats(120.0, first=0.0), start=start, seconds=6.0)
+    assert made.held[10:].all() and np.ptp(made.motion.positions[10:], axis=0).max() < 0.05
+
+
 def test_a_dancer_sent_to_another_process_dances_the_same(dancer: Choreographer):
     sent = pickle.loads(pickle.dumps(dancer))
-    dances = [each.generate(SILENCE, seconds=6.0, seed=1).positions for each in (dancer, sent)]
-    np.testing.assert_array_equal(*dances)
+    np.testing.assert_array_equal(*(each.generate(SILENCE, seconds=6.0, seed=1).positions for each in (dancer, sent)))
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_dance(dancer: Choreographer):

@@ -95,8 +95,7 @@ class Form:
 
     def in_words(self, start: float, end: float, period: float) -> str:
         """The parts between two moments, seconds; "" where there is one alone, and that is no silence."""
-        parts = [(max(first, start), last, word) for first, last, word in self.parts(period) if first < end]
-        parts = [part for part in parts if part[1] > start]
+        parts = [(max(row[0], start), *row[1:]) for row in self.parts(period) if row[0] < end and row[1] > start]
         if len(parts) == 1 and parts[0][2] != "silence":
             return ""
         words = [
@@ -104,6 +103,17 @@ class Form:
             for first, last, word in parts[:MOST_TOLD]
         ]
         return ", ".join(words + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
+
+    def before_silence(self, music: MusicBeats, start: float) -> float:
+        """The second from which to take beats for a dance from `start`: before it where all of these are silent.
+
+        The last beat before a silence is that at which the dance rests.
+        """
+        near = NEAR * music.period
+        for first, last in self.silences(music.period):
+            if first + near < music.times[1] and music.times[-2] < last - near:
+                return min(start, first - 2 * music.period)
+        return start
 
     def danced_beats(self, music: MusicBeats, end: float, usual: float) -> MusicBeats:
         """The beats of a dance until second `end` as they are danced: held in silence, at rest at the end.

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Self
@@ -178,13 +179,12 @@ def warnings_of(
 
 def _bar_warning(moves: Moves, music: lay.MusicBeats, is_own_pulse: bool) -> tuple[str, ...]:
     """A sentence where the bar is not danced, and why."""
-    meter = moves.meter
-    if is_own_pulse or meter == 0:
+    if is_own_pulse or moves.meter == 0:
         return ("the bar is not danced: where it begins in these recordings is not known",)
     if music.meter == 0:
         return ('"one" of this music is not known, so the bar is not danced; say where a bar begins (--one SECONDS)',)
     if not (moves.meters == music.meter).any():
-        return (f"the bar is not danced: the music has {music.meter} beats in a bar, these recordings {meter}",)
+        return (f"the bar is not danced: the music has {music.meter} beats in a bar, these recordings {moves.meter}",)
     return ()
 
 
@@ -199,10 +199,9 @@ DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the re
 
 def _is_choreographer(folder: PathLike) -> bool:
     """True for the folder of a choreographer that was saved."""
-    try:
+    with suppress(ValueError, OSError):
         return bool(read_about(folder).get("system") == "choreographer")
-    except (ValueError, OSError):
-        return False
+    return False
 
 
 class Choreographer(DanceSystem):
@@ -366,9 +365,9 @@ class Choreographer(DanceSystem):
         is_own_pulse = not takes[0].beats.size
         period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
         end = start + (frames - 1) / self.fps
-        music = lay.beats_between(track, start, end, meter=meter_of(track, dance), period=period)
-        form = Form.of(request.audio)
-        music = form.danced_beats(music, end, period)
+        beats_from = partial(lay.beats_between, track, end=end, meter=meter_of(track, dance), period=period)
+        form, music = Form.of(request.audio), beats_from(start)
+        music = form.danced_beats(beats_from(form.before_silence(music, start)), end, period)
         moves = self._moves_of(takes, music.period, frames / self.fps)
         lead = float(lay.beat_numbers(music, np.array([start]))[0])
         beat = float(music.times[1] - music.times[0])
