@@ -29,6 +29,7 @@ Properties of these recordings, and how the loader meets them:
 
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -313,7 +314,8 @@ def _lacks(folder: Path, parts: list[str]) -> str:
     """The sentence that a folder has no such parts, and what makes them of files of other names."""
     files, cures = {path.suffix.lower(): path for path in sorted(folder.glob("*"))}, ""
     if "motion.npz" in parts and (motion := next((files[end] for end in _OTHER_MOTIONS if end in files), None)):
-        cures = f"; harmolab data convert {motion} {folder / 'motion.npz'} writes it"
+        paths = shlex.join([str(motion), str(folder / "motion.npz")])
+        cures = f"; harmolab data convert {paths} writes it"
     if parts[-1] == _NO_SOUND and (sound := next((files[end] for end in SOUNDS if end in files), None)):
         cures += f"; rename {sound.name} to audio{sound.suffix.lower()}"
     return f"{folder}: has no {' and no '.join(parts)}{cures}"
