@@ -513,7 +513,7 @@ def soft_harmony(
         its mask: beats of the whole song may be passed.
     bar_places : (N,) tensor of int, optional
         Place in its bar of each clip's first beat, for patterns of several beats; the best place is taken if None.
-        Beats must ascend then; else they may stand in any order.
+        Beats must ascend then; else they may stand in any order, each once.
 
     Returns
     -------
@@ -680,6 +680,10 @@ def _check_tensors(
         raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):
         raise ValueError(f"span must be ({shape[0]}, 2), start and end of each clip; got {tuple(span.shape)}")
+    order = beats.double().masked_fill(~beat_mask.bool(), -torch.inf)
+    order = order.sort(dim=1).values if bar_places is None else order
+    if (order[:, 1:] <= order.cummax(dim=1).values[:, :-1])[order[:, 1:].isfinite()].any():
+        raise ValueError("beats must differ, and ascend where bar_places are passed; sort them and remove doubles")
 
 
 def _check_settings(fps: float, tau: float, params: HarmonyParams) -> None:
@@ -689,9 +693,8 @@ def _check_settings(fps: float, tau: float, params: HarmonyParams) -> None:
             raise ValueError(f"{name} must be positive, got {number}")
     if params.fps is not None and params.fps != fps:
         raise ValueError(f"the score is defined at {params.fps:g} fps and the motion has {fps:g}: resample it first")
-    only = {"clock": 1.0} if params.measure == "shape" else ONLY
     if params.measure == "hits" and params.detector == "direction":
         raise ValueError("detector = 'direction' has no relaxation; use turns, valleys or peaks")
-    for name, value in only.items():
+    for name, value in ({"clock": 1.0} if params.measure == "shape" else ONLY).items():
         if getattr(params, name) != value:
             raise ValueError(f"only {name} = {value!r} has a relaxation, got {getattr(params, name)!r}")
