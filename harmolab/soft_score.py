@@ -680,7 +680,7 @@ def _check_tensors(
         raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):
         raise ValueError(f"span must be ({shape[0]}, 2), start and end of each clip; got {tuple(span.shape)}")
-    order = beats.double().masked_fill(~beat_mask.bool(), -torch.inf)
+    order = beats.float().masked_fill(~beat_mask.bool(), -torch.inf)
     order = order.sort(dim=1).values if bar_places is None else order
     if (order[:, 1:] <= order.cummax(dim=1).values[:, :-1])[order[:, 1:].isfinite()].any():
         raise ValueError("beats must differ, and ascend where bar_places are passed; sort them and remove doubles")
