@@ -471,7 +471,7 @@ class Evidence:
             cut = {name: getattr(self.signal, name)[kept] for name in ("times", "values", "valid")}
             test = time_test(replace(self.signal, **cut), beats, cycles=tuple(self.time.cycles))
             if test.p_value > ALPHA and test.best >= CLEAR if self.level > 1 else test.p_value <= ALPHA / count:
-                joins = self.level > 1 and parts and parts[-1][1] == beats[0]
+                joins = parts and parts[-1][1] == beats[0]
                 parts.append((parts.pop()[0] if joins else float(beats[0]), float(beats[-1])))
         return parts
 

@@ -45,8 +45,9 @@ def verdict(evidence: Evidence, *, has_start: bool = True) -> str:
 def elsewhere(evidence: Evidence) -> str:
     """A sentence where parts of the take are otherwise than the whole; minutes and seconds of what is judged."""
     clocks = [["{}:{:02}".format(*divmod(round(edge), 60)) for edge in part] for part in evidence.other_parts]
-    parts = " and ".join(f"from {start} to {end}" for start, end in clocks)
-    alone = f" But {parts} you are in time, each part taken by itself."
+    *before, last = [f"from {start} to {end}" for start, end in clocks] or [""]
+    parts = f"{', '.join(before)} and {last}" if before else last
+    alone = f" But part by part you are in time {parts}."
     words = alone if evidence.level == 1 else f" Not {parts}: there you move at another tempo than the music's."
     return words if parts else ""
 
