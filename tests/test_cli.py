@@ -429,7 +429,8 @@ def test_what_a_decoder_in_c_prints_does_not_reach_the_screen():
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_end_leaves_no_file_that_is_half_written(ending: signal.Signals, tmp_path: Path):
     code = (
-        "import os, harmolab.cli\nfrom harmolab.files import atomic_write\n"
+        "import os, signal, harmolab.cli\nfrom harmolab.files import atomic_write\n"
+        f"signal.signal({ending:d}, signal.SIG_DFL)\n"  # nohup around the tests ignores it
         f"def work():\n with atomic_write('x') as part: part.touch(); os.kill(os.getpid(), {ending:d})\n"
         "harmolab.cli.app = work; harmolab.cli.main()"
     )

@@ -96,7 +96,8 @@ def test_the_metric_has_the_numbers_of_the_command(evaluated: Evaluated):
     assert {"harmony", "likeness", "fid_kinetic", "fid_geometric", "multimodality_kinetic"} <= evaluated.numbers.keys()
     own = {name: numbers[name] for name in evaluated.numbers}
     assert own == pytest.approx(evaluated.numbers, rel=1e-9, abs=1e-9)
-    assert metric.remarks == ()
+    nan, of = "harmony_dance of 2 of 10 dances is NaN:", "is none of cha-cha, rumba, waltz."
+    assert sorted(metric.remarks) == [f"{nan} {name!r} {of}" for name in ("jive", "quickstep", "samba")]
     metric.reset()
     refused("nothing was measured yet", metric.compute)
 
