@@ -390,5 +390,5 @@ def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     save_patterns(out, patterns)
     for name, pattern in patterns.items():
         say(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
-    example = shlex.join(["--dance", name] if (name := next(iter(patterns))) else [])
-    say(f"use them: harmolab score SONG DANCE --pattern {out} {example}".rstrip())
+    example = ["--dance", name] if (name := next(iter(patterns))) else []
+    say(f"use them: {shlex.join(['harmolab', 'score', 'SONG', 'DANCE', '--pattern', str(out), *example])}")

@@ -48,7 +48,7 @@ def elsewhere(evidence: Evidence) -> str:
     *before, last = [f"from {start} to {end}" for start, end in clocks] or [""]
     parts = f"{', '.join(before)} and {last}" if before else last
     alone = f" But part by part you are in time {parts}."
-    words = alone if evidence.level == 1 else f" Not {parts}: there you move at another tempo than the music's."
+    words = alone if evidence.level == 1 else f" {parts.capitalize()} you move at another tempo than the music's."
     return words if parts else ""
 
 
@@ -165,10 +165,12 @@ def _sure(evidence: Evidence) -> str:
 
 def _steady(evidence: Evidence) -> str:
     low, high = evidence.lag_interval
-    if evidence.level < 2 or not evidence.has_own_rate or np.isnan(low):
+    if evidence.level < 2 or not evidence.has_own_rate:
         return ""
     if evidence.level == 2:
         return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
+    if np.isnan(low):
+        return ""
     width = max(high - low, 1 / COURSE_MOMENTS) * 60000 / evidence.tempo
     return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
 
@@ -212,13 +214,14 @@ def _advice(evidence: Evidence) -> list[str]:
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     # Who moves twice a beat may hear that half of the music's beats were not tracked.
-    is_double = evidence.time is not None and evidence.time.rate == 2 and evidence.beats.quality is not None
-    if evidence.pattern is None and evidence.level == 3 and is_double and round(2 * evidence.tempo) <= FASTEST:
+    is_tracked = evidence.level == 3 and evidence.beats.quality is not None
+    is_double = evidence.pattern is None and evidence.time is not None and evidence.time.rate == 2
+    if is_tracked and is_double and round(2 * evidence.tempo) <= FASTEST:
         lines.append(
             f"The music was counted at {evidence.tempo:.0f} bpm; the sound does not tell that from "
             f"{2 * evidence.tempo:.0f}: say the dance (--dance), or give the beats (--beats)."
         )
-    if evidence.level == 3 and evidence.beats.quality is not None and (evidence.is_opposite or evidence.is_hit):
+    if is_tracked and (evidence.is_opposite or evidence.is_hit):
         lines.append("If the off-beats were counted, you are on the beat: hear them (`harmolab beats --clicks`).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
