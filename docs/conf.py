@@ -61,5 +61,4 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True}
-pygments_style = "friendly"
 copybutton_exclude = ".linenos, .gp, .go"
