@@ -246,7 +246,8 @@ def offer_poses(video: Path) -> None:
         with suppress(OSError):
             _declined().parent.mkdir(parents=True, exist_ok=True)
             _declined().touch()
-    note(f"{video.name} is read by the flow of its picture; its dancer's body would be surer: {HOW}")
+    flow = "is read by the flow of its picture, where text or light on the beat counts as dance"
+    note(f"{video.name} {flow}; its dancer's body would be surer: {HOW}")
 
 
 def is_body_found(video: Path) -> bool:
