@@ -208,7 +208,7 @@ HARMONY = (
     Claim(
         "abstract, Fig. 10", "motion of high perceptual quality", "one example",
         lambda tables: f"{_guard(tables, 'HarmoGAN', RECORDED)} dances to recorded songs move like people, by our guard",
-        lambda tables: f"recorded dancers {_guard(tables, 'recorded, right song', RECORDED)}",
+        lambda tables: f"recorded dancers {_guard(tables, 'recorded, right song', RECORDED)}, whom its limits are taken from",
         "not reproduced", lambda tables: _guard(tables, "HarmoGAN", RECORDED).startswith("0 of"), "10_systems_compared",
         "test_likeness.py", GPU,
     ),
