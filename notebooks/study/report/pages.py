@@ -9,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harmolab.files import write_text
 from study.findings import RunTables, published_tables
-from study.report.body_dynamics import BODY_DYNAMICS
+from study.report.body_dynamics import BODY_DYNAMICS, rest_of_order
 from study.report.claims import Claim, claims_table, counts, spread, value
 from study.report.harmony import HARMONY
 from study.report.music2dance import MUSIC2DANCE
@@ -43,6 +43,7 @@ def page(name: str, tables: RunTables) -> str:
         summary=", ".join(f"{count} {verdict}" for verdict, count in counts(every).items()),
         value=partial(number, tables),
         spread=partial(spread, tables),
+        rest_of_order=partial(rest_of_order, tables),
         tables=tables,
     )
 
