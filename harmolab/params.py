@@ -1,8 +1,9 @@
 """Settings of scoring: dances, bar patterns, every choice that a harmony score depends on."""
 
 from dataclasses import dataclass, fields, replace
+from numbers import Integral, Real
 from types import MappingProxyType
-from typing import Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 
@@ -51,8 +52,12 @@ class BarPattern:
     dance: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.beats, Integral):
+            raise ValueError(f"a bar pattern needs a whole number of beats, got {self.beats!r}")
         if self.beats < 1:
             raise ValueError(f"a bar pattern needs at least one beat, got {self.beats}")
+        for name in ("cosines", "sines"):  # lists and arrays are the same pattern as a tuple
+            object.__setattr__(self, name, tuple(float(each) for each in getattr(self, name)))
         if not self.cosines or len(self.cosines) != len(self.sines):
             raise ValueError(f"cosines and sines must be two equal lists, got {self.cosines} and {self.sines}")
         if not np.isfinite(self.cosines + self.sines).all():
@@ -149,23 +154,24 @@ class HarmonyParams:
     pattern: BarPattern | None = None
 
     def __post_init__(self) -> None:
-        for name in ("audio_threshold", "reaction_delay", "smoothing", "position_smoothing"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ValueError(f"{name} must be zero or more, got {getattr(self, name)}")
-        for name in ("beta", "clock"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if self.visual_threshold is not None and not 0 <= self.visual_threshold < float("inf"):
-            raise ValueError(f"visual_threshold must be zero or more, or None, got {self.visual_threshold}")
-        if self.fps is not None and not 0 < self.fps < float("inf"):
-            raise ValueError(f"fps must be positive or None, got {self.fps}")
+        for field in fields(self):
+            if not isinstance(value := getattr(self, field.name), KINDS.get(field.type, object)):
+                kind = "True or False" if field.type is bool else "a number"
+                raise ValueError(f"{field.name} must be {kind}, got {value!r}")
+        for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
+            if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
+                bound = "zero or more, or None" if name == "visual_threshold" else "zero or more"
+                raise ValueError(f"{name} must be {bound}, got {value}")
+        for name in ("beta", "clock", "fps"):
+            if (value := getattr(self, name)) is not None and not 0 < value < float("inf"):
+                raise ValueError(f"{name} must be positive{' or None' * (name == 'fps')}, got {value}")
         if not abs(self.lag) <= MAX_LAG:
             raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
         if not isinstance(self.pattern, BarPattern | None):
             raise ValueError(f"pattern must be a BarPattern or None, got {self.pattern!r}; see HOW_PATTERNS")
         for name, choices in CHOICES.items():
             if (value := getattr(self, name)) not in choices:
-                raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}{GONE.get(value, '')}")
+                raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}{GONE.get(str(value), '')}")
 
     @classmethod
     def paper(cls) -> "HarmonyParams":
@@ -201,6 +207,7 @@ class HarmonyParams:
 
 # Choices that were taken out: the error of one says what took its place.
 GONE = MappingProxyType({"pattern": "; the joint speed in the room gave way to that of the shape: measure 'shape'"})
+KINDS: dict[object, Any] = {float: Real, float | None: Real | None, bool: bool | np.bool_}
 CHOICES = MappingProxyType(
     {field.name: get_args(field.type) for field in fields(HarmonyParams) if get_origin(field.type) is Literal}
 )
