@@ -272,10 +272,8 @@ def hit_mask(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, m
     Raises
     ------
     ValueError
-        If the times are no lists of finite numbers, or `matching` is another word.
+        If the times are no lists of finite numbers, the delay is negative or NaN, or `matching` is another word.
     """
-    if matching == "many":
-        return nearest_intervals(audio_times, visual_times) <= delay + EDGE
     return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
 
 
@@ -286,6 +284,8 @@ def hit_pairs(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, 
     """
     if matching not in CHOICES["matching"]:
         raise ValueError(f"matching must be one of {', '.join(CHOICES['matching'])}; got {matching!r}")
+    if not delay >= 0:
+        raise ValueError(f"delay must be zero or more seconds, got {delay}")
     audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
     if audio_times.size == 0 or visual_times.size == 0:
         return np.full(audio_times.size, -1, dtype=np.int64)

@@ -129,6 +129,7 @@ def test_notes_of_a_chord_are_one_onset_at_their_mean_weighted_by_loudness():
     np.testing.assert_allclose(onsets.times, [(0.9 * 1.0 + 0.3 * 1.03) / 1.2, 1.05, 2.0])
     np.testing.assert_allclose(onsets.strengths, [0.9, 0.6, 0.5])
     np.testing.assert_allclose(note_beats(notes, 5.0, merge=0.05).strengths, [0.9, 0.5])
+    refused("merge must be zero or more seconds, got -1", note_beats, notes, 5.0, merge=-1)
 
 
 def test_silent_notes_and_notes_after_the_end_are_no_onsets():

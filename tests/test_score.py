@@ -242,7 +242,8 @@ def clip(motion: Motion, *, seconds: float = 6.0, offset: float = 0.0, beats: li
     return Clip("arm", silence(seconds), motion, offset, beats=track(STOPS if beats is None else beats, duration=20.0))
 
 
-def test_a_clip_without_motion_is_refused():
+def test_a_clip_without_motion_and_a_delay_that_is_none_are_refused():
+    refused("delay must be zero or more seconds, got nan", scoring.hit_mask, [1.0], [1.0], delay=float("nan"))
     refused("arm: there is no motion to score", score_clip, Clip("arm", silence(6.0)))
 
 

@@ -181,6 +181,8 @@ class _Events(NamedTuple):
 
 def _merged(events: _Events, merge: float, fps: float, duration: float) -> BeatTrack:
     """Groups of events that lie within `merge` seconds of their first: weighted mean time, largest strength."""
+    if not merge >= 0:
+        raise ValueError(f"merge must be zero or more seconds, got {merge}")
     order = np.argsort(events.times, kind="stable")
     times, strengths = events.times[order], events.strengths[order]
     firsts: list[int] = []
