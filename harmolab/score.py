@@ -10,6 +10,7 @@ start from a motion and from a clip.
 """
 
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -359,6 +360,13 @@ def above_chance(share: float, chance: float) -> float:
 # Harmony of two beat tracks (Eq. 10, 14-21), with its null distribution
 
 
+def check_whole(**values: object) -> None:
+    """ValueError that names what is no whole number from 0 on."""
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
+            raise ValueError(f"{name} must be a whole number, not negative, got {value!r}")
+
+
 def score_harmony(
     audio_track: BeatTrack,
     visual_track: BeatTrack,
@@ -388,7 +396,13 @@ def score_harmony(
     >>> score_harmony(beats, beats, params=HarmonyParams.valleys()).harmony
     1.0
     """
+    if not (isinstance(audio_track, BeatTrack) and isinstance(visual_track, BeatTrack)):
+        kinds = f"{type(audio_track).__name__} and {type(visual_track).__name__}"
+        raise ValueError(f"two harmolab.BeatTracks are needed, got {kinds}")
     params = params or HarmonyParams.paper()
+    if not isinstance(params, HarmonyParams):
+        raise ValueError(f"params must be a harmolab.HarmonyParams, got {type(params).__name__}")
+    check_whole(n_rotations=n_rotations, seed=seed)
     is_inside = visual_track.times <= audio_track.duration + 1 / visual_track.fps  # a frame more is rounding
     visual_track = visual_track if is_inside.all() else visual_track.select(is_inside)
     music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)

@@ -6,6 +6,7 @@ import pickle
 import re
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, asdict, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.metrics.likeness import Likeness, likeness
 from harmolab.metrics.quality import jerk
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
-from harmolab.score import HarmonyScore
+from harmolab.score import HarmonyScore, score_harmony
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
@@ -47,6 +48,7 @@ def held_at(frames: list[bool]) -> Likeness:
     return likeness(motion(), held=np.array(frames))
 
 
+MUSIC = track([1.0]), track([1.0])
 SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
 
 
@@ -100,6 +102,10 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("a harmolab.Clip is needed, got str; score_files takes paths", score_clip, ("waltz.wav",)),
     ("BeatTrack and a harmolab.Motion are needed, got list and Motion", score_motion, ([1.0], motion())),
     ("are needed, got BeatTrack and ndarray", score_motion, (track([1.0]), FRAMES)),
+    ("two harmolab.BeatTracks are needed, got BeatTrack and list", score_harmony, (track([1.0]), [1.0])),
+    ("params must be a harmolab.HarmonyParams, got str", partial(score_harmony, params="paper"), MUSIC),
+    ("n_rotations must be a whole number, not negative, got -1", partial(score_harmony, n_rotations=-1), MUSIC),
+    ("seed must be a whole number, not negative, got 0.5", partial(score_motion, seed=0.5), (MUSIC[0], motion())),
     ("a harmolab.Motion is needed, got ndarray", visual_beats, (FRAMES,)),
     ("a harmolab.Motion is needed, got ndarray", jerk, (FRAMES,)),
     ("a harmolab.Audio is needed, got ndarray", audio_beats, (np.zeros(10),)),

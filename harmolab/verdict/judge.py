@@ -34,7 +34,7 @@ from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
-from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
+from harmolab.score import HarmonyScore, check_whole, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
 from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
 from harmolab.verdict import evidence, sentences
@@ -175,6 +175,7 @@ def score_motion(
 
 def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
     """The score of `judge`; in the paper's terms its movements are rests, or hits where hits were told."""
+    check_whole(seed=seed)
     track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
     late = track.times + params.lag
     music = track.select((late >= 0) & (late <= track.duration))
