@@ -259,6 +259,9 @@ def test_a_reference_of_another_pose_network_has_no_pose_features():
 @cases(
     "motions, beats, options, fault",
     (np.zeros((30, 24, 3)), [[1.0]], {"fps": 30.0}, "motions are several dances: put the one that there is"),
+    (None, [[1.0]], {}, "motions are several dances: .*; got NoneType"),
+    ([np.zeros((30, 24, 3))], None, {"fps": 30.0}, "beats are those of several dances: .*; got NoneType"),
+    (["dance.npz"], [[1.0]], {}, r"motions\[0\] must be a Motion or an array of joint positions, got str"),
     ([np.zeros((30, 24, 3))], [[1.0]], {}, r"motions\[0\] is an array, which has no frame rate: pass fps"),
     ([np.zeros((30, 7, 3))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: has 7 joints: pass skeleton=harmolab\.Skeleton"),
     ([np.zeros((30, 72))], [[1.0]], {"fps": 30.0}, r"motions\[0\]: positions must be \(frames, joints, 3\)"),
@@ -333,7 +336,7 @@ def test_dances_without_a_song_are_each_of_their_own_whatever_the_batches_and_pr
     seeds = ["a", "a", "b", "b"]
     whole.update(motions, beats, seeds=seeds)
     for metric, part in ((one, slice(0, 3)), (other, slice(3, 4))):
-        metric.update(motions[part], beats[part], seeds=seeds[part])
+        metric.update(motions[part], beats[part], songs=[None, np.nan, None, None][part], seeds=seeds[part])
         gathered.update(motions[part], beats[part], seeds=seeds[part])
     one.merge_state(json.loads(json.dumps(other.rows)))
     numbers = whole.compute()

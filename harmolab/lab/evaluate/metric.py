@@ -135,7 +135,12 @@ class DanceMetric:
         tracks = _tracks(beats, bodies)
         unnamed = [""] * len(bodies)
         columns = {"songs": songs, "seeds": seeds, "dances": dances}
-        named = {name: list(words) if words is not None and len(words) else unnamed for name, words in columns.items()}
+        named = {
+            name: ["" if pd.isna(word) else str(word) for word in words]
+            if words is not None and len(words)
+            else unnamed
+            for name, words in columns.items()
+        }
         for name, words in named.items():
             if len(words) != len(bodies):
                 raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(words)}")
@@ -143,7 +148,7 @@ class DanceMetric:
         rows = []
         for place, (motion, music, song, seed, dance) in enumerate(zip(bodies, tracks, *named.values(), strict=True)):
             with named_faults(f"motions[{place}]"):
-                rows.append(self._row(Dance(GENERATED, str(song), motion, music, str(seed), str(dance), limits)))
+                rows.append(self._row(Dance(GENERATED, song, motion, music, seed, dance, limits)))
         self.rows += rows
 
     def _row(self, dance: Dance) -> Row:
@@ -240,8 +245,9 @@ def _windows(motion: Motion) -> tuple[dict[str, float], ...]:
 
 def _motions(values: Iterable[Positions], fps: float | None, skeleton: Skeleton | None) -> list[Motion]:
     """The motions of a batch; ValueError that names the first that is none."""
-    if isinstance(values, Motion) or getattr(values, "ndim", 4) == 3:
-        raise ValueError("motions are several dances: put the one that there is into a list")
+    if not isinstance(values, Iterable) or getattr(values, "ndim", 4) == 3:
+        kind = type(values).__name__
+        raise ValueError(f"motions are several dances: put the one that there is into a list; got {kind}")
     return [_motion(value, f"motions[{place}]", fps, skeleton) for place, value in enumerate(values)]
 
 
@@ -249,6 +255,8 @@ def _motion(value: Positions, name: str, fps: float | None, skeleton: Skeleton |
     if isinstance(value, Motion):
         return value
     positions = _array(value, name)
+    if positions.dtype.kind in "OU":
+        raise ValueError(f"{name} must be a Motion or an array of joint positions, got {type(value).__name__}")
     if fps is None:
         raise ValueError(f"{name} is an array, which has no frame rate: pass fps, such as fps=30.0")
     with named_faults(name):
@@ -272,8 +280,9 @@ def _array(value: Any, name: str) -> NDArray[Any]:
 
 def _tracks(beats: Iterable[Any], motions: Sequence[Motion]) -> list[BeatTrack]:
     """The beats of each motion, on its time line and no longer than it; ValueError that names the first that fails."""
-    if isinstance(beats, BeatTrack):
-        raise ValueError("beats are those of several dances: pass a list with one entry a dance")
+    if not isinstance(beats, Iterable):
+        kind = type(beats).__name__
+        raise ValueError(f"beats are those of several dances: pass a list with one entry a dance; got {kind}")
     tracks = list(beats)
     if len(tracks) != len(motions):
         raise ValueError(f"beats must have one entry a dance ({len(motions)}), got {len(tracks)}")
