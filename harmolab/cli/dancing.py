@@ -106,6 +106,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
+TEMPO = "danced at about {:.0f} bpm, which may count as {:.0f} or {:.0f} as well: --beats says which"
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
     *("shares", "stretch", "warnings", "pieces", "form"),
@@ -126,7 +127,7 @@ class DanceReport:
     score : HarmonyScore of both
     likeness : Likeness of the motion
     choreography : Choreography, None where it was not made of recordings
-    remarks : sentences about the dancer, and about the music where it was asked which dance that is
+    remarks : sentences about the dancer, and about the music: its tempo, and where that was asked which dance it is
     knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
     dance_probabilities : dance -> how likely the music is one, None where that was not asked
     """
@@ -291,10 +292,11 @@ def dance(
     dancer, dance = dancer_of(context, dancer_options), dancer_options.dance
     if pattern is not None and not dancer.knows_bars:
         raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
-    from harmolab.clips import song_beats
+    from harmolab.clips import song_beats, tracked_sound
     from harmolab.metrics.likeness import likeness
 
-    sound, audio = _sound(song)
+    sound = harmolab.load_sound(song, sample_rate=None)
+    audio = tracked_sound(song, sound)
     with finding_beats():
         dances = harmolab.DANCES
         tracks = cache(lambda name: song_beats(audio, dance=name if name in dances else "", beats=beats, one=one))
@@ -306,6 +308,8 @@ def dance(
     def danced(number: int) -> DanceReport:
         motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
         music = track.span(offset, motion.duration)
+        is_open_tempo = not dance and music.quality is not None and len(music) > 1
+        tempo = (TEMPO.format(music.tempo, music.tempo / 2, music.tempo * 2),) if is_open_tempo else ()
         held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
         if harmonise is not None:
             sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
@@ -315,7 +319,7 @@ def dance(
         score = harmolab.score_clip(clip, params)
         judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
         return DanceReport(
-            number, motion, offset, music, score, judged, choreography, dancer.remarks,
+            number, motion, offset, music, score, judged, choreography, (*dancer.remarks, *tempo),
             knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
         )  # fmt: skip
 
@@ -362,14 +366,6 @@ def _check_harmonise(reach: float | None) -> None:
         raise ValueError(f"--harmonise is a number of centimetres up to {FARTHEST:g}, got {reach:g}")
     if find_spec("torch") is None:
         raise ValueError(f"--harmonise needs torch; {TRAIN_HINT}")
-
-
-def _sound(song: Path) -> tuple[Audio, Audio]:
-    """The song at its own sample rate, and as beats are tracked in it."""
-    from harmolab.clips import tracked_sound
-
-    sound = harmolab.load_sound(song, sample_rate=None)
-    return sound, tracked_sound(song, sound)
 
 
 def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
