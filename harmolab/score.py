@@ -275,6 +275,8 @@ def hit_mask(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, m
     ValueError
         If the times are no lists of finite numbers, the delay is negative or NaN, or `matching` is another word.
     """
+    if matching == "many" and delay >= 0:
+        return nearest_intervals(audio_times, visual_times) <= delay + EDGE
     return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
 
 

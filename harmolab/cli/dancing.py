@@ -106,7 +106,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
-TEMPO = "danced at about {:.0f} bpm, which may count as {:.0f} or {:.0f} as well: --beats says which"
+TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give your beats (--beats)"
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
     *("shares", "stretch", "warnings", "pieces", "form"),
@@ -309,7 +309,7 @@ def dance(
         motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
         music = track.span(offset, motion.duration)
         is_open_tempo = not dance and music.quality is not None and len(music) > 1
-        tempo = (TEMPO.format(music.tempo, music.tempo / 2, music.tempo * 2),) if is_open_tempo else ()
+        tempo = (TEMPO.format(music.tempo),) if is_open_tempo else ()
         held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
         if harmonise is not None:
             sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
