@@ -90,6 +90,7 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(dancer(), pattern=HIT), 3, r"You keep time, steadily half a beat off for a hit on the beat\."),
     (lambda: judged(dancer(0.25), pattern=REST), 3, r"You keep time, steadily \d+ ms late for a rest on the beat\."),
     (lambda: judged(dancer(0.3), pattern=WALTZED), 3, r"You keep time, steadily \d+ ms late for a waltz\."),
+    (lambda: replace(judged(dancer(0.25), pattern=REST), lag_interval=(-0.1, 0.5)), 3, r"In time\. Whether .* told.*"),
     (wandering, 2, r"You keep its tempo, but no steady place in the beat\."),
     (lambda: judged(dancer(tempo=97.0)), 1, "No sign that you follow this beat.*"),
     (lambda: judged(trembling(1e-3)), 0, TOO_LITTLE),

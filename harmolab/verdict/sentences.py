@@ -93,7 +93,7 @@ def _in_time(evidence: Evidence) -> str:
     if evidence.pattern is None:
         fastest, stillest = _moment_of(evidence, "fastest", "the beat"), _moment_of(evidence, "stillest", "it")
         return HIT if evidence.is_hit else f"In time: you are {fastest}, and {stillest}."
-    if abs(evidence.lag) <= ON_THE_BEAT:
+    if abs(evidence.lag) <= ON_THE_BEAT or evidence.lag_interval[0] <= 0 <= evidence.lag_interval[1]:
         return "In time. Whether you are on the beat cannot be told: other places in it fit as well."
     return f"You keep time, steadily {_late_or_early(evidence)} for {_danced(evidence)}."
 
