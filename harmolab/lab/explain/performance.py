@@ -306,8 +306,8 @@ class Placement:
             "given": ", as you said.",
             "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
-            "movement": f", or whole beats of {period} from there: found from your movement alone, which says which "
-            "place in the beat, not which beat.",
+            "movement": f", or whole beats of {period} from there: found from your movement, taken to rest on the beat "
+            "(not which beat).",
         }[self.source]
         doubt = "" if self.is_sure else " The evidence for this place is weak."
         if self.repeats:
