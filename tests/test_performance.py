@@ -129,6 +129,7 @@ def test_a_place_of_which_others_fit_as_well_is_one_where_the_dance_may_begin():
     assert all(str(place).startswith("Your dance may begin at 9.00 s of the song") for place in places)
     sure = (Placement(9.0, "sound"), Placement(9.0, "movement", 0.5, 0.97))
     assert all(str(place).startswith("Your dance begins at 9.00 s of the song") for place in sure)
+    assert str(Placement(-9.0, "sound")).startswith("Your dance begins 9.00 s before the song: found by")
 
 
 def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):

@@ -309,11 +309,10 @@ class Placement:
             "movement": f", or whole beats of {period} from there: found from your movement, taken to rest on the beat "
             "(not which beat).",
         }[self.source]
-        doubt = "" if self.is_sure else " The evidence for this place is weak."
-        if self.repeats:
-            doubt = f" {REPEATS}"
-        begins = "begins" if self.is_sure and not self.repeats else "may begin"
-        return f"Your dance {begins} at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
+        doubt = f" {REPEATS}" if self.repeats else "" if self.is_sure else " The evidence for this place is weak."
+        begins, seconds = "begins" if self.is_sure and not self.repeats else "may begin", round(self.seconds, 2)
+        place = f"{-seconds:.2f} s before the song" if seconds < 0 else f"at {seconds + 0.0:.2f} s of the song"
+        return f"Your dance {begins} {place}{reason}{doubt}"
 
 
 def load_performance(
