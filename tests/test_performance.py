@@ -209,9 +209,10 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance, pag
 
 @pytest.mark.slow
 def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
-    page = html.unescape(dance_page(told_of(folder, "dance.npz", offset=START, dance="cha-cha")))
+    dances = (told_of(folder, "dance.npz", offset=offset, dance="cha-cha") for offset in (START, None))
+    page, unplaced = (html.unescape(dance_page(dance)) for dance in dances)
     assert "1 is the best moment, 0.5 the middle one" in page and "nearest moment of rest" not in page
-    assert "nearest moment of rest" in html.unescape(dance_page(told_of(folder, "dance.npz", dance="cha-cha")))
+    assert "nearest moment of rest" in unplaced and "by its bars" in page and "by its bars" not in unplaced
 
 
 @pytest.mark.slow
