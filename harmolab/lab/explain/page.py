@@ -123,7 +123,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
         numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
     numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
     numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"
-    if judgement.signal is not None:
+    if judgement.signal is not None and judgement.signal.dimensions:
         numbers["Movement inside the body, of all movement"] = f"{100 * judgement.signal.share:.0f} %"
         numbers["Joints that share in it"] = f"{100 * judgement.signal.joints:.0f} %"
     numbers[f"Moments of {event_name(score)}"] = str(len(score.visual))
