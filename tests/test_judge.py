@@ -66,6 +66,7 @@ WALTZED = replace(REST, dance="waltz")
 UNSURE = replace(BEATS, quality=0.3, fit=0.5)
 MIDDLE = np.abs(np.arange(720) / 30 - SECONDS / 2) < 8.9
 TOO_LITTLE = r"Cannot tell: too little movement inside the body\."
+NO_BEAT = r"Cannot tell: this music has no beat where you dance, or no sound\."
 
 
 def first_beats(count: int) -> BeatTrack:
@@ -98,11 +99,7 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(on_a_turntable()), 0, r"Cannot tell: you only turn and travel\."),
     (lambda: judged(dancer(), first_beats(15)), 0, r"Cannot tell: 15 beats are too few; 16 are needed\."),
     (lambda: judged(dancer(), first_beats(1)), 0, r"Cannot tell: 1 beat is too few; 16 are needed\."),
-    (
-        lambda: judged(dancer(), first_beats(0)),
-        0,
-        r"Cannot tell: this music has no beat where you dance, or no sound\.",
-    ),
+    (lambda: judged(dancer(), first_beats(0)), 0, NO_BEAT),
     (lambda: judged(replace(dancer(), valid=~MIDDLE)), 0, r"Cannot tell: 11 beats are too few; 16 are needed\."),
     (lambda: judged(dancer(tempo=97.0), UNSURE), 0, "Cannot tell: the beats found in this music are unsure, .*"),
 )
@@ -376,9 +373,10 @@ def test_a_trembling_point_is_too_little_and_one_that_swings_is_not() -> None:
         judged(Motion(size * swing * np.ones((1, 1, 3)), 60.0, Skeleton.unnamed(1))).level for size in (1e-9, 1e-3, 0.1)
     )
     assert small == larger == 0 and large >= 3
-    flat = judged(Motion(1e-9 * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1)))
-    no_body = "No body was read (it takes three points): no shape, only a speed; "
+    flat, clear = (judged(Motion(size * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1))) for size in (1e-9, 0.1))
+    no_body = "Only how fast you move was read, and no shape: fewer than three points of you are seen; "
     assert f"{no_body}how large the movement is cannot be known." in (*flat.remarks, *flat.details)
+    assert no_body in clear.details[-1] and "A longer take" in clear.remarks[-1]
 
 
 def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:

@@ -127,9 +127,8 @@ def _late_or_early(evidence: Evidence) -> str:
 def _danced(evidence: Evidence) -> str:
     """The dance with its article, the place that was told, or the pattern."""
     name = evidence.reading
-    return PLACES.get(name) or (
-        "this pattern" if name == "pattern" else f"{'an' if name[:1] in 'aeiou' else 'a'} {name}"
-    )
+    other = "this pattern" if name == "pattern" else f"{'an' if name[:1] in 'aeiou' else 'a'} {name}"
+    return PLACES.get(name, other)
 
 
 def _times(rate: Fraction) -> str:
@@ -177,7 +176,11 @@ def _steady(evidence: Evidence) -> str:
 
 def _more(evidence: Evidence) -> list[str]:
     """Caveats and advice, the weightiest first."""
-    return [*_caveats(evidence), *_advice(evidence)]
+    signal, lines = evidence.signal, [*_caveats(evidence), *_advice(evidence)]
+    if signal is not None and signal.dimensions == 0 and evidence.time:
+        size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
+        lines.append(f"Only how fast you move was read, and no shape: fewer than three points of you are seen{size}.")
+    return lines
 
 
 def _caveats(evidence: Evidence) -> list[str]:
@@ -197,9 +200,6 @@ def _caveats(evidence: Evidence) -> list[str]:
         lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if signal.dimensions == 2:
         lines.append("In a picture, a statue that turns cannot be told from a dancer.")
-    if signal.dimensions == 0:
-        size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
-        lines.append(f"No body was read (it takes three points): no shape, only a speed{size}.")
     return lines
 
 
