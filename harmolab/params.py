@@ -52,10 +52,8 @@ class BarPattern:
     dance: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.beats, Integral):
-            raise ValueError(f"a bar pattern needs a whole number of beats, got {self.beats!r}")
-        if self.beats < 1:
-            raise ValueError(f"a bar pattern needs at least one beat, got {self.beats}")
+        if not isinstance(self.beats, Integral) or self.beats < 1:
+            raise ValueError(f"a bar pattern needs whole beats, at least one beat, got {self.beats}")
         for name in ("cosines", "sines"):  # lists and arrays are the same pattern as a tuple
             object.__setattr__(self, name, tuple(float(each) for each in getattr(self, name)))
         if not self.cosines or len(self.cosines) != len(self.sines):
@@ -160,8 +158,7 @@ class HarmonyParams:
                 raise ValueError(f"{field.name} must be {kind}, got {value!r}")
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
-                bound = "zero or more, or None" if name == "visual_threshold" else "zero or more"
-                raise ValueError(f"{name} must be {bound}, got {value}")
+                raise ValueError(f"{name} must be zero or more{', or None' * ('visual' in name)}, got {value}")
         for name in ("beta", "clock", "fps"):
             if (value := getattr(self, name)) is not None and not 0 < value < float("inf"):
                 raise ValueError(f"{name} must be positive{' or None' * (name == 'fps')}, got {value}")

@@ -398,12 +398,10 @@ def score_harmony(
     >>> score_harmony(beats, beats, params=HarmonyParams.valleys()).harmony
     1.0
     """
-    if not (isinstance(audio_track, BeatTrack) and isinstance(visual_track, BeatTrack)):
-        kinds = f"{type(audio_track).__name__} and {type(visual_track).__name__}"
-        raise ValueError(f"two harmolab.BeatTracks are needed, got {kinds}")
     params = params or HarmonyParams.paper()
-    if not isinstance(params, HarmonyParams):
-        raise ValueError(f"params must be a harmolab.HarmonyParams, got {type(params).__name__}")
+    for kind, value in ((BeatTrack, audio_track), (BeatTrack, visual_track), (HarmonyParams, params)):
+        if not isinstance(value, kind):
+            raise ValueError(f"a harmolab.{kind.__name__} is needed, got {type(value).__name__}")
     check_whole(n_rotations=n_rotations, seed=seed)
     is_inside = visual_track.times <= audio_track.duration + 1 / visual_track.fps  # a frame more is rounding
     visual_track = visual_track if is_inside.all() else visual_track.select(is_inside)

@@ -99,7 +99,7 @@ def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folde
     assert (told.placement.seconds - START + 0.04 + period / 2) % period == pytest.approx(period / 2, abs=0.02)
     assert told.verdict.startswith("You are in time with this song. Where in its beat you dance cannot be told")
     assert [finding.kind for finding in told.words.findings] == ["tempo", "rate", "change"]
-    assert change_of(told) == pytest.approx(0.08, abs=0.015) and "on the beat (not which beat)" in str(told.placement)
+    assert change_of(told) == pytest.approx(0.08, abs=0.015) and "; which beat is not known" in str(told.placement)
     plain = told.to_dict()
     assert {plain[name] for name in ("harmony_above_chance", "p_place", "lag_s", "interval")} == {None}
     assert plain["p_time"] <= 0.05

@@ -306,8 +306,8 @@ class Placement:
             "given": ", as you said.",
             "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
-            "movement": f", or whole beats of {period} from there: found from your movement, taken to rest on the beat "
-            "(not which beat).",
+            "movement": f", or whole beats of {period} from there: found from your movement, as if you rested on the "
+            "beat; which beat is not known.",
         }[self.source]
         doubt = f" {REPEATS}" if self.repeats else "" if self.is_sure else " The evidence for this place is weak."
         begins, seconds = "begins" if self.is_sure and not self.repeats else "may begin", round(self.seconds, 2)
