@@ -408,6 +408,8 @@ def malicious_pickles(marker: Path) -> dict[str, bytes]:
         "huge frame": b"\x80\x04\x95\xff\xff\xff\xff\xff\xff\xff\x7f.",
         "nested": b"\x80\x04" + b"(" * 200_000 + b"l" * 200_000 + b".",
         "many lists": b"\x80\x04" + b"]" * 2_000_000 + b".",
+        "one list": pickle.dumps({"keypoints3d": [[[1.0] * 3] * 17] * 4}),
+        "one text": b"\x80\x02}X\x01\x00\x00\x00aX\xff\xff\x00\x00" + b"a" * 65535 + b"q\x00h\x00\x86s.",
         "no dictionary": pickle.dumps([zeros]),
         "one frame": pickle.dumps({"keypoints3d": zeros[:1]}),
         "fewer bytes": pickle.dumps({"keypoints3d": zeros}, protocol=4)[:-200] + b".",
@@ -420,7 +422,9 @@ def test_malicious_pickle_is_refused_and_runs_nothing(tmp_path: Path):
         path = tmp_path / f"{name.replace(' ', '_')}.pkl"
         path.write_bytes(content)
         refused(path.name, load_motion, path)
-    refused(r"system\.pkl: .*asks for posix\.system", load_motion, tmp_path / "system.pkl")
+    shared = "holds one list or long text in several places"
+    for name, fault in (("system", "asks for posix.system"), ("one_list", shared), ("one_text", shared)):
+        refused(f"{name}.pkl: .*{fault}", load_motion, tmp_path / f"{name}.pkl")
     assert not marker.exists()
 
 

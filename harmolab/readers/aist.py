@@ -37,6 +37,9 @@ _ALLOWED = (
 )
 _MAX_INSTRUCTIONS = 100_000
 _PUTS = frozenset({"PUT", "BINPUT", "LONG_BINPUT"})
+# What makes a value that may be held in several places; a list of lists that are one list would fill the memory.
+_SHARED = ("UNICODE", "SHORT_BINUNICODE", "BINUNICODE", "SHORT_BINBYTES", "GLOBAL", "STACK_GLOBAL", "REDUCE", "BUILD")
+_LONGEST = 1000  # letters of a text that may be
 _AIST_NAME = re.compile(r"^g[A-Z]{2}_s[A-Z]{2}_c(All|\d\d)_d\d\d_m[A-Z]{2}\d_ch\d\d")
 
 
@@ -91,6 +94,8 @@ def _dictionary(content: Any) -> Any:
 
 def _check_instructions(data: bytes) -> None:
     """ValueError at the first instruction that is not about arrays, or that would take memory out of proportion."""
+    remembered: dict[Any, bool] = {}  # number of a value -> whether it may be held in several places
+    is_shared = False  # whether the last value may
     for count, (opcode, argument, position) in enumerate(pickletools.genops(data), start=1):
         if count > _MAX_INSTRUCTIONS:
             raise ValueError(f"holds more than {_MAX_INSTRUCTIONS} instructions: not a few arrays")
@@ -99,6 +104,13 @@ def _check_instructions(data: bytes) -> None:
         # The unpickler makes room for the number told here, however large.
         if opcode.name in _PUTS and not 0 <= int(argument or 0) <= count:
             raise ValueError(f"is damaged: it numbers value {argument} after {count} instructions")
+        if opcode.name in _PUTS or opcode.name == "MEMOIZE":
+            remembered[len(remembered) if argument is None else argument] = is_shared
+            continue
+        is_get = opcode.name in ("GET", "BINGET", "LONG_BINGET")
+        if is_get and not remembered.get(argument, True):
+            raise ValueError(f"holds one list or long text in several places (byte {position}); only arrays are read")
+        is_shared = is_get or (opcode.name in _SHARED and len(str(argument)) <= _LONGEST)
 
 
 class _Dtype:
