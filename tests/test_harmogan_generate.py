@@ -430,3 +430,5 @@ def test_recordings_of_others_and_an_incomplete_run_are_not_shipped(tmp_path: Pa
     assert not (tmp_path / "out").exists()
     for file in ("model.json", "model.safetensors"):
         assert HarmoGAN.load(tmp_path / "run" / file).sketches.takes[0].name == PUPPETS.takes[0].name
+    (tmp_path / "run/sketches").rename(tmp_path / "moved")
+    missing("run/sketches: no such movement to correct; copy it", HarmoGAN.load, tmp_path / "run")

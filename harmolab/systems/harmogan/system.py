@@ -16,7 +16,7 @@ from harmolab.systems.choreographer.generate import Choreographer, Choreography
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import SKETCHES, sketched
-from harmolab.systems.training.about import weights_stem
+from harmolab.systems.training.about import json_file, weights_stem
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import FeatureParams, audio_features, check_choice
 from harmolab.systems.training.feet import grounded
@@ -110,6 +110,8 @@ class HarmoGAN(NetworkSystem):
         system = super().load(folder)
         if system.generator.params.bounded:
             place, style = weights_stem(folder).parent / SKETCHES, system.meta.get(SKETCHES)
+            if style not in STYLES and not json_file(weights_stem(place)).is_file():
+                raise FileNotFoundError(f"{place}: no such movement to correct; copy it from the training's folder")
             system.sketches = shipped_bank(style) if style in STYLES else Choreographer.load(place)
         return system
 
