@@ -13,7 +13,7 @@ from lightning_fabric import Fabric
 
 from harmolab import HarmonyParams
 from harmolab.soft_score import SoftHarmony
-from harmolab.systems import ModelParams, TrainParams
+from harmolab.systems import HarmoGAN, ModelParams, TrainParams
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.systems.harmogan import losses
 from harmolab.systems.harmogan import train as harmogan
@@ -448,3 +448,4 @@ def test_a_machine_without_gpu_says_so():
     if torch.cuda.is_available():
         pytest.skip("this machine has a GPU")
     refused("accelerator cuda: this machine has no GPU that torch can use", make_fabric, accelerator="cuda")
+    refused("accelerator cuda: this machine has no GPU", HarmoGAN.train, ["unread"], "run", accelerator="cuda")

@@ -278,6 +278,13 @@ class _Run:
     saving: tuple[float, float] = (0.0, 0.0)  # seconds that the last state took to write, and when that was
 
 
+def check_accelerator(name: str) -> None:
+    """ValueError unless it is "auto", "cpu" or "cuda", and this machine has it."""
+    check_choice("accelerator", name, ("auto", "cpu", "cuda"))
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
+
+
 def make_fabric(*, accelerator: str = "auto") -> Fabric:
     """Fabric for this process, alone or one of torchrun's; bf16 where a GPU computes in it, else 32 bit.
 
@@ -292,10 +299,8 @@ def make_fabric(*, accelerator: str = "auto") -> Fabric:
     """
     from lightning_fabric import Fabric  # seconds, which nobody waits for who only dances
 
-    check_choice("accelerator", accelerator, ("auto", "cpu", "cuda"))
+    check_accelerator(accelerator)
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
-    if accelerator == "cuda" and not torch.cuda.is_available():
-        raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
     gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
     fabric = Fabric(
         accelerator=accelerator,

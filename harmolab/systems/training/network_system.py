@@ -15,6 +15,7 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
 from harmolab.systems.training.features import FeatureParams, check_choice
+from harmolab.systems.training.loop import check_accelerator
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
 from harmolab.systems.training.runs import PoseBank, load_poses, poses_path, save_poses
 from harmolab.systems.training.song_to_dance import danced
@@ -91,6 +92,7 @@ class Learner:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few recordings.
         """
+        check_accelerator(accelerator)
         corpus = partial(cls.digests, [*data])
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume, corpus=corpus)
