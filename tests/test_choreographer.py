@@ -732,6 +732,8 @@ def test_folders_of_recordings_and_of_bare_motions_are_read(tmp_path: Path):
     bare = Choreographer.load(tmp_path / "bare")
     assert [take.name for take in bare.takes] == ["a", "inner/b"]
     assert len(bare.notes) == 1 and "broken.npz" in bare.notes[0]
+    (both,) = Choreographer.load(tmp_path).notes
+    assert both == f"{tmp_path}/bare/a.npz (and 2 more): lies beside whole recordings, which alone are danced"
     assert Choreographer.load(tmp_path / "bare" / "a.npz").takes[0].name == "a"
     assert bare.generate(SILENCE, beats(), seconds=6.0).n_frames == 180
 

@@ -217,8 +217,9 @@ def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progres
     takes: list[Take] = []
     notes: list[str] = []
     for root in map(Path, roots):
-        before = len(takes)
-        for path in progress(_paths(root), f"reading {root.name}"):
+        before, paths = len(takes), _paths(root)
+        notes += _loose(root, paths)
+        for path in progress(paths, f"reading {root.name}"):
             try:
                 takes.append(_read(path, root, scale))
             except (ValueError, FileNotFoundError) as error:
@@ -237,6 +238,15 @@ def _paths(root: Path) -> list[Path]:
     if recordings.folders:
         return list(recordings.folders)
     return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+
+
+def _loose(root: Path, paths: list[Path]) -> list[str]:
+    """A sentence on files of movement beside the folders of recordings, if there are any."""
+    files = sorted(root.rglob("*")) if paths and paths[0].is_dir() else []
+    moves = [path for path in files if path.suffix.lower() in (*SUFFIXES[:-1], ".c3d")]
+    loose = [path for path in moves if not any(folder in path.parents for folder in paths)]
+    more = f" (and {len(loose) - 1} more)" if loose[1:] else ""
+    return [f"{path}{more}: lies beside whole recordings, which alone are danced" for path in loose[:1]]
 
 
 def dancing_span(motion: Motion) -> tuple[float, float]:
