@@ -284,7 +284,7 @@ def test_beat_locked_recordings_split_fairly(data_root: Path):
     assert len(split.train) >= 400
 
 
-def test_a_recording_that_gives_no_unit_is_named(tmp_path: Path):
+def test_a_recording_that_gives_no_unit_or_is_of_another_unit_of_length_is_named(tmp_path: Path):
     first, second = sorted(write_corpus(tmp_path, clips=2, seconds=12.0).glob("clip_*"))
     with np.load(second / "motion.npz") as file:
         content = dict(file)
@@ -292,3 +292,6 @@ def test_a_recording_that_gives_no_unit_is_named(tmp_path: Path):
     np.savez(second / "motion.npz", **(content | short))
     (note,) = load_units(tmp_path, PARAMS).notes
     assert note.startswith(f"{second}: no unit to learn from") and str(first) not in note
+    np.savez(second / "motion.npz", **(content | {"positions": 100 * content["positions"]}))
+    (note,) = load_units(tmp_path, PARAMS).notes
+    assert note.startswith(f"{second}: the body extends over 1") and "other units?" in note

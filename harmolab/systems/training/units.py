@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from harmolab.beats.meter import meter_units
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
+from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.features import FeatureParams, audio_features
@@ -448,8 +449,8 @@ def load_units(
     Parameters
     ----------
     roots : folder, or list of folders, of recordings
-        Recordings are read one at a time. Those that cannot be read, and Tang's T_5, which is 2.2 times too fast, are
-        left out; `UnitSet.notes` names them, with the reason.
+        Recordings are read one at a time. Left out are those that cannot be read or have a fault, as another unit of
+        length (`harmolab.data.oddities`), and Tang's T_5, which is 2.2 times too fast: `UnitSet.notes` says why.
     params : FeatureParams
     step : as in `cut_recording`
     progress : function(iterable, label) -> iterable
@@ -473,7 +474,10 @@ def read_recordings(
     contents = []
     for folder in progress(folders, "reading sequences"):
         try:
-            contents.append(read(load_recording(folder)))
+            recording = load_recording(folder)
+            if recording.clip.motion is not None and (faults := faults_of(recording.clip.motion)):
+                raise ValueError(f"{folder}: {faults[0]}; harmolab data convert writes a whole one")
+            contents.append(read(recording))
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
     return contents, notes
