@@ -12,7 +12,9 @@ No bank knows the beats that it was danced to: each song cuts it anew, at the re
 """
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -50,9 +52,13 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
-    if style == "puppet":
-        return Choreographer.of(puppets(dance or "cha-cha"))
-    return Choreographer.load(FOLDER / style)
+    return copy(_bank(style, (dance or "cha-cha") if style == "puppet" else ""))
+
+
+@cache
+def _bank(style: str, dance: str) -> Choreographer:
+    """The bank, read and measured once for all songs of a process."""
+    return Choreographer.of(puppets(dance)) if style == "puppet" else Choreographer.load(FOLDER / style)
 
 
 def puppets(dance: str, *, clips: int = PUPPETS, seconds: float = PUPPET_SECONDS) -> list[Clip]:
