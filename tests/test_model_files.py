@@ -162,7 +162,7 @@ def test_edge_joints_are_as_edge_placed_them_and_its_rate_is_asked_for(tmp_path:
     poses, way, _ = z_up_parameters()
     joints = np.random.default_rng(2).normal(size=(12, 24, 3))
     path = pickled(tmp_path / "test_song.pkl", smpl_poses=poses, smpl_trans=way, full_pose=joints.astype(np.float32))
-    asks_for_rate(path, r"--fps 25 \(EDGE's own settings make 30\)")
+    asks_for_rate(path, "pass fps, such as --fps 30 of EDGE's own settings")
     motion, kind, notes = read_motion(path, fps=30)
     assert (motion.fps, kind) == (30, "EDGE's joints")
     np.testing.assert_allclose(to_z_up(motion.positions), joints, atol=1e-6)
@@ -220,7 +220,7 @@ def fact_vectors(poses: np.ndarray, way: np.ndarray, fault: np.ndarray | float =
 def test_vectors_of_fact_are_read_and_its_seed_is_a_remark(tmp_path: Path):
     poses, way, expected = placed()
     path = saved(tmp_path / "mBR0.npy", fact_vectors(poses, way))
-    asks_for_rate(path, r"mBR0\.npy: .*--fps 25 \(FACT's own settings make 60\)")
+    asks_for_rate(path, r"mBR0\.npy: .*pass fps, such as --fps 60 of FACT's own settings")
     motion, kind, notes = read_motion(path, fps=60)
     assert (kind, motion.fps, motion.skeleton) == ("SMPL vectors of FACT", 60, SMPL_24)
     np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
@@ -521,7 +521,7 @@ def bailando_frames(folder: Path, joints: np.ndarray, key: str = "3d_pose") -> P
 
 def test_frames_of_bailando_are_one_dance(tmp_path: Path):
     folder = bailando_frames(tmp_path / "jsons_original" / "ep000010" / f"{AIST}.json", moving_joints())
-    asks_for_rate(folder, rf"{AIST}\.json: .*--fps 25 \(Bailando's settings make 60\)")
+    asks_for_rate(folder, rf"{AIST}\.json: .*pass fps, such as --fps 60 of Bailando's settings")
     motion, kind, notes = read_motion(folder, fps=60)
     assert (motion.skeleton, motion.fps, kind) == (SMPL_24, 60, "Bailando's frames, 24 joints of SMPL")
     np.testing.assert_allclose(motion.positions, moving_joints(), atol=1e-12)

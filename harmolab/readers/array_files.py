@@ -117,9 +117,7 @@ def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.Readi
     with named_faults(folder):
         keypoints.check_frames(len(files))
     if options.fps is None:
-        raise MissingFrameRate(
-            f"{folder}: holds no frame rate; pass fps, such as --fps 25 (Bailando's settings make 60)"
-        )
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 60 of Bailando's settings")
     frames = []
     for path in files:
         with reading(path, "a frame of Bailando", max_bytes=MAX_TEXT_BYTES) as file:
@@ -219,7 +217,7 @@ def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) ->
         multiply by the standard deviation and add the mean first.
     """
     options.check_no_body()
-    rate = options.rate(hint=", or --fps 20 for HumanML3D's own")
+    rate = options.rate(hint="such as --fps 20 for HumanML3D's own")
     if not np.isfinite(values).all():
         raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(values))[0][0]}; interpolate or cut it")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -73,13 +73,13 @@ class ReadingOptions:
             raise ValueError(f"up must be y or z, the axis that points up, got {self.up!r}")
 
     def rate(self, own: float | None = None, hint: str = "") -> float:
-        """The rate passed, else the file's `own`; `MissingFrameRate` without either, with a `hint` for people.
+        """The rate passed, else the file's `own`; `MissingFrameRate` without either, whose `hint` names one.
 
         As a default, the rate passed comes second.
         """
         first, second = (own, self.fps) if self.as_defaults else (self.fps, own)
         if (rate := second if first is None else first) is None:
-            raise MissingFrameRate(f"holds no frame rate; pass fps, such as --fps 25{hint}")
+            raise MissingFrameRate(f"holds no frame rate; pass fps, {hint or 'such as --fps 25'}")
         return float(rate)
 
     def check_no_body(self) -> None:

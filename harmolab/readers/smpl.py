@@ -305,8 +305,8 @@ MEMBERS = (
     *("smpl_poses", "smpl_trans", "smpl_scaling", "full_pose"),
 )
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
-_EDGE_HINT = " (EDGE's own settings make 30)"
-_FACT_HINT = " (FACT's own settings make 60)"
+_EDGE_HINT = "such as --fps 30 of EDGE's own settings"
+_FACT_HINT = "such as --fps 60 of FACT's own settings"
 _MOST_BETAS = 1000
 _LODGE = "SMPL vectors of LODGE or FineDance"
 FACT_SEED = Assumption(
