@@ -171,7 +171,7 @@ def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
     if lost > 0.1 * sound.samplerate or lost == count:
         raise ValueError(
             f"ends {lost / sound.samplerate:.2f} s before its header says (damaged or cut off); "
-            "read the part that is there with duration"
+            "get the whole file, or save the part that is there as a new file in a sound editor"
         )
     return np.concatenate(parts)
 
