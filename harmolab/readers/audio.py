@@ -285,7 +285,7 @@ def _sound_stream(path: PathLike) -> Iterator[tuple[Any, Any]]:
     """The container and its first stream of sound, of a rate that can be read."""
     with opened_container(Path(path)) as container:
         if not container.streams.audio:
-            raise ValueError("holds no sound; name the music's own file")
+            raise ValueError("holds no sound; name the music's own file, before the film or in its place")
         stream = container.streams.audio[0]
         if stream.codec_context is None or not MIN_RATE <= stream.codec_context.sample_rate <= MAX_RATE:
             raise ValueError(f"holds sound that cannot be read; {MIN_RATE} to {MAX_RATE} Hz can be sound")
