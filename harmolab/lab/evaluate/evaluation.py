@@ -452,7 +452,7 @@ def _evaluation(
     counts = {name: _counts(name, tasks, collected.errors, unmatched[name]) for name in names}
     if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
-        raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
+        raise ValueError(f"no dance of {lost[0]!r} could be measured: {_ERROR.sub('', first)}")
     systems = tuple(name for name in names if name not in CONTROLS)
     songs = collected.song_means
     interval = partial(summary.song_interval, count=settings.resamples, seed=settings.seed)
