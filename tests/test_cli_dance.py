@@ -326,7 +326,8 @@ def test_without_its_library_the_page_is_left_out_and_the_rest_is_written(song: 
 
 
 def test_json_names_every_piece(song: Path):
-    result = called(app, "dance", song, "--json", "--out", "dance.npz")
+    result = called(app, "dance", song, "--json", "--seconds", 20, "--out", "dance.npz")
+    assert "my song.wav ends at 12.0 s, and so does the dance" in result.stderr
     (told,) = json.loads(result.stdout)
     assert told["likeness"]["passed"] is True
     assert set(told["likeness"]["values"]) == set(told["likeness"]["recorded"])

@@ -331,6 +331,8 @@ def dance(
         reports.append(_likely(danced, number) if is_open else danced(number))
         write = partial(_write, report=reports[-1], sound=sound, title=title)
         paths += written(files[number], write, is_asked=out is not None)
+    if offset + (seconds or 0.0) > sound.duration + 0.05:
+        note(f"{song} ends at {sound.duration:.1f} s, and so does the dance")
     if len(reports[0].music) < 2:
         note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
