@@ -29,10 +29,7 @@ NO_DANCE = "Choose a dance first: a video, or a file of movement."
 NO_SONG = "{}: a file of movement has no sound; choose its song too."
 NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
 NO_MUSIC = "Choose a song first, or a video with music."
-BY_FLOW = (
-    "No body was looked for in the video, only all that moves. To look for it, type once in a terminal: "
-    "harmolab data pose --install"
-)
+BY_FLOW = "To have your body read, and not all that moves, type once in a terminal: harmolab data pose --install"
 
 
 def work(order: Order, teller: Teller) -> None:
