@@ -327,7 +327,6 @@ def test_a_dropped_phone_video_becomes_a_verdict_a_player_and_a_lab(
     lab.get_by_role("button", name="the paper's").click()
     before = lab.locator("code").inner_text()
     slider = lab.locator("input[type=range]").first
-    slider.focus()
     for _ in range(10):
         slider.press("ArrowLeft")
     assert lab.locator("code").inner_text() != before
@@ -384,6 +383,11 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     assert load_motion(tmp_path / "invented.bvh").duration > 15.0
     page.wait_for_selector("text=A video")
     assert page.inner_text(".verdict >> nth=0").startswith("Moves like recorded dancers")
+    assert page.inner_text("h2 >> nth=1") == page.inner_text("#pair") == f"{dance.name} to {song.name}"
+    page.reload()
+    page.wait_for_selector("#song.full")
+    page.goto(real.address)  # a new visit, which begins empty
+    finished(real, lambda now: now["files"] == {})
     closed(page)
 
 

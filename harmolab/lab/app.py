@@ -280,17 +280,15 @@ class AppServer(LocalPage):
         """Does what a button asks for: an order, "stop" it, "forget" a file, or "close" the page."""
         content = record_in(body, "orders")
         task = content.get("task")
-        if task == "close":
-            return Reply("", kind=TEXT, is_last=True)
         if task == "stop":
             self._renew(STOPPED)
         elif task == "forget":
             self._take(str(content.get("slot")), None)
         elif task in ("judge", "fit", "dance"):
             self._begin(task, str(content.get("style") or ""), _seconds(content.get("offset")))
-        else:
+        elif task != "close":
             raise ValueError(f"there is no {task!r}")
-        return Reply("", kind=TEXT)
+        return Reply("", kind=TEXT, is_last=task == "close")
 
     def _check_idle(self) -> None:
         if self._state["working"]:
