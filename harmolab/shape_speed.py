@@ -32,8 +32,8 @@ FEWEST = 3  # joints; fewer have no shape
 # and sizes a second squared, beyond which no limb turns back.
 GLITCH, FASTEST_TURN = 0.25, 60.0
 
-# Several questions are asked about one motion: its signal is computed once while the motion is alive.
-_signals: WeakKeyDictionary[Motion, dict[float, "ShapeSpeed"]] = WeakKeyDictionary()
+# Several questions are asked about one motion: its shape speed is computed once while the motion is alive.
+_speeds: WeakKeyDictionary[Motion, dict[float, "ShapeSpeed"]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +121,14 @@ def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
     >>> bool(statue.speed.max() < 1e-9 * np.sqrt(statue.room.max()))
     True
     """
-    signals = _signals.setdefault(motion, {})
-    if smoothing not in signals:
-        signals[smoothing] = _shape_speed(motion, smoothing)
-    return signals[smoothing]
+    speeds = _speeds.setdefault(motion, {})
+    if smoothing not in speeds:
+        speeds[smoothing] = _shape_speed(motion, smoothing)
+    return speeds[smoothing]
 
 
 def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
-    """The signal of `shape_speed`, computed."""
+    """The `shape_speed` of a motion, computed; its arrays are read-only, since they are shared."""
     motion = without_glitches(motion)
     fine = upsample_motion(motion, RATE)
     dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
