@@ -68,6 +68,8 @@ def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
     return Audio(samples, audio.sample_rate)
 
 
+# Music beats of a sound
+
 LOG = logging.getLogger(__name__)
 COMPILING = "compiling librosa's beat tracker, once on a machine (half a minute)"
 HOP = 512  # samples between onset strengths
@@ -146,11 +148,9 @@ def librosa_beats(audio: Audio, *, start_tempo: float = 120.0, percussive: bool 
 
     Parameters
     ----------
-    audio : Audio
-        The whole song.
+    audio : Audio, the whole song
     start_tempo : float, beats per minute, middle of the prior of the tempo
-    percussive : bool
-        Onset strength is the median over the mel bands of the percussive part, else the mean over those of all sound.
+    percussive : bool, take the median over mel bands of the percussive part as onset strength, else the mean of all
 
     Returns
     -------
@@ -197,9 +197,9 @@ class _Analysis(NamedTuple):
 
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> _Analysis:
-    """The analysis of a sound, from the cache when it is there and sound."""
+    """The analysis of a sound, from the cache when it is there and whole; `bounds` are the prior of its tempo."""
     key = _key(audio, bounds)
-    stored = _sound(cached_arrays(key))
+    stored = _stored_analysis(cached_arrays(key))
     if stored is None:
         compile_tracker()
         envelope, frames = _analyse(audio, bounds)
@@ -219,7 +219,7 @@ def sounding_span(audio: Audio) -> tuple[float, float]:
     return (float(loud[0] / audio.sample_rate), float(loud[-1] / audio.sample_rate)) if loud.size else (0.0, 0.0)
 
 
-def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
+def _stored_analysis(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
     try:
         names = {} if arrays is None else arrays
@@ -232,9 +232,9 @@ def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     return _Analysis(envelope, beats, float(quality), windows) if whole and rising and shaped else None
 
 
-def _key(audio: Audio, settings: tuple[float, float] | None) -> str:
+def _key(audio: Audio, bounds: tuple[float, float] | None) -> str:
     """Content hash: samples, rate, tempo prior and other settings, version of the analysis."""
-    digest = hashlib.sha256(f"{CACHE_VERSION} {audio.sample_rate} {settings} {HOP}".encode())
+    digest = hashlib.sha256(f"{CACHE_VERSION} {audio.sample_rate} {bounds} {HOP}".encode())
     digest.update(single_samples(audio).data)
     return digest.hexdigest()[:40]
 
@@ -287,7 +287,7 @@ def _numba_keeps_all() -> Iterator[None]:
 
 
 def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Onset strength and beat frames by librosa."""
+    """Onset strength (F,) and beats (B,), numbers of its samples, by librosa."""
     import librosa
 
     samples, rate = _window_samples(audio), audio.sample_rate
