@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from harmolab.files import plain
 from harmolab.params import CHOICES, HarmonyParams
-from harmolab.significance import bootstrap_interval, p_value, rotated_shares, rotations
+from harmolab.significance import bootstrap_interval, p_value, rotated_hits, rotations
 from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
 
 # Salience of beats (Eq. 11-13)
@@ -461,8 +461,8 @@ def _null(music: BeatTrack, times: FloatArray, params: HarmonyParams, count: int
     if params.matching != "many":
         return _matched_shares(music, times, params, rotations(duration, count))
     around = np.sort(np.mod(times, duration))
-    shares = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
-    return shares / music.strengths.sum()
+    hits = rotated_hits(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
+    return hits / music.strengths.sum()
 
 
 def _with_null(score: HarmonyScore, count: int, seed: int) -> HarmonyScore:

@@ -17,7 +17,7 @@ def rotations(duration: float, count: int) -> FloatArray:
     return (np.arange(count, dtype=np.float64) + 0.5) * (duration / max(count, 1))
 
 
-def rotated_shares(
+def rotated_hits(
     audio_times: FloatArray, visual_times: FloatArray, weights: FloatArray, *, delay: float, duration: float, count: int
 ) -> FloatArray:
     """Weighted hits after each of `count` rotations of the visual beats within the clip.

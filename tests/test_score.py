@@ -373,8 +373,8 @@ def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):
         distance = np.abs(audio[:, None] - np.mod(visual + shift, 6.0))
         near = np.minimum(distance, 6.0 - distance).min(axis=1) <= 0.2
         expected.append(near @ weights)
-    shares = significance.rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50)
-    np.testing.assert_allclose(shares, expected)
+    hit = significance.rotated_hits(audio, visual, weights, delay=0.2, duration=6.0, count=50)
+    np.testing.assert_allclose(hit, expected)
 
 
 @cases(
@@ -386,8 +386,8 @@ def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):
 )
 def test_a_rotated_beat_exactly_at_the_delay_is_a_hit_and_none_hit_none(music, motion, hits):
     weights = np.ones(len(music))
-    shares = significance.rotated_shares(np.array(music), np.array(motion), weights, delay=0.1, duration=2.0, count=1)
-    assert shares.tolist() == [hits]
+    hit = significance.rotated_hits(np.array(music), np.array(motion), weights, delay=0.1, duration=2.0, count=1)
+    assert hit.tolist() == [hits]
 
 
 @cases(

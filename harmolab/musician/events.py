@@ -27,7 +27,7 @@ from harmolab.params import HarmonyParams
 from harmolab.readers.beats import ANNOTATION_RATE
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root
 from harmolab.score import HarmonyScore, hit_mask, hit_pairs, hitting_score, score_harmony
-from harmolab.significance import bootstrap_interval_of, p_value, rotated_shares, rotations
+from harmolab.significance import bootstrap_interval_of, p_value, rotated_hits, rotations
 from harmolab.types import FRAME_EDGE, Audio, BeatTrack, FloatArray, Motion, Notes
 
 MERGE = 0.04  # seconds within which events are one: the notes of a chord, the fingers that strike it
@@ -486,5 +486,5 @@ def _lag_p(onsets: BeatTrack, events: BeatTrack, weights: FloatArray, delay: flo
     if not others.any():
         return 1.0
     around = np.sort(np.mod(events.times - start, length))
-    null = rotated_shares(onsets.times - start, around, weights, delay=delay, duration=length, count=count)
+    null = rotated_hits(onsets.times - start, around, weights, delay=delay, duration=length, count=count)
     return p_value(share, maximum_filter1d(null, round(2 * REACH * count / length), mode="wrap")[others])
