@@ -45,7 +45,7 @@ def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "thres
 
 
 def strength_steps(strengths: FloatArray) -> FloatArray:
-    """R: peak-to-valley difference of each visual beat to the one before (Eq. 12); R(1) := R(2).
+    """R (M,): peak-to-valley difference of each visual beat to the one before (Eq. 12); R(1) := R(2).
 
     >>> strength_steps(np.array([3.0, 1.0, 4.0]))
     array([2., 2., 3.])
@@ -89,7 +89,7 @@ def visual_mask(
 
 
 def normalise_strengths(strengths: FloatArray, how: str) -> FloatArray:
-    """Strengths over their maximum ("max"), over their mean ("mean") or as they are ("raw")."""
+    """Strengths (N,) over their maximum ("max"), over their mean ("mean") or as they are ("raw")."""
     if how == "raw" or strengths.size == 0:
         return strengths
     scale = strengths.max() if how == "max" else strengths.mean()
@@ -219,7 +219,7 @@ class HarmonyScore(Display):
 EDGE = 1e-9
 
 
-def moments(times: ArrayLike, name: str) -> FloatArray:
+def checked_times(times: ArrayLike, name: str) -> FloatArray:
     """Moments (B,) as an array; ValueError names them where they are no list of finite numbers."""
     array = np.asarray(times, dtype=np.float64)
     if array.ndim != 1:
@@ -247,7 +247,7 @@ def nearest_intervals(audio_times: ArrayLike, visual_times: ArrayLike) -> FloatA
 
     ValueError unless both are lists of finite numbers.
     """
-    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
+    audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
     if visual_times.size == 0:
         return np.full(audio_times.size, np.inf)
     return interval_matrix(audio_times, visual_times).min(axis=1)
@@ -289,7 +289,7 @@ def hit_pairs(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, 
         raise ValueError(f"matching must be one of {', '.join(CHOICES['matching'])}; got {matching!r}")
     if not delay >= 0:
         raise ValueError(f"delay must be zero or more seconds, got {delay}")
-    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
+    audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
     if audio_times.size == 0 or visual_times.size == 0:
         return np.full(audio_times.size, -1, dtype=np.int64)
     intervals = interval_matrix(audio_times, visual_times)
@@ -315,7 +315,7 @@ def _in_order(intervals: FloatArray, delay: float) -> IntArray:
 
 
 def hitting_score(hits: ArrayLike, strengths: ArrayLike) -> float:
-    """h_s: the strengths of the music beats that were hit, added up (Eq. 19)."""
+    """h_s: sum of the `strengths` (N,) of the music beats where `hits` (N,) is 1 (Eq. 19)."""
     return float(np.asarray(hits) @ np.asarray(strengths))
 
 
@@ -344,7 +344,7 @@ def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> f
     """
     if not duration > 0:
         raise ValueError(f"duration must be positive, got {duration}")
-    times = np.sort(moments(visual_times, "visual_times"))
+    times = np.sort(checked_times(visual_times, "visual_times"))
     if times.size == 0:
         return 0.0
     starts = np.maximum(times - delay, 0.0)
@@ -384,13 +384,13 @@ def score_harmony(
     audio_track, visual_track : BeatTrack
         All detected beats; saliency (Eq. 11-13) is applied inside. Visual beats after the music are left out.
     params : HarmonyParams, default ``HarmonyParams.paper()``
-    n_rotations : int
-        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN. With one-to-one
-        matching each is a matching of its own: some seconds for a song.
+    n_rotations, seed : int
+        Rotations of the null behind `p_value`, and resamplings, drawn by the seed, behind `interval`; 0 leaves both
+        NaN. With one-to-one matching each is a matching of its own: some seconds for a song.
 
     Returns
     -------
-    HarmonyScore; with no beats on one side nothing is hit, harmony is 0, and nothing fails.
+    HarmonyScore; with no beats on one side harmony is 0. ValueError for another kind of argument.
 
     Examples
     --------

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harmolab.params import HarmonyParams
-from harmolab.score import hit_mask, moments, nearest_intervals
+from harmolab.score import checked_times, hit_mask, nearest_intervals
 from harmolab.types import BeatTrack, FloatArray
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
@@ -61,7 +61,7 @@ def beat_align(queries: ArrayLike, targets: ArrayLike, *, sigma: float = AIST_SI
     """
     if not sigma > 0:
         raise ValueError(f"sigma must be positive, got {sigma}")
-    intervals = nearest_intervals(moments(queries, "queries"), moments(targets, "targets"))
+    intervals = nearest_intervals(checked_times(queries, "queries"), checked_times(targets, "targets"))
     return float(np.exp(-(intervals**2) / (2 * sigma**2)).mean()) if intervals.size else 0.0
 
 
@@ -112,7 +112,7 @@ def mir_eval_scores(
     ValueError
         If the times are no rising lists of finite numbers, or `only` names what is no measure.
     """
-    audio_times, visual_times = moments(audio_times, "audio_times"), moments(visual_times, "visual_times")
+    audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
     if unknown := set(only) - set(MIR_EVAL_NAMES):
         raise ValueError(f"no measure is called {', '.join(unknown)}; there are {', '.join(MIR_EVAL_NAMES)}")
     if min(len(audio_times), len(visual_times)) < 2 or min(np.ptp(audio_times), np.ptp(visual_times)) <= 0.01:
