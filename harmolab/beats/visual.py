@@ -21,16 +21,14 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     Returns
     -------
     curve : (T',) array
-        Joint speed in units per second (Eq. 7), the shape speed (measure "shape"), or the direction spread, smoothed by
-        ``params.smoothing``; read-only.
-    fps : float, hertz
-        Of the curve.
+        Joint speed in units per second (Eq. 7) or direction spread, smoothed by ``params.smoothing``; in the measure
+        "shape" the shape speed, which has a rate of its own and only ``params.position_smoothing``. Read-only.
+    fps : float, hertz, of the curve
     """
     if not isinstance(motion, Motion):
         raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
-    direction = params.detector == "direction"
-    is_shape = params.measure == "shape"
-    key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, direction, params.speed, is_shape)
+    kinds = params.measure == "shape", params.detector == "direction"
+    key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, params.speed, *kinds)
     curves = _curves.setdefault(motion, {})
     if key not in curves:
         curves[key] = _motion_curve(motion, params)
@@ -72,10 +70,8 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
     params : HarmonyParams
         ``detector``, ``plateau`` and ``subframe`` are read.
     """
-    find = {"turns": kinematics.turning_points, "valleys": kinematics.valley_frames}.get(
-        params.detector, kinematics.peak_frames
-    )
-    frames = find(curve, plateau=params.plateau)
+    finders = {"turns": kinematics.turning_points, "valleys": kinematics.valley_frames}  # all others look for peaks
+    frames = finders.get(params.detector, kinematics.peak_frames)(curve, plateau=params.plateau)
     positions = kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
     positions -= curve_delay(params)
     # The speed may be signed in one reading; a strength never is.
