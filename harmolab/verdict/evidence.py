@@ -110,7 +110,7 @@ def _peak_ratio(heights: FloatArray) -> float:
 
 
 def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...] = (1, 2, 3)) -> TimeTest:
-    """The test of a movement against beats.
+    """Agreement of a movement with the tempo of its beats, and with 240 other tempi.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ class PlaceTest:
 
 
 def place_test(signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | None, pattern: BarPattern) -> PlaceTest:
-    """The test of a movement against beats.
+    """Ranks of the beats among all moments of a movement by their fit to a pattern, at every lag.
 
     Parameters
     ----------
@@ -362,8 +362,7 @@ def _lags(curves: FloatArray, reach: float) -> FloatArray:
 
 # The mean movement through a beat
 
-COURSE_MOMENTS = 48  # a beat
-SMOOTHING = 4  # moments to either side: a twelfth of a beat
+SMOOTHING = 4  # moments of `MOMENTS` a beat, to either side: a twelfth of a beat
 
 
 class Course(NamedTuple):
@@ -391,13 +390,13 @@ def beat_course(signal: ShapeSignal, beats: FloatArray) -> Course:
     (0.1, 0.35)
     """
     positions = np.interp(signal.times, beats, np.arange(beats.size, dtype=np.float64))
-    moments = np.floor(positions * COURSE_MOMENTS + 0.5).astype(np.int64)[signal.valid] % COURSE_MOMENTS
-    counts = np.bincount(moments, minlength=COURSE_MOMENTS)
-    sums = np.bincount(moments, signal.values[signal.valid], COURSE_MOMENTS)
+    moments = np.floor(positions * MOMENTS + 0.5).astype(np.int64)[signal.valid] % MOMENTS
+    counts = np.bincount(moments, minlength=MOMENTS)
+    sums = np.bincount(moments, signal.values[signal.valid], MOMENTS)
     offsets = np.arange(-SMOOTHING, SMOOTHING + 1)
-    window = (np.arange(COURSE_MOMENTS)[:, None] + offsets) % COURSE_MOMENTS
+    window = (np.arange(MOMENTS)[:, None] + offsets) % MOMENTS
     values = sums[window].sum(axis=1) / np.maximum(counts[window].sum(axis=1), 1)
-    return Course(values, int(values.argmax()) / COURSE_MOMENTS, int(values.argmin()) / COURSE_MOMENTS)
+    return Course(values, int(values.argmax()) / MOMENTS, int(values.argmin()) / MOMENTS)
 
 
 # All the evidence

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from harmolab.params import HOW_PATTERNS
-from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, ON_THE_BEAT, Evidence, has_rate
+from harmolab.verdict.evidence import ALPHA, FEWEST_BEATS, MOMENTS, ON_THE_BEAT, Evidence, has_rate
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FASTEST = 240.0  # beats a minute: music that is counted faster is none
@@ -170,7 +170,7 @@ def _steady(evidence: Evidence) -> str:
         return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
     if np.isnan(low):
         return ""
-    width = max(high - low, 1 / COURSE_MOMENTS) * 60000 / evidence.tempo
+    width = max(high - low, 1 / MOMENTS) * 60000 / evidence.tempo
     return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
 
 
