@@ -56,7 +56,7 @@ def charbonnier_mse(motion: Tensor, target: Tensor, index: Tensor, mask: Tensor,
     Parameters
     ----------
     motion, target : (N, T, C) tensors
-    index : (N, T) tensor, TI: 1 where a frame belongs to the last meter
+    index : (N, T) tensor, TI: 1 at prior frames, which come before the meter, else 0
     mask : (N, T) tensor, 1 at real frames
     epsilon : float
 

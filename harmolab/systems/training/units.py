@@ -29,12 +29,12 @@ from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 
 
 def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
-    """TI: 1 where a frame belongs to the last meter, 0 where it belongs to this one; (T,) array.
+    """TI: 1 where a frame belongs to the meter before, 0 where it belongs to this one; (T,) array.
 
     Parameters
     ----------
     n_frames : int, frames T of the unit
-    n_prior : int, number of them, at its start, that belong to the last meter
+    n_prior : int, number of them, at its start, that belong to the meter before
 
     Raises
     ------
@@ -67,7 +67,7 @@ def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) 
     Raises
     ------
     ValueError
-        If no frame belongs to the last meter, or the lengths differ.
+        If no frame belongs to the meter before, or the lengths differ.
     """
     prior = np.asarray(index) > 0.5
     if prior.shape != (len(motion_code),):
