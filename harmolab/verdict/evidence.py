@@ -19,10 +19,11 @@ best reading T(u) = max_f M_f(u). The choice of the reading is part of the null,
 The mean movement through a beat is what can be seen of a place where nothing was told.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
@@ -122,19 +123,14 @@ def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...]
     stride = max(1, round(1 / (SAMPLED_AT * float(np.diff(signal.times[:2])[0]))))
     phase = np.interp(signal.times[::stride], beats, np.arange(beats.size, dtype=np.float64))
     weights = np.gradient(phase) * signal.valid[::stride]
-    lengths = {cycle: cycle * -(-BLOCK // cycle) for cycle in cycles}
-    blocks = {length: _Blocks.of(phase, weights, signal.values[::stride], length) for length in set(lengths.values())}
-    grids = [_agreement(phase, blocks[lengths[cycle]], cycle) for cycle in cycles]
-    z: FloatArray = np.max([grid.z for grid in grids], axis=0)
+    grids = _grids(phase, weights, signal.values[::stride], list(cycles))
+    z: FloatArray = np.max([grid.z for grid in grids.values()], axis=0)
     own = z[N_RATIOS // 2]
     p = float(np.mean(z >= own)) if np.isfinite(own) else 1.0
-    rates = {
-        Fraction(h, cycle): float(row[N_RATIOS // 2])
-        for cycle, grid in zip(cycles, grids, strict=True)
-        for h, row in enumerate(grid.harmonics, 1)
-    }
-    owns = {cycle: float(grid.z[N_RATIOS // 2]) for cycle, grid in zip(cycles, grids, strict=True)}
-    return TimeTest(z, grids[0].harmonics[cycles[0] - 1], p, rates, owns)
+    powers = {cycle: grid.harmonics[:, N_RATIOS // 2].tolist() for cycle, grid in grids.items()}
+    rates = {Fraction(h, cycle): power for cycle, row in powers.items() for h, power in enumerate(row, 1)}
+    owns = {cycle: float(grid.z[N_RATIOS // 2]) for cycle, grid in grids.items()}
+    return TimeTest(z, grids[cycles[0]].harmonics[cycles[0] - 1], p, rates, owns)
 
 
 class _Blocks(NamedTuple):
@@ -188,22 +184,37 @@ class _Agreement(NamedTuple):
     harmonics: FloatArray
 
 
-def _agreement(phase: FloatArray, blocks: _Blocks, cycle: int) -> _Agreement:
-    """The agreement of blocks on every grid, for movements that recur after `cycle` beats."""
-    turn = np.zeros(blocks.deviations.shape, np.complex128)
-    angle = -2 * np.pi / cycle * RATIOS[:, None] * phase
-    np.cos(angle, out=turn.real[:, :-1])
-    np.sin(angle, out=turn.imag[:, :-1])
-    wave, variance, harmonics = blocks.deviations.astype(np.complex128), np.zeros(N_RATIOS), []
-    for _ in range(2 * cycle):
+def _grids(phase: FloatArray, weights: FloatArray, values: FloatArray, cycles: list[int]) -> dict[int, _Agreement]:
+    """The agreement on every grid of the blocks of (T,) samples, for movements that recur after so many beats."""
+    common, grids = math.lcm(*cycles), dict[int, _Agreement]()
+    turn = np.exp(-2j * np.pi / common * RATIOS[:, None] * np.append(phase, 0.0))
+    lengths = {cycle: cycle * -(-BLOCK // cycle) for cycle in cycles}
+    for length in dict.fromkeys(lengths.values()):
+        alike = [cycle for cycle in cycles if lengths[cycle] == length]
+        turns = reduce(np.multiply, [turn] * (common // max(alike)))
+        grids |= _block_agreements(_Blocks.of(phase, weights, values, length), turns, alike)
+    return grids
+
+
+def _block_agreements(blocks: _Blocks, turn: NDArray[Any], cycles: list[int]) -> dict[int, _Agreement]:
+    """The agreement of blocks; the longest of the cycles, in which `turn` turns once, is a multiple of each."""
+    wave, longest, variances, harmonics = blocks.deviations.astype(np.complex128), max(cycles), [], []
+    for _ in range(2 * longest):
         wave *= turn
         vectors = blocks.sums(wave)
         power = np.square(vectors.real) + np.square(vectors.imag)
         harmonics.append(np.square(np.abs(vectors.sum(axis=1))) - power.sum(axis=1))
-        variance += np.square(power.sum(axis=1)) - np.square(power).sum(axis=1)
-    enough = (blocks.counts >= FEWEST_BLOCKS) & (variance > 0)
+        variances.append(np.square(power.sum(axis=1)) - np.square(power).sum(axis=1))
+    every = {cycle: slice(longest // cycle - 1, None, longest // cycle) for cycle in cycles}
+    return {cycle: _agreement(blocks.counts, harmonics[rows], variances[rows]) for cycle, rows in every.items()}
+
+
+def _agreement(counts: IntArray, harmonics: list[FloatArray], variances: list[FloatArray]) -> _Agreement:
+    """Agreement from (241,) powers of each harmonic and their variances, and the counts of blocks."""
+    variance = np.sum(variances, axis=0)
+    enough = (counts >= FEWEST_BLOCKS) & (variance > 0)
     z = np.divide(np.sum(harmonics, axis=0), np.sqrt(variance), out=np.full(N_RATIOS, -np.inf), where=enough)
-    return _Agreement(z, np.array(harmonics) / np.maximum(blocks.counts, 1) ** 2)
+    return _Agreement(z, np.array(harmonics) / np.maximum(counts, 1) ** 2)
 
 
 def _block_edges(phase: FloatArray, beats: int) -> tuple[IntArray, IntArray]:
@@ -459,8 +470,7 @@ class Evidence:
         Of up to eight equal parts of 48 beats or more: where the whole is not in time, those with p <= .05 over their
         number; else those with a clear tempo of their own and p > .05, neighbours as one. Others are left out.
         """
-        parts: list[Interval] = []
-        count = min(len(self.beats) // PART, MOST_PARTS)
+        parts, count = list[Interval](), min(len(self.beats) // PART, MOST_PARTS)
         if self.signal is None or self.time is None or count < 2:
             return parts
         for first, last in pairwise(np.linspace(0, len(self.beats) - 1, count + 1).round().astype(int)):
