@@ -736,6 +736,9 @@ def test_folders_of_recordings_and_of_bare_motions_are_read(tmp_path: Path):
     assert both == f"{tmp_path}/bare/a.npz (and 2 more): lies beside whole recordings, which alone are danced"
     assert Choreographer.load(tmp_path / "bare" / "a.npz").takes[0].name == "a"
     assert bare.generate(SILENCE, beats(), seconds=6.0).n_frames == 180
+    motion = bare.takes[0].motion
+    save_motion(tmp_path / "bare" / "giant.npz", replace(motion, positions=10 * motion.positions))
+    assert Choreographer.load(tmp_path / "bare").notes[1].startswith("giant: the body extends over 1")
 
 
 def test_a_folder_without_movement_is_named(tmp_path: Path):

@@ -32,6 +32,7 @@ from scipy.ndimage import binary_opening
 
 from harmolab.body.kinematics import joint_speed, smooth
 from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tree_order
+from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
 from harmolab.files import PathLike, Progress, atomic_write, reading, silent, write_synced
@@ -116,10 +117,7 @@ def _take(
 ) -> Take:  # fmt: skip
     """A take of a motion whose first frame is at `offset` seconds of the music that `track` belongs to."""
     take = Take(name, _kept(name, motion), dance)
-    inside = np.zeros(0, bool)
-    if track is not None:
-        inside = (track.times >= offset) & (track.times <= offset + take.seconds)
-    if track is None or inside.sum() < 2:
+    if track is None or (inside := (track.times >= offset) & (track.times <= offset + take.seconds)).sum() < 2:
         return take
     places = _NO_PLACES if track.bar_places is None else track.bar_places[inside]
     bar = 0 if track.bar_places is None else meter or meter_of(track, dance)
@@ -207,7 +205,8 @@ def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progres
     """The takes in corpora: folders of recordings, or folders of bare motion files, or such files.
 
     The music of recordings is not read: without annotated beats a recording is a bare motion, and is cut at its rests.
-    `scale` is metres in one unit of the motion files; None as in `harmolab.readers.motion.load_motion`.
+    `scale` is metres in one unit of the motion files; None as in `harmolab.readers.motion.load_motion`. Beside others,
+    a take with a fault, as another unit of length (`harmolab.data.oddities`), is left out; `Kept.notes` says so.
 
     Raises
     ------
@@ -227,17 +226,18 @@ def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progres
         if len(takes) == before:
             reason = f": {notes[-1]}" if notes else "; recordings, .npz, .bvh or other motion files are read"
             raise ValueError(f"{root}: holds no motion that can be danced from{reason}")
-    return Kept(tuple(takes), tuple(notes))
+    faults = {take: faults_of(take.motion) for take in takes}
+    if whole := tuple(take for take in takes if not faults[take]):
+        notes += [f"{take.name}: {faults[take][0]}" for take in takes if faults[take]]
+    return Kept(whole or tuple(takes), tuple(notes))
 
 
 def _paths(root: Path) -> list[Path]:
     """The recordings' folders at or below `root`; without any the motion files there."""
     if root.is_file():
         return [root]
-    recordings = find_recordings(root)
-    if recordings.folders:
-        return list(recordings.folders)
-    return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    files = (path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    return list(find_recordings(root).folders) or sorted(files)
 
 
 def _loose(root: Path, paths: list[Path]) -> list[str]:
@@ -267,9 +267,7 @@ def _trimmed(motion: Motion) -> tuple[Motion, float]:
     first = 1 / motion.fps if jumps else 0.0
     rest = motion.span(first, motion.duration)
     start, end = dancing_span(rest)
-    if end - start < KEPT_UP:
-        return rest, first
-    return rest.span(start, end - start), first + start
+    return (rest, first) if end - start < KEPT_UP else (rest.span(start, end - start), first + start)
 
 
 def _read(path: Path, root: Path, scale: float | None) -> Take:
