@@ -672,12 +672,11 @@ def test_the_screen_of_a_c3d_file_tells_which_axis_points_up(tmp_path: Path):
     motion, _, notes = read_motion(path)
     np.testing.assert_allclose(to_z_up(motion.positions), suit() / 1000, atol=1e-6)
     assert notes[1] == "z up (POINT:Y_SCREEN of the file), turned to y up"
-    silent = markers(tmp_path / "n.c3d", suit(), ("a", "b", "c", "d"))
-    refused(r"n\.c3d: does not tell which axis points up", load_motion, silent)
+    refused(r"n\.c3d: does not tell which axis points up", load_motion, markers(tmp_path / "n.c3d", suit(), (*"abcd",)))
     np.testing.assert_allclose(load_motion(tmp_path / "n.c3d", up="y").positions, suit() / 1000, atol=1e-6)
 
 
-def test_a_missing_marker_is_filled_in_and_its_frame_marked(tmp_path: Path):
+def test_a_missing_marker_is_filled_in_and_its_frame_marked_and_a_file_that_is_cut_off_is_refused(tmp_path: Path):
     points = suit()
     points[4:6, 0] = np.nan
     motion = load_motion(markers(tmp_path / "gap.c3d", points, NAMES))
@@ -685,6 +684,8 @@ def test_a_missing_marker_is_filled_in_and_its_frame_marked(tmp_path: Path):
     places = to_z_up(motion.positions)[:, 0] * 1000
     np.testing.assert_allclose(places[4], points[3, 0] + (points[6, 0] - points[3, 0]) / 3, atol=1e-3)
     points[:, 1] = np.nan
+    (tmp_path / "cut.c3d").write_bytes((tmp_path / "gap.c3d").read_bytes()[:-448])
+    refused(r"cut\.c3d: is cut off or damaged: 17 of 20 frames are there", load_motion, tmp_path / "cut.c3d")
     never = markers(tmp_path / "never.c3d", points, NAMES)
     refused(r"never\.c3d: never shows RFHD; keep the other joints only", load_motion, never)
     assert load_motion(never, joints=["LFHD", "LTOE"]).skeleton.joints == ("LFHD", "LTOE")

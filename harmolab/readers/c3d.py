@@ -75,9 +75,9 @@ def _left_out(outputs: Sequence[str]) -> Iterator[Assumption]:
 
 def _content(file: Path) -> dict[str, NDArray[Any]]:
     """The arrays that another process reads from a file (`harmolab.readers.c3d_child`)."""
-    with file.open("rb") as stream:
-        if stream.read(2)[1:] != bytes([MARK]):
-            raise ValueError("is no c3d file: it does not begin as one")
+    head = np.fromfile(file, "<u2", 5).astype(int)
+    if not head.size or head[0] >> 8 != MARK:
+        raise ValueError("is no c3d file: it does not begin as one")
     command = [sys.executable, "-P", str(Path(__file__).with_name("c3d_child.py")), str(file.resolve())]
     limit = SECONDS + file.stat().st_size / BYTES_A_SECOND
     try:
@@ -87,8 +87,12 @@ def _content(file: Path) -> dict[str, NDArray[Any]]:
     if done.returncode:
         lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         raise ValueError(f"is damaged, ezc3d says: {lines[-1][:200] if lines else f'stopped by {-done.returncode}'}")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as content:
-        return dict(content)
+    arrays = dict(np.load(io.BytesIO(done.stdout), allow_pickle=False))
+    # ezc3d does not notice that frames are missing; the number of the last one ends at 65535, and may be off by one.
+    count, stated = arrays["points"].shape[-1], head[4] - head[3] + 1
+    if count < stated - 1 and head[4] < 65535:
+        raise ValueError(f"is cut off or damaged: {count} of {stated} frames are there; copy it again")
+    return arrays
 
 
 def _points(arrays: dict[str, NDArray[Any]]) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -102,16 +106,14 @@ def _points(arrays: dict[str, NDArray[Any]]) -> tuple[FloatArray, NDArray[np.boo
 
 def _names(labels: list[str], count: int) -> tuple[str, ...]:
     """A name for each of `count` markers."""
-    named = [label.strip() for label in labels[:count]]
-    return tuple(name or f"marker_{place}" for place, name in enumerate([*named, *[""] * (count - len(named))]))
+    return tuple(label.strip() or f"marker_{place}" for place, label in enumerate([*labels, *[""] * count][:count]))
 
 
 def _unit(unit: str, options: ReadingOptions) -> tuple[float, str]:
     """Metres in one unit, and a sentence."""
     if options.scale is not None:
         return options.scale, f"{options.scale:g} m a unit (as passed)"
-    factor = UNITS.get(unit.strip().lower())
-    if factor is None:
+    if (factor := UNITS.get(unit.strip().lower())) is None:
         raise ValueError(f"has points in {unit[:20]!r}; pass scale, the metres in one of them (--scale 0.001)")
     return factor, f"in {unit.strip()} (POINT:UNITS)"
 
@@ -120,7 +122,6 @@ def _upright(
     places: FloatArray, names: tuple[str, ...], screen: str, options: ReadingOptions
 ) -> tuple[FloatArray, str]:
     """Places with y up, and a sentence."""
-    own = screen.strip().lower().removeprefix("+")
-    if own in ("y", "z"):
+    if (own := screen.strip().lower().removeprefix("+")) in ("y", "z"):
         return stated_up(places, own, "POINT:Y_SCREEN of the file", options)
     return guessed_up(places, names, options)

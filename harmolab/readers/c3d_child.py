@@ -21,17 +21,16 @@ def points(path: str) -> dict[str, Any]:
 
     content = ezc3d.c3d(path)
     about = content["parameters"]["POINT"]
-    numbered = [name for name in about if name.startswith("LABELS")]
-    labels = [label for name in sorted(numbered, key=len) for label in about[name]["value"]]
-    groups = [name for name in about if name.rstrip("0123456789") in OUTPUTS]
-    outputs = [str(label).strip() for name in groups for label in about[name]["value"]]
+    names = sorted(about, key=len)
+    labels = [label for name in names if name.startswith("LABELS") for label in about[name]["value"]]
+    outputs = [label for name in names if name.rstrip("0123456789") in OUTPUTS for label in about[name]["value"]]
     words = {name: about[name]["value"] if name in about else [] for name in ("UNITS", "Y_SCREEN")}
     return {
         "points": content["data"]["points"][:3],
         "residuals": content["data"]["meta_points"]["residuals"][0],
         "rate": np.ravel(about["RATE"]["value"])[:1],
         "labels": np.array([str(label) for label in labels], str),
-        "outputs": np.array(outputs, str),
+        "outputs": np.char.strip(np.array(outputs, str)),
         **{name.lower(): np.array("".join(map(str, value[:1]))) for name, value in words.items()},
     }
 
