@@ -431,21 +431,13 @@ def score_of_shares(
     hits, n_audio, n_visual = shares > 0.5, music.times.size, visual.times.size
     hitting = hitting_score(hits, music.strengths)
     return HarmonyScore(
-        params,
-        music,
-        visual,
-        pairs,
-        shares,
-        share,
-        harmony=harmony_from_hits(hitting, n_audio, n_visual, params.beta),
-        audio_harmony=hitting / n_audio if n_audio else 0.0,
-        visual_harmony=hitting / n_visual if n_visual else 0.0,
-        hitting_score=hitting,
-        hit_rate=float(hits.mean()) if n_audio else 0.0,
-        chance=chance,
+        params, music, visual, pairs, shares, share,
+        harmony=harmony_from_hits(hitting, n_audio, n_visual, params.beta), hitting_score=hitting,
+        audio_harmony=hitting / n_audio if n_audio else 0.0, visual_harmony=hitting / n_visual if n_visual else 0.0,
+        hit_rate=float(hits.mean()) if n_audio else 0.0, chance=chance,
         harmony_above_chance=above_chance(share, chance),
         intervals=nearest_intervals(music.times, visual.times - params.lag),
-    )
+    )  # fmt: skip
 
 
 def _matched_shares(music: BeatTrack, times: FloatArray, params: HarmonyParams, shifts: FloatArray) -> FloatArray:

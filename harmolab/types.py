@@ -45,10 +45,11 @@ def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[An
     return array
 
 
-def _check_kind(value: object, kind: type, name: str) -> None:
-    """ValueError that names the value where it is no record of this kind."""
+def check_kind(value: object, kind: type, name: str = "") -> None:
+    """ValueError, with the name where it has one, unless the value is a record of this kind."""
     if not isinstance(value, kind):
-        raise ValueError(f"{name} must be a harmolab.{kind.__name__}, got {type(value).__name__}")
+        needed = f"{name} must be a harmolab.{kind.__name__}" if name else f"a harmolab.{kind.__name__} is needed"
+        raise ValueError(f"{needed}, got {type(value).__name__}")
 
 
 def _positive(value: float, name: str) -> float:
@@ -141,7 +142,7 @@ class Motion(Display):
 
     def __post_init__(self) -> None:
         positions = _frozen(self.positions, "positions")
-        _check_kind(self.skeleton, Skeleton, "skeleton")
+        check_kind(self.skeleton, Skeleton, "skeleton")
         if positions.ndim != 3 or positions.shape[2] not in (2, 3):
             raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got {positions.shape}")
         if positions.shape[0] < 2:
@@ -346,10 +347,10 @@ class Clip(Display):
     has_start: bool = True
 
     def __post_init__(self) -> None:
-        _check_kind(self.audio, Audio, "audio")
+        check_kind(self.audio, Audio, "audio")
         for value, kind, name in ((self.motion, Motion, "motion"), (self.beats, BeatTrack, "beats")):
             if value is not None:
-                _check_kind(value, kind, name)
+                check_kind(value, kind, name)
         if not np.isfinite(self.offset):
             raise ValueError(f"offset must be finite, got {self.offset}")
         if self.motion is not None and not -self.motion.duration < self.offset < self.audio.duration:

@@ -13,13 +13,16 @@ import numpy as np
 import pytest
 import torch
 
-from harmolab.beats.audio import audio_beats
-from harmolab.beats.meter import MeterUnit
+from harmolab.beats.audio import audio_beats, onset_envelope, with_clicks
+from harmolab.beats.meter import MeterUnit, describe_beats, meter_units, with_one
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
+from harmolab.lab.harmonise import harmonise
 from harmolab.metrics.likeness import Likeness, likeness
-from harmolab.metrics.quality import jerk
+from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
+from harmolab.readers.beats import save_beats
+from harmolab.readers.motion import save_motion
 from harmolab.score import HarmonyScore, score_harmony
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
@@ -106,9 +109,16 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("a harmolab.HarmonyParams is needed, got str", partial(score_harmony, params="paper"), MUSIC),
     ("n_rotations must be a whole number, not negative, got -1", partial(score_harmony, n_rotations=-1), MUSIC),
     ("seed must be a whole number, not negative, got 0.5", partial(score_motion, seed=0.5), (MUSIC[0], motion())),
-    ("a harmolab.Motion is needed, got ndarray", visual_beats, (FRAMES,)),
-    ("a harmolab.Motion is needed, got ndarray", jerk, (FRAMES,)),
-    ("a harmolab.Audio is needed, got ndarray", audio_beats, (np.zeros(10),)),
+    *(("a harmolab.Motion is needed, got ndarray", each, (FRAMES,)) for each in (visual_beats, jerk, foot_skating)),
+    ("a harmolab.Motion is needed, got ndarray", likeness, (FRAMES,)),
+    ("a harmolab.Motion is needed, got ndarray", save_motion, ("dance.npz", FRAMES)),
+    *(("a harmolab.Audio is needed, got ndarray", each, (np.zeros(10),)) for each in (audio_beats, onset_envelope)),
+    *(("a harmolab.BeatTrack is needed, got list", each, ([1.0],)) for each in (describe_beats, meter_units)),
+    *(
+        ("a harmolab.BeatTrack is needed, got list", *each)
+        for each in ((with_clicks, (SILENCE, [1.0])), (with_one, ([1.0], 0, 4)), (harmonise, (motion(), [1.0])))
+    ),
+    ("a harmolab.BeatTrack is needed, got list", save_beats, ("song.beats", [1.0])),
     (r"held must have one entry per frame \(4\), got shape \(1,\)", held_at, ([True],)),
     ("offset must be finite, got nan", Clip, ("waltz", SILENCE, None, float("nan"))),
 )
@@ -326,21 +336,15 @@ PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams
 @cases(
     "settings, name, value, rule",
     *((SMALL, field.name, 0, "positive") for field in fields(ModelParams) if field.name != "bounded"),
-    (PAPER, "batch_size", 0, "positive"),
-    (PAPER, "pose_epochs", 0, "positive"),
-    (PAPER, "shards", 0, "positive"),
+    *((PAPER, name, 0, "positive") for name in ("batch_size", "pose_epochs", "shards", "pretrain_drop_epochs")),
     (PAPER, "pretrain_rate", -0.001, "positive"),
     (PAPER, "adversarial_rate", float("nan"), "positive"),
     (PAPER, "tau_end", 0.0, "positive"),
     (PAPER, "epsilon", float("inf"), "positive"),
-    (PAPER, "pretrain_drop_epochs", 0, "positive"),
-    (PAPER, "pretrain_drops", (0.5, 0.0), "positive factors"),
-    (PAPER, "adversarial_drops", (0.5, 0.0), "positive factors"),
-    (PAPER, "pretrain_epochs", -1, "zero or more"),
+    *((PAPER, name, (0.5, 0.0), "positive factors") for name in ("pretrain_drops", "adversarial_drops")),
+    *((PAPER, name, -1, "zero or more") for name in ("pretrain_epochs", "seed", "sketches")),
     (PAPER, "harmony_weight", -0.5, "zero or more"),
     (PAPER, "discriminator_decay", float("nan"), "zero or more"),
-    (PAPER, "seed", -1, "zero or more"),
-    (PAPER, "sketches", -1, "zero or more"),
     (PAPER, "critic_share", 0.0, "positive"),
     (FEATURES, "fps", 0.0, "positive"),
     (FEATURES, "fps", float("nan"), "positive"),

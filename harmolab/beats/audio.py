@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from harmolab.beats.tempo import NEAR, likelier_tempo, steady_beats
 from harmolab.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, check_kind
 
 # librosa's tracker on this machine: compiled or not, as numba's cache tells
 
@@ -58,6 +58,8 @@ MUSIC = 0.5  # amplitude of the music, whose largest is 1, under clicks of 0.5
 
 def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
     """The music, its loudest sample at half of full scale, with a click on each beat, higher on the first of a bar."""
+    check_kind(audio, Audio)
+    check_kind(track, BeatTrack)
     samples = audio.samples * (MUSIC / max(float(np.abs(audio.samples).max()), 1e-12))
     time = np.arange(round(SECONDS * audio.sample_rate)) / audio.sample_rate
     one, other = (0.5 * np.sin(2 * np.pi * pitch * time) * np.exp(-time / DECAY) for pitch in PITCHES)
@@ -120,8 +122,6 @@ def audio_beats(
     `quality`, the share of the tracked beats that lie on it, and `windows`, the music that the beats explain.
     Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
     """
-    if not isinstance(audio, Audio):
-        raise ValueError(f"a harmolab.Audio is needed, got {type(audio).__name__}")
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)
@@ -198,6 +198,8 @@ class _Analysis(NamedTuple):
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> _Analysis:
     """The analysis of a sound, from the cache when it is there and whole; `bounds` are the prior of its tempo."""
+    if not isinstance(audio, Audio):  # here, since a score that asks in another room walks farther
+        raise ValueError(f"a harmolab.Audio is needed, got {type(audio).__name__}")
     key = _key(audio, bounds)
     stored = _stored_analysis(cached_arrays(key))
     if stored is None:

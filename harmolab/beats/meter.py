@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import LATENESS, onset_envelope
 from harmolab.beats.tempo import STEADY
-from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray
+from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray, check_kind
 
 COURSE = 8  # beats over which the tempo of a moment is told
 MOMENTS, FEWEST = 4, 24  # of a beat at which onsets are heard; beats of music whose bar can be heard
@@ -83,6 +83,7 @@ def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
     >>> with_one(beats, 1.04, 3).bar_places
     array([2, 0, 1, 2])
     """
+    check_kind(track, BeatTrack)
     if meter < 1:
         raise ValueError(f"a bar has one beat or more, got {meter}")
     if len(track) < 2:
@@ -123,6 +124,7 @@ def describe_beats(track: BeatTrack) -> str:
     >>> describe_beats(BeatTrack([0.5, 1.0, 1.5], [1.0, 1.0, 1.0], 100.0, 3.0, [0, 1, 2]))
     'annotated, 120.0 bpm; "one" known, 3 beats a bar'
     """
+    check_kind(track, BeatTrack)
     if track.times.size < 2:
         return "no beats" if track.times.size == 0 else "one beat: no tempo"
     one = '"one": not known'
@@ -167,6 +169,7 @@ def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
     -------
     tuple of MeterUnit
     """
+    check_kind(track, BeatTrack)
     strong, last = strong_beats(track.strengths), track.times.size - 1
     units: list[MeterUnit] = []
     beat = 0

@@ -17,7 +17,7 @@ from harmolab.files import Progress, silent
 from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.soft_score import anneal, soft_harmony
 from harmolab.systems.harmogan.losses import foot_loss, jerk_loss
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, Motion, check_kind
 from harmolab.verdict.bar_pattern import first_place
 from harmolab.verdict.evidence import LEAST_PULSE, PlaceTest, place_test
 from harmolab.verdict.judge import Judgement, score_motion
@@ -74,6 +74,8 @@ def harmonise(
     ValueError
         For a reach that is not positive, no steps, or params that have no relaxation.
     """
+    check_kind(motion, Motion)
+    check_kind(beats, BeatTrack)
     if not 0 < reach < float("inf"):
         raise ValueError(f"reach must be positive, got {reach}")
     if steps < 1:

@@ -38,7 +38,7 @@ from harmolab.body.skeletons import HIPS, HIPS_AND_SHOULDERS, Skeleton, body_fra
 from harmolab.files import read_json, reading
 from harmolab.metrics.features import point_joints
 from harmolab.metrics.quality import foot_skating, jerk, or_nan, runs, spans, vector_lengths
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, check_kind
 
 # The thirteen measures
 
@@ -409,6 +409,7 @@ def likeness(
     >>> likeness(Motion(np.zeros((60, 1, 3)), 15.0, Skeleton.unnamed(1))).verdict
     'cannot be judged: no joints are named left and right hip, or shoulder'
     """
+    check_kind(motion, Motion)
     if held is not None and np.shape(held) != motion.valid.shape:
         raise ValueError(f"held must have one entry per frame ({motion.n_frames}), got shape {np.shape(held)}")
     if held is not None:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from harmolab.body.kinematics import upsample_motion
 from harmolab.body.skeletons import foot_joints, root_position
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, check_kind
 
 STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared
 FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is missed
@@ -154,8 +154,8 @@ def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) ->
     """
     if not 0 < height < math.inf:
         raise ValueError(f"height must be positive, got {height}")
-    feet = foot_joints(motion.skeleton)
     positions, valid, stride = sampled(motion, step, steps=1, fps=FOOT_FPS)
+    feet = foot_joints(motion.skeleton)
     low = positions[..., 1] <= np.percentile(positions[valid, :, 1], FLOOR_PERCENTILE, axis=0) + height
     slide = np.hypot(*(positions[stride:, :, [0, 2]] - positions[:-stride, :, [0, 2]]).T).T / step
     slide = np.where(low[stride:] & low[:-stride], slide, np.inf)[spans(valid, stride)]
@@ -295,8 +295,7 @@ def sampled(motion: Motion, step: float, *, steps: int, fps: float = 0.0) -> Sam
         If the motion is two-dimensional, `steps` steps of `step` seconds fit nowhere into its valid frames, or step is
         not positive.
     """
-    if not isinstance(motion, Motion):
-        raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
+    check_kind(motion, Motion)
     if motion.positions.shape[2] != 3:
         raise ValueError("a three-dimensional motion is needed: metres, y up")
     if not 0 < step < math.inf:

@@ -35,7 +35,7 @@ from harmolab.beats.audio import audio_beats, beat_strengths, sounding_span
 from harmolab.beats.tempo import NEAR, STEADY, Grid
 from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, read_json, read_text, reading, write_text
 from harmolab.readers.arrays import number_array
-from harmolab.types import Audio, BeatTrack, FloatArray
+from harmolab.types import Audio, BeatTrack, FloatArray, check_kind
 
 # Annotations are not read from a curve; they are good to a millisecond at best.
 ANNOTATION_RATE = 1000.0
@@ -222,6 +222,7 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
     ValueError
         For another suffix or no beats; names the file.
     """
+    check_kind(track, BeatTrack)
     path = Path(path)
     if path.suffix.lower() != ".beats":
         raise ValueError(f"{path}: beats are written as .beats; choose a name that ends so")

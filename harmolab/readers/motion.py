@@ -68,7 +68,7 @@ from harmolab.readers.keypoints import BAILANDO_END, frame_files, load_keypoints
 from harmolab.readers.motion_file import MotionFile, ReadingKeywords, ReadingOptions, as_read
 from harmolab.readers.smpl import MEMBERS, is_parameters, parameter_motion
 from harmolab.readers.video import is_video
-from harmolab.types import BoolArray, Motion
+from harmolab.types import BoolArray, Motion, check_kind
 
 _MEMBERS = {  # array -> its kinds of dtype
     "positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U", "offset": "fiu",
@@ -251,6 +251,7 @@ def save_motion(
     ValueError
         The name ends in neither, the motion has no skeleton that BVH can hold, or the offset is no time in a song.
     """
+    check_kind(motion, Motion)
     path = Path(path)
     optional: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
     _offset(optional)
