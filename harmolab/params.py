@@ -152,10 +152,7 @@ class HarmonyParams:
     pattern: BarPattern | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not isinstance(value := getattr(self, field.name), KINDS.get(field.type, object)):
-                kind = "True or False" if field.type is bool else "a number"
-                raise ValueError(f"{field.name} must be {kind}, got {value!r}")
+        check_kinds(self)
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
                 raise ValueError(f"{name} must be zero or more{', or None' * ('visual' in name)}, got {value}")
@@ -204,7 +201,17 @@ class HarmonyParams:
 
 # Choices that were taken out: the error of one says what took its place.
 GONE = MappingProxyType({"pattern": "; the joint speed in the room gave way to that of the shape: measure 'shape'"})
-KINDS: dict[object, Any] = {float: Real, float | None: Real | None, bool: bool | np.bool_}
+KINDS: Any = {int: Integral, float: Real, float | None: Real | None, bool: bool | np.bool_}
+
+
+def check_kinds(settings: Any) -> None:
+    """ValueError that names the first number, whole number or flag of a dataclass that is of another kind."""
+    for field in fields(settings):
+        if not isinstance(value := getattr(settings, field.name), KINDS.get(field.type, object)):
+            kind = "True or False" if field.type is bool else "a whole number" if field.type is int else "a number"
+            raise ValueError(f"{field.name} must be {kind}, got {value!r}")
+
+
 CHOICES = MappingProxyType(
     {field.name: get_args(field.type) for field in fields(HarmonyParams) if get_origin(field.type) is Literal}
 )

@@ -7,7 +7,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harmolab.params import DANCES
+from harmolab.params import DANCES, check_kinds
 from harmolab.types import BoolArray, FloatArray, IntArray
 
 BARS_AROUND = 3  # bars of the piece that exist before and after the clip, so that its edges are like its middle
@@ -104,6 +104,7 @@ class ClipSettings:
             raise ValueError(f"unknown dance {self.dance!r}; the seven are {', '.join(DANCES)}")
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
             raise ValueError(f"seed must be a whole number, not negative, got {self.seed!r}")
+        check_kinds(self)
         for name, (low, high, rule) in RANGES.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:

@@ -25,7 +25,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
 from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading
-from harmolab.params import BarPattern
+from harmolab.params import BarPattern, check_kinds
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.significance import ranks
 from harmolab.systems.choreographer.takes import Take
@@ -97,11 +97,11 @@ class ChoreographerParams:
     paths: int = 500
 
     def __post_init__(self) -> None:
+        check_kinds(self)
         for field in fields(self):
-            value, is_count = getattr(self, field.name), isinstance(field.default, int)
-            if not int(is_count) <= value < 1e9 or (is_count and not isinstance(value, int)):
-                least = "a whole number from 1" if is_count else "zero or more"
-                raise ValueError(f"{field.name} must be {least}, got {value}")
+            value, is_count = getattr(self, field.name), field.type is int
+            if not int(is_count) <= value < 1e9:
+                raise ValueError(f"{field.name} must be {'1' if is_count else 'zero'} or more, got {value}")
         if min(self.alike, self.forgetting, self.foot_weight) == 0:
             raise ValueError("alike, forgetting and foot_weight must be positive")
 

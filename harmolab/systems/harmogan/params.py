@@ -1,6 +1,5 @@
 """Settings of how large a generator is and how it is trained (paper Sec. 4 and 5.2)."""
 
-import math
 from dataclasses import dataclass, fields
 
 from harmolab.systems.training.features import check_settings
@@ -128,12 +127,10 @@ class TrainParams:
     def __post_init__(self) -> None:
         weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
         epochs = ("pretrain_epochs", "adversarial_epochs")
-        check_settings(self, not_negative=(*weights, *epochs, "seed", "sketches", "shifted"))
-        if self.patience is not None and self.patience < 1:
-            raise ValueError(f"patience must be a positive number of epochs or None, got {self.patience}")
-        for name in ("pretrain_drops", "adversarial_drops"):
-            if not all(0 < factor < math.inf for factor in getattr(self, name)):
-                raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
+        drops = "pretrain_drops", "adversarial_drops"
+        check_settings(self, not_negative=(*weights, *epochs, *drops, "seed", "sketches", "shifted"))
+        if name := next((each for each in drops if 0 in getattr(self, each)), ""):
+            raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
 
     @classmethod
     def paper(cls) -> "TrainParams":

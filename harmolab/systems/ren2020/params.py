@@ -1,6 +1,5 @@
 """Settings of Ren et al. 2020: sizes, losses and schedule as released, and our readings where we depart from them."""
 
-import math
 from dataclasses import dataclass
 
 from harmolab.systems.training.features import check_settings
@@ -78,10 +77,10 @@ class RenParams:
 
     def __post_init__(self) -> None:
         weights = [name for name in vars(self) if name.endswith("_weight")]
-        check_settings(self, not_negative=[*weights, "dropout", "epochs", "seed"])
+        check_settings(self, not_negative=[*weights, "block_weights", "dropout", "epochs", "seed"])
         if self.dropout >= 1:
             raise ValueError(f"dropout must leave something, got {self.dropout}")
-        if len(self.block_weights) != BLOCKS or not all(0 <= weight < math.inf for weight in self.block_weights):
+        if len(self.block_weights) != BLOCKS:
             raise ValueError(f"block_weights must be {BLOCKS} numbers, zero or more, got {self.block_weights}")
 
     @classmethod

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.files import cached_arrays, keep_arrays
+from harmolab.params import KINDS, check_kinds
 from harmolab.systems.training.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray
 
@@ -19,22 +20,26 @@ from harmolab.types import Audio, BeatTrack, FloatArray
 
 
 def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: Collection[str] = ()) -> None:
-    """ValueError, with name and value, unless numbers are positive and choices among those of their `Literal`.
+    """ValueError, with name and value, unless numbers are positive numbers and choices among those of their `Literal`.
 
     Parameters
     ----------
-    settings : a dataclass; fields of other types are not looked at
+    settings : a dataclass of numbers, lists of them, flags and choices; fields of other types are not looked at
     not_negative : names of the numbers that may be zero as well
-    free : of those that are not looked at
+    free : of those that may be any number
     """
+    check_kinds(settings)
     for name, hint in get_type_hints(type(settings)).items():
-        value = getattr(settings, name)
+        value, is_list = getattr(settings, name), hint in (tuple[int, ...], tuple[float, ...])
         if get_origin(hint) is Literal:
             check_choice(name, value, get_args(hint))
-        elif hint in (int, float) and name not in free:
-            can_be_zero = name in not_negative
-            if not 0 <= value < math.inf or (value == 0 and not can_be_zero):
-                raise ValueError(f"{name} must be {'zero or more' if can_be_zero else 'positive'}, got {value}")
+        elif is_list or (hint in (int, float, int | None, float | None) and name not in free):
+            kind, can_be_zero = KINDS[(*get_args(hint), hint)[0]], name in not_negative
+            entries = value if isinstance(value, tuple | list) else [value] * (value is not None)
+            rightful = [isinstance(each, kind) and 0 <= each < math.inf and (each or can_be_zero) for each in entries]
+            if isinstance(value, tuple | list) != is_list or not all(rightful):
+                least = "a list of numbers, each " * is_list + ("zero or more" if can_be_zero else "positive")
+                raise ValueError(f"{name} must be {least}, got {value}")
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
