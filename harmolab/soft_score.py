@@ -93,10 +93,10 @@ def soft_beats(curve: Tensor, mask: Tensor, *, fps: float, tau: float, detector:
     scale = torch.where(scale > 0, scale, torch.ones_like(scale))
     signs = torch.tanh(steps * (fps / RATE) / (tau * scale)).masked_fill(ties, 0.0)
     before, after = _last_values(1 - signs.abs(), signs)[:, :-1], signs[:, 1:]
-    if detector == "turns":
-        return pad(relu(-before * after), (1, 1)) * mask
-    sign = 1 if detector == "valleys" else -1
-    return pad(relu(-sign * before) * relu(sign * after), (1, 1)) * mask
+    turns = relu(-before * after)
+    if detector != "turns":
+        turns = turns * ((after > 0) == (detector == "valleys"))
+    return pad(turns, (1, 1)) * mask
 
 
 def soft_salience(weights: Tensor, curve: Tensor, *, tau: float, params: HarmonyParams) -> Tensor:
@@ -217,7 +217,9 @@ def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: 
     if n_joints >= FEWEST:
         energy = (energy - _outer_energy(shape, velocity)).clamp(min=0)
     last = (last * rate / fps).round().long()
-    size = _median(shape.square().sum(dim=(1, 2)), last)
+    after = torch.arange(energy.shape[1], device=last.device) > last[:, None]
+    extent = shape.square().sum(dim=(1, 2)).masked_fill(after, float("nan"))
+    size = extent.nanmedian(dim=1, keepdim=True).values
     is_point = size <= torch.finfo(size.dtype).tiny ** 0.5
     energy = (energy / size.masked_fill(is_point, 1.0)).masked_fill(is_point, 0.0)
     return SoftShape((energy + REST_SPEED**2).sqrt(), last, rate)
@@ -231,7 +233,7 @@ def unturned(centred: Tensor) -> Tensor:
     # Joints in one vertical line have no heading: their turn is 0, and so is its gradient.
     upright = cross.square() + dot.square() <= torch.finfo(centred.dtype).tiny
     steps = torch.atan2(cross.masked_fill(upright, 0.0), dot.masked_fill(upright, 1.0))
-    angle = torch.nn.functional.pad(steps, (1, 0)).cumsum(dim=1)[..., None]
+    angle = pad(steps, (1, 0)).cumsum(dim=1)[..., None]
     cos, sin = angle.cos(), angle.sin()
     return torch.stack([cos * x - sin * z, centred[..., 1], sin * x + cos * z], dim=-1)
 
@@ -304,12 +306,6 @@ def _inverse(matrices: Tensor) -> Tensor:
     return torch.stack(columns, dim=2) / determinants[:, None, None]
 
 
-def _median(values: Tensor, last: Tensor) -> Tensor:
-    """(N, 1) medians of (N, S) values up to the last sample."""
-    inside = torch.arange(values.shape[1], device=values.device) <= last[:, None]
-    return values.masked_fill(~inside, float("nan")).nanmedian(dim=1, keepdim=True).values
-
-
 def soft_place(
     shape: SoftShape, beats: Tensor, counted: Tensor, pattern: BarPattern, *, tau: float, places: Tensor | None = None
 ) -> SoftPlace:
@@ -339,9 +335,10 @@ def soft_place(
     size = MOMENTS * pattern.beats * ((total - 1).clamp(min=0) // pattern.beats)  # moments of whole cycles
     fits = soft_fits(speed, size, pattern)
     fits = fits / _spread(fits, size[..., None])
-    first = order[:, :1] + (0 if places is None else places[:, None])
-    rows = _rows(first, speed.shape[1] // MOMENTS, pattern.beats, is_placed=places is not None)
-    mean = _beat_means(_soft_ranks(fits, size, tau), rows, size).amax(dim=1)
+    readings = torch.arange(pattern.beats, device=beats.device)[:, None] if places is None else places[:, None, None]
+    numbers = torch.arange(speed.shape[1] // MOMENTS, device=beats.device)
+    rows = (numbers + order[:, :1, None] + readings) % pattern.beats
+    mean = _best_means(_soft_ranks(fits, size, tau)[:, :, None], rows, size)[:, 0]
     chance = torch.zeros_like(mean) if rows.shape[1] == 1 else _chance(fits, rows, size)
     pulse = _spread(speed, size)[:, 0]
     gate = pulse.square() / (pulse.square() + LEAST_PULSE**2) * (size[:, 0] > 0)
@@ -388,16 +385,14 @@ def _soft_ranks(fits: Tensor, size: Tensor, tau: float) -> Tensor:
     return (above * inside).sum(dim=-1) / inside.sum(dim=-1).clamp(min=1)
 
 
-def _rows(first: Tensor, n_beats: int, cycle: int, *, is_placed: bool) -> Tensor:
-    """(N, readings, beats) place of the pattern that each beat has, in each reading; `first` is that of the first."""
-    readings = torch.arange(1 if is_placed else cycle, device=first.device)[:, None]
-    return (torch.arange(n_beats, device=first.device) + first[..., None] - readings) % cycle
+def _best_means(ranks: Tensor, rows: Tensor, size: Tensor) -> Tensor:
+    """(N, lags) means over the beats of their ranks (N, places, lags, beats), in the best reading.
 
-
-def _beat_means(ranks: Tensor, rows: Tensor, size: Tensor) -> Tensor:
-    """(N, readings) means over the beats of their ranks, each of the (N, places, beats) in its row."""
-    inside = (torch.arange(rows.shape[2], device=rows.device) * MOMENTS < size).to(ranks.dtype)[:, None]
-    return (ranks.gather(1, rows) * inside).sum(dim=2) / inside.sum(dim=2).clamp(min=1)
+    `rows` (N, readings, beats) is the place of the pattern that each beat has in each reading.
+    """
+    inside = (torch.arange(rows.shape[2], device=rows.device) * MOMENTS < size).to(ranks.dtype)[:, None, None]
+    own = ranks.gather(1, rows[:, :, None].expand(-1, -1, ranks.shape[2], -1))
+    return ((own * inside).sum(dim=3) / inside.sum(dim=3).clamp(min=1)).amax(dim=1)
 
 
 @torch.no_grad()
@@ -409,10 +404,7 @@ def _chance(fits: Tensor, rows: Tensor, size: Tensor) -> Tensor:
     starts = torch.arange(MOMENTS * cycle, device=fits.device)[:, None] + moments[::MOMENTS]
     at_lags = (starts.flatten() % size.clamp(min=1))[:, None].expand(-1, cycle, -1)
     moved = ranks.gather(2, at_lags).unflatten(2, starts.shape)  # (N, places, lags, beats)
-    rows = rows[:, :, None].expand(-1, -1, len(starts), -1)
-    inside = (moments[::MOMENTS] < size).to(fits.dtype)[:, None, None]
-    means = (moved.gather(1, rows) * inside).sum(dim=3) / inside.sum(dim=3).clamp(min=1)
-    return means.amax(dim=1).mean(dim=1)
+    return _best_means(moved, rows, size).mean(dim=1)
 
 
 # Soft hits, chance level and harmony (Eq. 11, 17-21)
@@ -420,13 +412,8 @@ def _chance(fits: Tensor, rows: Tensor, size: Tensor) -> Tensor:
 EDGE = 1e-7  # seconds: a beat exactly at the delay is a hit, also at the smallest tau
 REACH = 9.2  # widths of the hit kernel's edge beyond which it is nothing (below 1e-4)
 NODES = 4  # moments a frame at which chance is looked up when beats lie between frames
-ONLY = {  # choices of HarmonyParams of which one alone has a relaxation
-    "saliency": "threshold",
-    "matching": "many",
-    "plateau": "last",
-    "clock": 1.0,
-    "position_smoothing": 0.0,
-}
+# Choices of HarmonyParams of which one alone has a relaxation.
+ONLY = {"saliency": "threshold", "matching": "many", "plateau": "last", "clock": 1.0, "position_smoothing": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -480,18 +467,9 @@ def anneal(epoch: int, epochs: int, start: float, end: float) -> float:
 
 
 def soft_harmony(
-    positions: Tensor,
-    beats: Tensor,
-    strengths: Tensor,
-    beat_mask: Tensor,
-    mask: Tensor,
-    *,
-    fps: float,
-    tau: float,
-    params: HarmonyParams,
-    span: Tensor | None = None,
-    bar_places: Tensor | None = None,
-) -> SoftHarmony:
+    positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor,
+    *, fps: float, tau: float, params: HarmonyParams, span: Tensor | None = None, bar_places: Tensor | None = None,
+) -> SoftHarmony:  # fmt: skip
     """The relaxed harmony of a batch of clips: Eq. 7-21, or the place test of the shape of the body.
 
     Parameters
@@ -531,49 +509,43 @@ def soft_harmony(
     _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
-    counted, after = beat_mask.bool(), ~frames_before_end(mask).bool()
+    counted, real = beat_mask.bool(), frames_before_end(mask.to(positions.dtype))
     # Padding may be NaN or infinite, which has no gradient of 0.
-    after = after.view(*after.shape, *[1] * (positions.ndim - 2))
+    after = (real == 0).view(*real.shape, *[1] * (positions.ndim - 2))
     positions = positions.masked_fill(~positions.isfinite() & after, 0.0)
-    beats = beats.to(positions.dtype).nan_to_num()
+    beats, end = beats.to(positions.dtype).nan_to_num(), real.sum(dim=1, keepdim=True) / fps
     if span is not None:
         span = span.to(positions.dtype)
         counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
-    if params.measure == "shape":
-        with torch.autocast(positions.device.type, enabled=False):
-            return _of_shape(positions, beats, counted, mask, bar_places, fps=fps, tau=tau, params=params)
-    duration = frames_before_end(mask.to(positions.dtype)).sum(dim=1) / fps
-    limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span
-    if span is None:  # a beat on the last frame may be rounded past it
-        counted = counted & (beats >= 0) & (beats < limits[:, 1:] + 0.5 / fps)
-    curve = positions if positions.ndim == 2 else soft_speed(positions, fps, reading=params.speed)
-    mask = mask.to(curve.dtype)
-    with torch.autocast(curve.device.type, enabled=False):
-        curve = smoothed(curve, mask, params.smoothing * fps)
-    track = _visual_track(curve, mask, limits, fps=fps, tau=tau, params=params)
-    return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), counted, params), counted, params)
+    with torch.autocast(positions.device.type, enabled=False):
+        if params.measure == "shape":
+            late = beats + params.lag
+            counted = counted & (late >= 0) & (late <= end)
+            shape = soft_shape_speed(positions, mask, fps, smoothing=params.position_smoothing)
+            return _of_shape(shape, late, counted, bar_places, tau=tau, params=params)
+        if span is None:  # a beat on the last frame may be rounded past it
+            counted = counted & (beats >= 0) & (beats < end + 0.5 / fps)
+            span = torch.cat([torch.zeros_like(end), end], dim=1)
+        track = _visual_track(positions, mask.to(positions.dtype), span, fps=fps, tau=tau, params=params)
+        return _score(track, beats, _audio_strengths(strengths.to(beats.dtype), counted, params), counted, params)
 
 
 def _of_shape(
-    positions: Tensor, beats: Tensor, counted: Tensor, mask: Tensor, bar_places: Tensor | None,
-    *, fps: float, tau: float, params: HarmonyParams,
-) -> SoftHarmony:  # fmt: skip
+    shape: SoftShape, beats: Tensor, counted: Tensor, places: Tensor | None, *, tau: float, params: HarmonyParams
+) -> SoftHarmony:
     """The place test in the terms of the hits."""
-    duration = frames_before_end(mask.to(beats.dtype)).sum(dim=1, keepdim=True) / fps
-    late = beats + params.lag
-    counted = counted & (late >= 0) & (late <= duration)
-    pattern = params.pattern or HOW_PATTERNS["rest"]
-    shape = soft_shape_speed(positions, mask, fps, smoothing=params.position_smoothing)
-    place = soft_place(shape, late, counted, pattern, tau=tau, places=bar_places)
-    n_audio = counted.sum(dim=1).to(positions.dtype)
+    place = soft_place(shape, beats, counted, params.pattern or HOW_PATTERNS["rest"], tau=tau, places=places)
+    n_audio = counted.sum(dim=1).to(beats.dtype)
     share = place.rank * (n_audio > 0)
     return SoftHarmony(share, share * n_audio, place.chance, place.harmony_above_chance, share, n_audio, n_audio)
 
 
 def _visual_track(
-    curve: Tensor, mask: Tensor, limits: Tensor, *, fps: float, tau: float, params: HarmonyParams
+    positions: Tensor, mask: Tensor, limits: Tensor, *, fps: float, tau: float, params: HarmonyParams
 ) -> _SoftTrack:
     """Attentional soft beats inside the limits, at their times after the lag is taken off."""
+    curve = positions if positions.ndim == 2 else soft_speed(positions, fps, reading=params.speed)
+    curve = smoothed(curve, mask, params.smoothing * fps)
     weights = soft_beats(curve, mask, fps=fps, tau=tau, detector=params.detector)
     weights = soft_salience(weights, curve, tau=tau, params=params)
     frames = torch.arange(curve.shape[1], device=curve.device, dtype=curve.dtype).expand_as(curve)
@@ -615,10 +587,8 @@ def _reached(track: _SoftTrack, moments: Tensor, params: HarmonyParams) -> Tenso
     nearest = ((moments + params.lag) * track.fps).round().clamp(0, n_frames - 1).long()
     first = torch.arange(len(moments), device=moments.device)[:, None] * (n_frames + 2 * radius)
     places = (nearest + first)[..., None] + around  # (N, G, 2 radius + 1), in rows padded by the radius
-    weights, times = (
-        pad(each, (radius, radius)).flatten().index_select(0, places.flatten()).view(places.shape)
-        for each in (track.weights, track.times)
-    )
+    rows = (pad(each, (radius, radius)).flatten() for each in (track.weights, track.times))
+    weights, times = (each.index_select(0, places.flatten()).view(places.shape) for each in rows)
     kernel = torch.sigmoid((params.reaction_delay + EDGE - (moments[..., None] - times).abs()) / width)
     almost_one = 1 - 4 * torch.finfo(weights.dtype).eps
     return -torch.expm1(torch.log1p(-(weights * kernel).clamp(max=almost_one)).sum(dim=-1))
