@@ -500,19 +500,18 @@ def soft_harmony(
     Raises
     ------
     ValueError
-        For tensors that do not fit together, beats of 16 bits, beats or strengths that are not finite, strengths below
-        0, tau not positive, or a setting that has no relaxation.
+        For what is no tensor, tensors that do not fit together, positions that are no floating-point numbers or not
+        finite before the padding, masks of other values than 1 and 0, beats of 16 bits, beats or strengths that are
+        not finite, strengths below 0, tau not positive, or a setting that has no relaxation.
     """
+    _check_settings(fps, tau, params)
     _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
     if params.measure == "shape" and positions.ndim == 2:
         raise ValueError("the shape of the body needs joint positions (N, T, J, D); a speed (N, T) has none")
-    _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
     counted, real = beat_mask.bool(), frames_before_end(mask.to(positions.dtype))
-    # Padding may be NaN or infinite, which has no gradient of 0.
-    after = (real == 0).view(*real.shape, *[1] * (positions.ndim - 2))
-    positions = positions.masked_fill(~positions.isfinite() & after, 0.0)
+    positions = positions.nan_to_num(posinf=0.0, neginf=0.0)  # padding, which would have no gradient of 0
     beats, end = beats.to(positions.dtype).nan_to_num(), real.sum(dim=1, keepdim=True) / fps
     if span is not None:
         span = span.to(positions.dtype)
@@ -631,33 +630,58 @@ def _check_tensors(
     positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor,
     span: Tensor | None, bar_places: Tensor | None,
 ) -> None:  # fmt: skip
-    """ValueError for tensors that do not fit together."""
+    """ValueError for what is no tensor, for tensors that do not fit together, and for values that have no score."""
+    tensors = {"positions": positions, "beats": beats, "strengths": strengths, "beat_mask": beat_mask, "mask": mask}
+    optional = {"span": span, "bar_places": bar_places}
+    for name, value in (tensors | optional).items():
+        if not isinstance(value, Tensor | None if name in optional else Tensor):
+            raise ValueError(f"{name} must be a torch.Tensor, got {type(value).__name__}; torch.as_tensor makes one")
     shape = tuple(positions.shape)
     if len(shape) not in (2, 4) or min(shape) < 1 or shape[1] < 2 or shape[3:] not in ((), (2,), (3,)):
         raise ValueError(f"positions must be (N, T, J, 3), or a speed (N, T), with two frames or more; got {shape}")
+    if not positions.is_floating_point():
+        raise ValueError(f"positions must be floating-point numbers, got {positions.dtype}; pass positions.float()")
     if tuple(mask.shape) != shape[:2]:
         raise ValueError(f"mask must be {shape[:2]}, one entry per frame; got {tuple(mask.shape)}")
     if not beats.shape == strengths.shape == beat_mask.shape or beats.ndim != 2 or len(beats) != shape[0]:
         shapes = [tuple(each.shape) for each in (beats, strengths, beat_mask)]
         raise ValueError(f"beats, strengths and beat_mask must be ({shape[0]}, B) each, got {shapes}")
-    if not beats[beat_mask.bool()].isfinite().all():
-        raise ValueError("beats must be finite where beat_mask is 1; mask what is none")
-    if not ((strengths >= 0) & (strengths < torch.inf))[beat_mask.bool()].all():
-        raise ValueError("strengths must be finite and not negative where beat_mask is 1")
     if beats.dtype.itemsize < 4:
         raise ValueError(f"beats are of {beats.dtype}: one at 30 s would be up to 60 ms off; pass seconds of 32 bits")
     if bar_places is not None and tuple(bar_places.shape) != shape[:1]:
         raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):
         raise ValueError(f"span must be ({shape[0]}, 2), start and end of each clip; got {tuple(span.shape)}")
-    order = beats.float().masked_fill(~beat_mask.bool(), -torch.inf)
-    order = order.sort(dim=1).values if bar_places is None else order
-    if (order[:, 1:] <= order.cummax(dim=1).values[:, :-1])[order[:, 1:].isfinite()].any():
-        raise ValueError("beats must differ, and ascend where bar_places are passed; sort them and remove doubles")
+    _check_values(positions, beats, strengths, beat_mask, mask, ascend=bar_places is not None)
+
+
+def _check_values(
+    positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor, *, ascend: bool
+) -> None:
+    """ValueError for values that have no score: one look at all of them, since the processor waits for a GPU's."""
+    absent = ~beat_mask.bool()
+    finite = positions.isfinite().reshape(*mask.shape, -1).all(dim=2) | (frames_before_end(mask) == 0)
+    order = beats.float().masked_fill(absent, -torch.inf)
+    order = order if ascend else order.sort(dim=1).values
+    rising = (order[:, 1:] > order.cummax(dim=1).values[:, :-1]) | ~order[:, 1:].isfinite()
+    at_least_0 = (strengths >= 0) & (strengths < torch.inf)
+    sound = {
+        "mask must be True and False, or 1 and 0": mask == mask.bool(),
+        "beat_mask must be True and False, or 1 and 0": beat_mask == ~absent,
+        "positions must be finite up to the last frame where mask is 1; fill gaps, or end the mask before them": finite,
+        "beats must be finite where beat_mask is 1; mask what is none": absent | beats.isfinite(),
+        "strengths must be finite and not negative where beat_mask is 1": absent | at_least_0,
+        "beats must differ, and ascend where bar_places are passed; sort them and remove doubles": rising,
+    }
+    for message, is_sound in zip(sound, torch.stack([each.all() for each in sound.values()]).tolist(), strict=True):
+        if not is_sound:
+            raise ValueError(message)
 
 
 def _check_settings(fps: float, tau: float, params: HarmonyParams) -> None:
     """ValueError for settings that have no relaxation."""
+    if not isinstance(params, HarmonyParams):
+        raise ValueError(f"params must be HarmonyParams, such as HarmonyParams.recommended(); got {params!r}")
     for name, number in {"fps": fps, "tau": tau}.items():
         if not 0 < number < float("inf"):
             raise ValueError(f"{name} must be positive, got {number}")
