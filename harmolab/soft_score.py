@@ -33,13 +33,13 @@ def soft_speed(positions: Tensor, fps: float, *, reading: str = "norm") -> Tenso
     Readings and the first frame are those of `body.kinematics.joint_speed`.
     """
     steps = positions[:, 1:] - positions[:, :-1]
-    if reading == "norm":
-        # Along the first axis the norm of three numbers takes half the time; at rest its gradient is 0, not NaN.
-        speed = torch.linalg.vector_norm(steps.movedim(-1, 0), dim=0).sum(dim=-1)
-    elif reading == "signed":
+    if reading == "signed":
         speed = steps.sum(dim=(2, 3))
     else:
-        speed = torch.linalg.vector_norm(steps.sum(dim=2), dim=-1)
+        steps = steps if reading == "norm" else steps.sum(dim=2, keepdim=True)
+        rests = (steps.detach() == 0).all(dim=-1)  # where all derivatives are 0, the second too
+        steps = steps.masked_fill(rests[..., None], 1.0).movedim(-1, 0)  # the norm takes half the time along the first
+        speed = torch.linalg.vector_norm(steps, dim=0).masked_fill(rests, 0.0).sum(dim=-1)
     return torch.cat([speed[:, :1], speed], dim=1) * fps
 
 
