@@ -75,7 +75,7 @@ def _left_out(outputs: Sequence[str]) -> Iterator[Assumption]:
 
 def _content(file: Path) -> dict[str, NDArray[Any]]:
     """The arrays that another process reads from a file (`harmolab.readers.c3d_child`)."""
-    head = np.fromfile(file, "<u2", 5).astype(int)
+    head = np.fromfile(file, "<u2", 5)
     if not head.size or head[0] >> 8 != MARK:
         raise ValueError("is no c3d file: it does not begin as one")
     command = [sys.executable, "-P", str(Path(__file__).with_name("c3d_child.py")), str(file.resolve())]
@@ -89,8 +89,9 @@ def _content(file: Path) -> dict[str, NDArray[Any]]:
         raise ValueError(f"is damaged, ezc3d says: {lines[-1][:200] if lines else f'stopped by {-done.returncode}'}")
     arrays = dict(np.load(io.BytesIO(done.stdout), allow_pickle=False))
     # ezc3d does not notice that frames are missing; the number of the last one ends at 65535, and may be off by one.
-    count, stated = arrays["points"].shape[-1], head[4] - head[3] + 1
-    if count < stated - 1 and head[4] < 65535:
+    count = arrays["points"].shape[-1]
+    stated, swapped = (int(words[4]) - int(words[3]) + 1 for words in (head, head.byteswap()))
+    if count < stated - 1 and abs(count - swapped) > 1 and head[4] < 65535:
         raise ValueError(f"is cut off or damaged: {count} of {stated} frames are there; copy it again")
     return arrays
 
