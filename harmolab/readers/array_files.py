@@ -266,9 +266,8 @@ def _content_motion(content: dict[str, Any], file: Path, options: motion_file.Re
     if {"keypoints3d", "keypoints3d_optim"} & content.keys() or (values := positions_in(content)) is None:
         scale = 0.01 if options.scale is None else options.scale
         motion = aist_motion(content, options.rate(AIST_FPS), scale)
-        return motion_file.as_read(
-            motion, "AIST++ key points", options, f"{scale:g} m a unit, {motion.fps:g} frames a second"
-        )
+        units = f"{scale:g} m a unit, {motion.fps:g} frames a second"
+        return motion_file.as_read(motion, "AIST++ key points", options, units)
     return _joint_motion(values, file, options)
 
 
@@ -306,8 +305,7 @@ def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[motion_file.Assump
     """The note on what key points leave open unless their file is about it: metres, or the shape of the picture."""
     if motion.positions.shape[2] == 3:
         return () if "world" in about else (_WORLD,)
-    is_share = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about
-    return (_SQUARE,) if is_share else ()
+    return (_SQUARE,) if np.median(np.abs(motion.positions)) < 1 and "aspect" not in about else ()
 
 
 def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:

@@ -123,9 +123,8 @@ def number_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Float
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers of shape {expected}: {error}") from None
-    if array.ndim != len(shape) or any(
-        length not in (None, size) for length, size in zip(shape, array.shape, strict=True)
-    ):
+    lengths = zip(shape, array.shape, strict=False)
+    if array.ndim != len(shape) or any(length not in (None, size) for length, size in lengths):
         raise ValueError(f"{name} must have shape {expected}, got {array.shape}")
     return array
 

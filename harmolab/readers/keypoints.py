@@ -27,17 +27,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab import files
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
-from harmolab.files import (
-    MAX_BYTES,
-    MAX_JSON_BYTES,
-    MissingFrameRate,
-    PathLike,
-    named_faults,
-    read_json,
-    read_text,
-    reading,
-)
 from harmolab.readers.arrays import check_joints, checked_motion, number_array, read_npy
 from harmolab.types import BoolArray, FloatArray, Motion
 
@@ -146,7 +137,7 @@ def named_skeleton(count: int) -> Skeleton | None:
 
 def json_or_lines(path: Path) -> Any:
     """The content of a JSON file, or the list of contents of a file with one JSON object a line."""
-    text = read_text(path)
+    text = files.read_text(path)
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
@@ -265,9 +256,8 @@ def is_landmarks(content: Any) -> bool:
         return False
     first = next((frame for frame in frames if frame), None)
     points = first.get("landmarks") if isinstance(first, dict) else first
-    return first is None or (
-        isinstance(points, list) and bool(points) and isinstance(points[0], dict) and "x" in points[0]
-    )
+    landmark = points[0] if isinstance(points, list) and points else None
+    return first is None or (isinstance(landmark, dict) and "x" in landmark)
 
 
 def landmarks_by_frame(content: Any) -> FloatArray:
@@ -312,7 +302,7 @@ FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one f
 
 
 def load_keypoints(
-    path: PathLike,
+    path: files.PathLike,
     *,
     fps: float | None = None,
     joints: Sequence[str] | None = None,
@@ -338,7 +328,7 @@ def load_keypoints(
     if path.is_dir():
         return _load_folder(path, fps, joints)
     is_array = path.suffix.lower() == ".npy"
-    with reading(path, "key points", max_bytes=MAX_BYTES if is_array else MAX_JSON_BYTES):
+    with files.reading(path, "key points", max_bytes=files.MAX_BYTES if is_array else files.MAX_JSON_BYTES):
         values, about = _array(path) if is_array else content_points(json_or_lines(path))
         return described_motion(values, about, fps=fps, joints=joints, world=world, aspect=aspect)
 
@@ -368,7 +358,7 @@ def described_motion(
     """The motion of key points, with what the file says about them where the arguments leave it open."""
     rate = about.get("fps") if fps is None else fps
     if rate is None:
-        raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
+        raise files.MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
     is_world = about.get("world") if world is None else world
     if not isinstance(is_world, bool | None):
         raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
@@ -498,38 +488,38 @@ def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) 
 
 def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
     """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
-    files = frame_files(folder)
+    paths = frame_files(folder)
     if fps is None:
-        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
-    frames = people_in_frames(files)
-    with named_faults(folder):
+        raise files.MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
+    frames = people_in_frames(paths)
+    with files.named_faults(folder):
         return keypoints_motion(followed_person(frames), fps, joints=joints)
 
 
-def people_in_frames(files: Iterable[Path], pose: Pose | None = None) -> list[list[FloatArray]]:
+def people_in_frames(paths: Iterable[Path], pose: Pose | None = None) -> list[list[FloatArray]]:
     """The people in each of OpenPose's files of a frame; `pose` as in `layouts.people_by_frame`."""
     frames = []
-    for path in files:
-        with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
-            frames.append(entry_poses(read_json(path), OPENPOSE, "frame", pose))
+    for path in paths:
+        with files.reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
+            frames.append(entry_poses(files.read_json(path), OPENPOSE, "frame", pose))
     return frames
 
 
 def frame_files(folder: Path) -> list[Path]:
     """The JSON files of OpenPose's folder by frame number; ValueError where a number is missing or there twice."""
     digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
-    files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
-    if not files:
+    numbered = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
+    if not numbered:
         raise ValueError(
             f"{folder}: holds no motion: neither motion.npz nor skeletons.json, nor numbered JSON files as OpenPose "
             "writes them (name_000000000000.json)"
         )
-    for (number, file), (following, other) in itertools.pairwise(files):
+    for (number, file), (following, other) in itertools.pairwise(numbered):
         if following == number:
             raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")
         if following > number + 1:
-            raise ValueError(f"{folder}: frame {number + 1} is missing between {files[0][0]} and {files[-1][0]}")
-    return [file for _, file in files]
+            raise ValueError(f"{folder}: frame {number + 1} is missing between {numbered[0][0]} and {numbered[-1][0]}")
+    return [file for _, file in numbered]
 
 
 def followed_person(frames: Sequence[Sequence[FloatArray]], compared: slice = slice(None)) -> FloatArray:

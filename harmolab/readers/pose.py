@@ -41,18 +41,8 @@ from filelock import FileLock
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from harmolab import files
 from harmolab.body.skeletons import joint_indices, skeleton_part
-from harmolab.files import (
-    UNFINISHED,
-    PathLike,
-    Progress,
-    atomic_folder,
-    cache_folder,
-    cached_arrays,
-    keep_arrays,
-    named_faults,
-    silent,
-)
 from harmolab.readers.keypoints import MEDIAPIPE_33, filled_points
 from harmolab.readers.pose_child import HEADER, LANDMARKS, MARGIN, READY, painted_over
 from harmolab.readers.video import VideoFrames, opened_container, video_frames
@@ -171,8 +161,7 @@ class _Answers:
 
     def landmarks(self, seconds: float) -> Landmarks:
         """The next person: all of her points, or none."""
-        content = self.read(LANDMARKS * VALUES * 4, seconds)
-        points = np.frombuffer(content, np.float32).reshape(LANDMARKS, VALUES)
+        points = np.frombuffer(self.read(LANDMARKS * VALUES * 4, seconds), np.float32).reshape(LANDMARKS, VALUES)
         is_missing = np.isnan(points)
         if is_missing.all():
             return points
@@ -206,7 +195,7 @@ def pose_folder() -> Path:
     ValueError
         Nothing is kept on this machine (``HARMOLAB_CACHE=off``).
     """
-    cache = cache_folder()
+    cache = files.cache_folder()
     if cache is None:
         raise ValueError("HARMOLAB_CACHE is off, so there is no place for MediaPipe; set it to a folder")
     return cache / f"{NAME}_{MEDIAPIPE}_{sys.implementation.cache_tag}"
@@ -214,7 +203,7 @@ def pose_folder() -> Path:
 
 def pose_environment() -> Path | None:
     """The folder of the environment; None where it is not there, or turned off."""
-    if is_off() or cache_folder() is None:
+    if is_off() or files.cache_folder() is None:
         return None
     folder = pose_folder()
     return folder if folder.is_dir() else None
@@ -231,10 +220,9 @@ def hindrance() -> str:
         return f"{SWITCH} is off"
     if not OLDEST <= sys.version_info[:2] <= NEWEST:
         versions = " to ".join(".".join(map(str, version)) for version in (OLDEST, NEWEST))
-        return (
-            f"MediaPipe {MEDIAPIPE} runs in Python {versions}, and this is {sys.version_info[0]}.{sys.version_info[1]}"
-        )
-    if cache_folder() is None:
+        own = ".".join(map(str, sys.version_info[:2]))
+        return f"MediaPipe {MEDIAPIPE} runs in Python {versions}, and this is {own}"
+    if files.cache_folder() is None:
         return "HARMOLAB_CACHE is off, so there is no place for MediaPipe"
     return ""
 
@@ -262,10 +250,10 @@ def make_pose_environment(*, pip: Sequence[str] = PIP) -> Path:
     folder = pose_folder()
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(folder.parent / f".{folder.name}.lock"):
-        for leftover in folder.parent.glob(f"{UNFINISHED}{folder.name}_*"):
+        for leftover in folder.parent.glob(f"{files.UNFINISHED}{folder.name}_*"):
             shutil.rmtree(leftover, ignore_errors=True)
         if not folder.is_dir():
-            with atomic_folder(folder) as part:
+            with files.atomic_folder(folder) as part:
                 _install(part, pip)
                 check_child(part)
     return folder
@@ -331,7 +319,9 @@ class PoseReading:
     notes: tuple[str, ...] = ()
 
 
-def read_pose(path: PathLike, *, command: Sequence[str] | None = None, progress: Progress = silent) -> PoseReading:
+def read_pose(
+    path: files.PathLike, *, command: Sequence[str] | None = None, progress: files.Progress = files.silent
+) -> PoseReading:
     """The movement of the dancer in a video.
 
     Parameters
@@ -348,7 +338,7 @@ def read_pose(path: PathLike, *, command: Sequence[str] | None = None, progress:
     """
     video = video_frames(path, height=HEIGHT, colour=True)
     name, stride = _kept_name(Path(path)), max(1, int(np.ceil(video.fps / MOST_RATE)))
-    with named_faults(path):
+    with files.named_faults(path):
         people = _kept_people(name)
         if people is None:
             people = _followed_people(video, stride, command or _command(), progress)
@@ -367,7 +357,7 @@ def _command() -> list[str]:
 
 
 def _followed_people(
-    video: VideoFrames, stride: int, command: Sequence[str], progress: Progress
+    video: VideoFrames, stride: int, command: Sequence[str], progress: files.Progress
 ) -> list[NDArray[np.float32]]:
     """The landmarks (T, 33, 6) of each person, the one first whom MediaPipe finds first; NaN where she is not found."""
     people: list[NDArray[np.float32]] = []
@@ -510,7 +500,7 @@ def _kept_name(path: Path) -> str:
 
 def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
     """The people kept under a name; None where there are none, or the file is damaged."""
-    arrays = cached_arrays(name)
+    arrays = files.cached_arrays(name)
     people = None if arrays is None else arrays.get("people")
     if people is None or people.dtype != np.float32 or people.ndim != 4 or not 0 < len(people) <= MOST_PEOPLE:
         return None
@@ -523,11 +513,11 @@ def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
 def _keep(name: str, people: Sequence[NDArray[np.float32]]) -> None:
     """Keep what was read; the oldest readings go where all of them take more than `KEPT_BYTES`."""
     length = min(map(len, people))
-    keep_arrays(name, {"people": np.stack([person[:length] for person in people])})
-    folder = cache_folder()
+    files.keep_arrays(name, {"people": np.stack([person[:length] for person in people])})
+    folder = files.cache_folder()
     with suppress(OSError):
-        files = [] if folder is None else sorted(folder.glob("poses_*.npz"), key=lambda file: -file.stat().st_mtime)
-        sizes = itertools.accumulate(file.stat().st_size for file in files)
-        for file, size in zip(files, sizes, strict=True):
+        readings = [] if folder is None else sorted(folder.glob("poses_*.npz"), key=lambda file: -file.stat().st_mtime)
+        sizes = itertools.accumulate(file.stat().st_size for file in readings)
+        for file, size in zip(readings, sizes, strict=True):
             if size > KEPT_BYTES and file.name != f"{name}.npz":
                 file.unlink(missing_ok=True)

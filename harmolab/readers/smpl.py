@@ -133,8 +133,7 @@ def load_body(path: PathLike, betas: FloatArray | None = None) -> SmplBody:
                 "numpy.savez('smpl.npz', J_regressor=m['J_regressor'].toarray(), kintree_table=m['kintree_table'], "
                 "**{name: numpy.array(m[name]) for name in ('v_template', 'shapedirs')})"
             )
-        rest = _rest_joints(file, file.stat().st_mtime_ns)
-        joints, note = _shaped(rest, betas, file.name)
+        joints, note = _shaped(_rest_joints(file, file.stat().st_mtime_ns), betas, file.name)
     count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
     skeleton = skeleton_part(SMPL_24, range(count))
     offsets = joints[:count] - joints[[0, *skeleton.parents[1:]]]
@@ -362,8 +361,7 @@ def parameter_motion(content: Mapping[str, Any], path: PathLike, options: Readin
     places, scale_note = _metres(content, translation, options)
     turns, turns_note = rotation_matrices(poses, f"{prefix}poses")
     kind, up, reason = _kind(content)
-    body = body_for(options.smpl, _betas(content))
-    motion, notes = _placed(turns, places, rate, (up, reason), body, options)
+    motion, notes = _placed(turns, places, rate, (up, reason), body_for(options.smpl, _betas(content)), options)
     return MotionFile(motion, kind, (turns_note, *notes, scale_note, *rate_note))
 
 
