@@ -256,8 +256,7 @@ def legs(trunk: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
         foot = np.array([SIGNS[side] * KNEES, ANKLE, 0.9 * THIGH])
         ankle = np.broadcast_to(middle + turned(foot, turn), trunk["pelvis"].shape)
         toe = ankle + turned(np.array([0.0, 0.02 - ANKLE, TOE]), turn)
-        pole = turned(FRONT, turn) + UP
-        knee, ankle = two_bones(trunk[f"{side}_hip"], ankle, THIGH, SHANK, pole)
+        knee, ankle = two_bones(trunk[f"{side}_hip"], ankle, THIGH, SHANK, turned(FRONT, turn) + UP)
         joints |= {f"{side}_knee": knee, f"{side}_ankle": ankle, f"{side}_toe": ankle + (toe - ankle)}
     return joints
 
@@ -431,9 +430,8 @@ def _bent(pointing: FloatArray, palm: FloatArray, bones: tuple[float, ...]) -> l
     inwards = normal_part(palm, pointing)
     bend = np.arcsin(np.clip((pointing * palm).sum(axis=1, keepdims=True), -1.0, 1.0))
     angles = [number * (REST_CURL + CURL_SHARE * np.maximum(bend, 0.0)) for number in range(len(bones))]
-    up, ahead = (
-        sum(bone * turn(angle) for bone, angle in zip(bones, angles, strict=True)) for turn in (np.sin, np.cos)
-    )
+    turned_bones = list(zip(bones, angles, strict=True))
+    up, ahead = (sum(bone * turn(angle) for bone, angle in turned_bones) for turn in (np.sin, np.cos))
     start = np.arctan2(up, ahead)
     return [np.cos(angle - start) * pointing + np.sin(angle - start) * inwards for angle in angles]
 

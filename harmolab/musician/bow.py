@@ -256,5 +256,4 @@ def _place_reading(frames: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, 
 
 def _tracked_turns(sequence: PlayedSequence, skeleton: Skeleton, fps: float) -> FloatArray:
     """Turns of the bow of tracked points, seconds; those on lines over rejected frames, too."""
-    points = sequence.points.reshape(len(sequence.points), -1, 2)
-    return bow_turns(Motion(points, fps, skeleton)).times
+    return bow_turns(Motion(sequence.points.reshape(len(sequence.points), -1, 2), fps, skeleton)).times

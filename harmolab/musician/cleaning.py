@@ -58,9 +58,8 @@ def usable_steps(usable: BoolArray, upsample: int) -> BoolArray:
 
 # Camera shots (reading 10)
 
-SHOULDERS, HIPS, WRISTS, HANDS = (
-    tuple(f"{side}_{part}" for side in SIDES) for part in ("shoulder", "hip", "wrist", "hand")
-)
+_PARTS = ("shoulder", "hip", "wrist", "hand")
+SHOULDERS, HIPS, WRISTS, HANDS = (tuple(f"{side}_{part}" for side in SIDES) for part in _PARTS)
 RESTS = 0.25  # of the way from one place to the other: who sways is half way between two places when passing on
 
 
@@ -246,9 +245,7 @@ def rejected_examples(result: Cleaned) -> dict[str, int]:
     before = kept[np.maximum(np.searchsorted(kept, frames) - 1, 0)]
     movement = np.linalg.norm(points[frames] - points[before], axis=2).mean(axis=1)
     rules = result.broken[frames]
-    return {
-        rule: int(frames[rules == rule][movement[rules == rule].argmax()]) for rule in RULES if (rules == rule).any()
-    }
+    return {rule: int(frames[own][movement[own].argmax()]) for rule in RULES if (own := rules == rule).any()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -273,9 +273,8 @@ def _worst(score: PlayingScore, stretches: Sequence[Stretch]) -> list[Finding]:
     worst = stretches[int(np.argmin(p_values))]
     if not min(p_values) < CERTAIN:
         return []
-    sentence = (
-        f"They part most from {worst.start:.0f} to {worst.end:.0f} s: {worst.hits} of {worst.onsets} onsets are met."
-    )
+    hits = f"{worst.hits} of {worst.onsets} onsets are met"
+    sentence = f"They part most from {worst.start:.0f} to {worst.end:.0f} s: {hits}."
     return [Finding("stretch", worst.hits / worst.onsets, sentence)]
 
 

@@ -302,8 +302,7 @@ def load_player_points(
         raise MissingFrameRate(f"{files[0]}: holds key points but no frame rate; pass fps, such as --fps 25")
     _check_alike(files, sources)
     try:
-        points = reduce(surer, (source.points for source in sources))
-        return player_points(points, NAMES, rate)
+        return player_points(reduce(surer, (source.points for source in sources)), NAMES, rate)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{', '.join(map(str, files))}: {error}") from None
 

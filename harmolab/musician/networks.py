@@ -196,8 +196,7 @@ def synthesize_performance(
         sound = note_features(notes, params.fps, first + count)
     else:
         sound = sound_features(audio, params, first + count)
-    points = predicted_points(network, sound)[first:]
-    return Motion(points.reshape(count, -1, 2), params.fps, network.skeleton)
+    return Motion(predicted_points(network, sound)[first:].reshape(count, -1, 2), params.fps, network.skeleton)
 
 
 def predicted_points(
@@ -224,8 +223,7 @@ def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Str
         raise ValueError("this network was trained without bow_phase; it knows no strokes")
     params = network.params
     signal = _predicted_steps(network, sound)[params.delay_steps :, -1]
-    turns = turns_of(signal, params.step_rate)
-    return bow.strokes(turns, loudness(sound, params), params.fps)
+    return bow.strokes(turns_of(signal, params.step_rate), loudness(sound, params), params.fps)
 
 
 def _predicted_steps(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:

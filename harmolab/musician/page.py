@@ -229,9 +229,7 @@ class Performed:
 def _rows(words: PlayingFindings) -> dict[str, str]:
     """Name -> sentences of the findings of a kind."""
     kinds = dict.fromkeys(finding.kind for finding in words.findings)
-    return {
-        ROWS[kind]: " ".join(finding.sentence for finding in words.findings if finding.kind == kind) for kind in kinds
-    }
+    return {ROWS[kind]: " ".join(each.sentence for each in words.findings if each.kind == kind) for kind in kinds}
 
 
 def performed(

@@ -569,8 +569,7 @@ def split_by_piece(
             f"{len(performances)} performances are of {count} pieces: too few for {(shares > 0).sum()} sides"
         )
     deficits, sides = shares * seconds.sum(), np.zeros(count, np.int64)
-    order = np.random.default_rng(seed).permutation(count)
-    for turn, group in enumerate(order):
+    for turn, group in enumerate(np.random.default_rng(seed).permutation(count)):
         needy = np.flatnonzero(shares > 0)[::-1]
         side = needy[turn] if turn < needy.size else np.argmax(np.where(shares > 0, deficits, -np.inf))
         sides[group] = side

@@ -109,8 +109,7 @@ def planted_piece(instrument: str, seconds: float, seed: int) -> PlantedPiece:
         lines.append((onsets, np.minimum(offsets, seconds), pitches, loudness, hands))
     columns = [np.concatenate(parts) for parts in zip(*lines, strict=True)]
     order = np.argsort(columns[0], kind="stable")
-    notes = Notes(*(column[order] for column in columns))
-    return PlantedPiece(notes, REST + beat * np.arange(0, last, METER), beat)
+    return PlantedPiece(Notes(*(column[order] for column in columns)), REST + beat * np.arange(0, last, METER), beat)
 
 
 def _rhythm(voice: Voice, last: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -476,9 +475,8 @@ def violinist_points(
     body["right_elbow"] = _between(RIGHT_ELBOW, place) + point(ELBOW_SHIFT * tilt, ELBOW_SHIFT * tilt)
     body["left_elbow"] = _between(LEFT_ELBOW, 2 * stop / STRING)
     swaying = point(sway, 0.0)
-    return joined(
-        {name: at + swaying for name, at in body.items()}, {side: hands[side] + swaying[:, None] for side in SIDES}
-    )
+    swaying_hands = {side: hands[side] + swaying[:, None] for side in SIDES}
+    return joined({name: at + swaying for name, at in body.items()}, swaying_hands)
 
 
 def string_numbers(pitches: IntArray) -> IntArray:

@@ -203,10 +203,8 @@ def with_other_sounds(sequences: Sequence[PlayedSequence], seed: int) -> list[Pl
         raise ValueError("the sound of another piece needs two pieces or more")
     order = np.random.default_rng(seed).permutation(len(sequences))
     others = [sequences[number] for number in np.roll(order, 1)[np.argsort(order)]]
-    return [
-        replace(own, sound=np.resize(other.sound, own.sound.shape))
-        for own, other in zip(sequences, others, strict=True)
-    ]
+    pairs = zip(sequences, others, strict=True)
+    return [replace(own, sound=np.resize(other.sound, own.sound.shape)) for own, other in pairs]
 
 
 def fitted_space(sequences: Sequence[PlayedSequence], params: Audio2BodyParams) -> PointSpace:
@@ -285,8 +283,7 @@ def _cut(
 
 def _windows(steps: NDArray[np.float32], length: int) -> NDArray[np.float32]:
     """(W, length, C) windows of steps (S, C), zeros after the last."""
-    padded = np.pad(steps, ((0, -len(steps) % length), (0, 0)))
-    return padded.reshape(-1, length, steps.shape[1])
+    return np.pad(steps, ((0, -len(steps) % length), (0, 0))).reshape(-1, length, steps.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,10 +347,8 @@ def check_alike(performances: Sequence[Performance]) -> None:
         if other.instrument != first.instrument:
             raise ValueError(f"{first.name} is played on a {first.instrument}, {other.name} on a {other.instrument}")
         if other.motion.skeleton != first.motion.skeleton:
-            counts = len(first.motion.skeleton.joints), len(other.motion.skeleton.joints)
-            raise ValueError(
-                f"{first.name} has {counts[0]} points, {other.name} {counts[1]}; train on one set of points"
-            )
+            own, others = len(first.motion.skeleton.joints), len(other.motion.skeleton.joints)
+            raise ValueError(f"{first.name} has {own} points, {other.name} {others}; train on one set of points")
 
 
 def at_rate(performance: Performance, fps: float) -> Performance:
@@ -365,8 +360,7 @@ def at_rate(performance: Performance, fps: float) -> Performance:
     places = np.arange(resampled.n_frames) * motion.fps / fps
     before = np.minimum(np.floor(places + 1e-6).astype(np.int64), motion.n_frames - 1)
     after = np.minimum(np.ceil(places - 1e-6).astype(np.int64), motion.n_frames - 1)
-    detected = performance.detected[before] & performance.detected[after]
-    return replace(performance, motion=resampled, detected=detected)
+    return replace(performance, motion=resampled, detected=performance.detected[before] & performance.detected[after])
 
 
 def read_sequence(

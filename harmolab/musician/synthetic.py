@@ -232,8 +232,7 @@ def _sway(instrument: str, times: FloatArray, rng: np.random.Generator) -> Float
     """(T,) pixels to the right by which the torso is out of its place."""
     periods = [rng.uniform(*limits) for limits in SWAY_PERIODS]
     phases = rng.uniform(0, 2 * np.pi, 2)
-    waves = np.sin(2 * np.pi * times[:, None] / periods + phases)
-    return np.asarray(waves @ np.array(SWAY[instrument]))
+    return np.asarray(np.sin(2 * np.pi * times[:, None] / periods + phases) @ np.array(SWAY[instrument]))
 
 
 def _strikes(notes: Notes, fps: float, seconds: float) -> BeatTrack:

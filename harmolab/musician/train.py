@@ -53,8 +53,7 @@ def train_audio2body(played: PlayedSet, split: PlayedSplit, options: TrainOption
     sequences.check_pieces(played.sequences, split)
     network, train, validation = prepared(played, split, fabric.device)
     batching = Batching(params.batch, params.shards, params.seed)
-    settings = {"audio2body": params, "data": played.source}
-    with open_run(fabric, options, split, settings, batching, len(train)) as run:
+    with open_run(fabric, options, split, {"audio2body": params, "data": played.source}, batching, len(train)) as run:
         fabric.to_device(network)
         run.fit([_phase(network, train, validation, run.folder)], train)
         outcome = side_errors(network, played, split, train, validation)
@@ -162,8 +161,7 @@ def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
         difference = (windows_passed(network, own.sound) - own.target)[..., : len(sizes)] * sizes
         mean = difference.square().sum(dim=2) / (2 * len(network.skeleton.joints))
         squares.append(torch.stack([mean, mean + own.residual], dim=2)[own.mask > 0])
-    values = torch.cat(squares).sqrt().mean(dim=0)
-    return Errors(*values.tolist())
+    return Errors(*torch.cat(squares).sqrt().mean(dim=0).tolist())
 
 
 def errors(network: SoundToPoints, played: Sequence[PlayedSequence]) -> Errors:
@@ -281,9 +279,8 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
     numbers = [network.skeleton.joints.index(joint) for joint in joints]
     predicted = _selected(predicted_points(network, sequence.sound), numbers)
     mean = _selected(network.space.mean[None], numbers)
-    own_error, mean_error = (
-        float(frame_errors(each, sequence.points)[sequence.accepted].mean()) for each in (predicted, mean)
-    )
+    errors = [frame_errors(each, sequence.points)[sequence.accepted].mean() for each in (predicted, mean)]
+    own_error, mean_error = map(float, errors)
     width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
     return Compared(
         Motion(sequence.points.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton, sequence.accepted),
