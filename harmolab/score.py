@@ -294,11 +294,9 @@ def hit_pairs(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, 
         return np.full(audio_times.size, -1, dtype=np.int64)
     intervals = interval_matrix(audio_times, visual_times)
     if matching == "max":
-        pairs = maximum_bipartite_matching(csr_array(intervals <= delay + EDGE), perm_type="column")
-        return pairs.astype(np.int64)
+        return maximum_bipartite_matching(csr_array(intervals <= delay + EDGE), perm_type="column").astype(np.int64)
     if matching == "many":
-        nearest = intervals.argmin(axis=1)
-        return np.where(intervals.min(axis=1) <= delay + EDGE, nearest, -1).astype(np.int64)
+        return np.where(intervals.min(axis=1) <= delay + EDGE, intervals.argmin(axis=1), -1).astype(np.int64)
     return _in_order(intervals, delay)
 
 

@@ -175,10 +175,9 @@ def optical_flow(previous: Frame, current: Frame) -> NDArray[np.float32]:
     """
     before, after = np.ascontiguousarray(previous), np.ascontiguousarray(current)
     engine: Any = cv2.DISOpticalFlow.create(cv2.DISOpticalFlow_PRESET_ULTRAFAST)
-    flow = engine.calc(before, after, None)
     # The method spreads a limb's movement far over a plain wall: six times the limb's own, up and down by a third from
     # frame to frame. Where the picture has not changed, nothing has moved.
-    return cv2.copyTo(flow, _changed(before, after)).astype(np.float32, copy=False)
+    return cv2.copyTo(engine.calc(before, after, None), _changed(before, after)).astype(np.float32, copy=False)
 
 
 def _changed(before: Frame, after: Frame) -> Frame:

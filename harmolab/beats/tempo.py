@@ -61,8 +61,7 @@ def _unwrapped_path(rows: FloatArray) -> IntArray:
     total, arrivals = rows[0], []
     for row in rows[1:]:
         candidates = np.stack([np.roll(total, move) - STIFFNESS * move**2 for move in moves])
-        best = candidates.argmax(axis=0)
-        arrivals.append(moves[best])
+        arrivals.append(moves[candidates.argmax(axis=0)])
         total = row + candidates.max(axis=0)
     places = [int(total.argmax())]
     for arrival in reversed(arrivals):

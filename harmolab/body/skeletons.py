@@ -123,9 +123,8 @@ def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
         if any(part in joint_part(name) for part in _FOOT_PARTS):
             sides[joint_side(name)].append(joint)
     if not any(sides.values()):
-        raise ValueError(
-            f"no joint is called {', '.join(_FOOT_PARTS[:-1])} or {_FOOT_PARTS[-1]}; joints are {skeleton.joints}"
-        )
+        parts = f"{', '.join(_FOOT_PARTS[:-1])} or {_FOOT_PARTS[-1]}"
+        raise ValueError(f"no joint is called {parts}; joints are {skeleton.joints}")
     groups = (tuple(sides["left"]), tuple(sides["right"]), *((joint,) for joint in sides[""]))
     return tuple(joints for joints in groups if joints)
 

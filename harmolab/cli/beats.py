@@ -129,6 +129,5 @@ def _tapped(song: Path, audio: Audio, out: Path, page: TapOptions) -> None:
     from harmolab.lab.listening.local_page import TapServer
 
     lines: list[str] = []
-    server = TapServer(song.name, audio, save, port=page.port)
-    common.serve(server, page.no_open, "nothing is written until you save")
+    common.serve(TapServer(song.name, audio, save, port=page.port), page.no_open, "nothing is written until you save")
     typer.echo("\n".join(lines) or "nothing was saved")

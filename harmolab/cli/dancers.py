@@ -231,8 +231,7 @@ def _of_bank(context: typer.Context, style: str, dance: str) -> Dancer:
 
     choreographer = shipped_bank(style, dance)
     _check_dance(dance, choreographer.dances)
-    limits = None if style == PUPPET else choreographer.limits
-    return _dancer(context, choreographer, limits, REMARKS[style])
+    return _dancer(context, choreographer, None if style == PUPPET else choreographer.limits, REMARKS[style])
 
 
 def _check_dance(dance: str, learnt: Iterable[str]) -> None:

@@ -315,8 +315,7 @@ def dance(
             sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
             moved = harmolab.harmonise(sounding, music, reach=reach, params=params, progress=progress)
             motion = replace(moved, valid=motion.valid)
-        clip = harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance)
-        score = harmolab.score_clip(clip, params)
+        score = harmolab.score_clip(harmolab.Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
         judged = likeness(motion, dance=dance, limits=dancer.limits, held=held)
         return DanceReport(
             number, motion, offset, music, score, judged, choreography, (*dancer.remarks, *tempo),

@@ -117,9 +117,8 @@ def plain_errors() -> Iterator[None]:
         if is_verbose():
             typer.echo(traceback.format_exc(), err=True)
         # A file that meets a full disk is named where it is written.
-        name = getattr(error, "filename", None) or (
-            "standard output" if getattr(error, "errno", 0) == errno.ENOSPC else None
-        )
+        is_full = getattr(error, "errno", 0) == errno.ENOSPC
+        name = getattr(error, "filename", None) or ("standard output" if is_full else None)
         refuse(f"{name}: {error.strerror}" if name and error.strerror else str(error))  # type: ignore[union-attr]
 
 

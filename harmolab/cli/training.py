@@ -211,9 +211,8 @@ def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
     from rich.text import Text
 
     console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
-    )
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, console=console)
     task, live = bar.add_task("", total=None), Live(bar, console=console)
     scores: dict[str, float] = {}  # of the last validation
     last = monotonic()  # moment of the last line

@@ -344,8 +344,7 @@ def missing_parts(folder: PathLike) -> list[str]:
     missing = [part for part in _PARTS[:2] if not (folder / part).is_file()]
     if (folder / "motion.npz").is_file() or len(missing) == 2:
         missing = [] if (folder / "motion.npz").is_file() else ["motion.npz"]
-    has_sound = any((folder / f"audio{end}").is_file() for end in SOUNDS)
-    return missing if has_sound else [*missing, _NO_SOUND]
+    return missing if any((folder / f"audio{end}").is_file() for end in SOUNDS) else [*missing, _NO_SOUND]
 
 
 def recorded_files(folder: Path) -> list[Path]:
@@ -492,8 +491,7 @@ def read_any_motion(path: PathLike, *, as_defaults: bool = False, **options: Unp
     if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
-        motion = motion_part(load_skeletons(path), options.get("joints"), path)
-        return MotionFile(motion, "skeletons of Tang et al.")
+        return MotionFile(motion_part(load_skeletons(path), options.get("joints"), path), "skeletons of Tang et al.")
     return read_motion(path, as_defaults=as_defaults, **options)
 
 

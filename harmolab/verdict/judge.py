@@ -256,8 +256,7 @@ def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:
     `clock` and the errors are those of `music_and_motion`.
     """
     music, motion = music_and_motion(clip, clock=clock)
-    timed = replace(motion, fps=motion.fps / clock)
-    return other_scores(music, visual_beats(timed, params=kinematic_params()))
+    return other_scores(music, visual_beats(replace(motion, fps=motion.fps / clock), params=kinematic_params()))
 
 
 def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:

@@ -86,9 +86,8 @@ def joint_positions(poses: FloatArray, lifts: FloatArray, stature: float) -> Flo
     pelvis = _turned(heading, still, poses[:, PELVIS])
     # The chest faces with the pelvis but does not tilt with it.
     chest = _turned(heading, still, still) @ _turned(*poses[:, CHEST].T)
-    hips = [
-        pelvis @ _offset(side * SHARES["half hips"], SHARES["hip"] - SHARES["waist"], 0, stature) for side in (1, -1)
-    ]
+    height = SHARES["hip"] - SHARES["waist"]
+    hips = [pelvis @ _offset(side * SHARES["half hips"], height, 0, stature) for side in (1, -1)]
     ankles = [_foot(poses[:, where], lifts[:, side], stature) for side, where in enumerate(FEET)]
     torso = _torso(poses, hips, [ankle[0] for ankle in ankles], stature)
     joints = np.empty((len(poses), len(DANCER.joints), 3))
@@ -470,8 +469,7 @@ CARRY = 0.4  # share of travel that flows through the beats rather than stopping
 def dance_motion(dance: Choreography, settings: ClipSettings) -> Motion:
     """A choreography as a recorder with the settings' frame rate and noise would see it."""
     seconds, fps = settings.seconds, settings.fps
-    times = np.arange(round(seconds * fps)) / fps
-    poses, lifts = _poses_at(dance, times)
+    poses, lifts = _poses_at(dance, np.arange(round(seconds * fps)) / fps)
     positions = joint_positions(poses, lifts, dance.stature)
     if settings.noise:
         positions += settings.noise * np.random.default_rng([settings.seed, 5]).standard_normal(positions.shape)
