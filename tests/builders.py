@@ -65,9 +65,7 @@ def still(frames: int, *, fps: float, joints: int = 2, axes: int = 3) -> Motion:
     return Motion(positions, fps, Skeleton.unnamed(joints))
 
 
-BODY = np.array(
-    [[0.0, 0.9, 0.0], [0.0, 1.4, 0.0], [0.5, 1.3, 0.1], [-0.5, 1.3, 0.0], [0.1, 0.0, 0.0], [-0.1, 0.0, 0.1]]
-)
+BODY = np.array([[0, 0.9, 0], [0, 1.4, 0], [0.5, 1.3, 0.1], [-0.5, 1.3, 0], [0.1, 0, 0], [-0.1, 0, 0.1]])
 
 
 def waving(phase: np.ndarray, *, fps: float = 30.0) -> Motion:
@@ -171,10 +169,6 @@ def dance_unit(name: str, motion: np.ndarray, n_prior: int, **fields: Any) -> Da
 def write_pair(folder: Path, clip: Clip) -> tuple[Path, Path, str, Path]:
     """The clip's song, its dance, and the option with the song's beats, so that none need be tracked."""
     assert clip.beats is not None
-    (folder / "song.beats").write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
-    return (
-        write_song(folder / "song.wav", clip),
-        write_dance(folder / "dance.npz", clip),
-        "--beats",
-        folder / "song.beats",
-    )
+    beats = folder / "song.beats"
+    beats.write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
+    return write_song(folder / "song.wav", clip), write_dance(folder / "dance.npz", clip), "--beats", beats
