@@ -61,9 +61,8 @@ def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> No
     assert "song.wav by itself goes at 115" in succeed("score", song, dance, "--dance", "waltz").stderr
     others = {"score": ("--why", tmp_path / "w.html"), "retime": ("--out", tmp_path / "r.npz")}
     for command, out in others.items():
-        assert (
-            "its beats were sought there, and 76 are" in succeed(command, song, dance, "--dance", "waltz", *out).stderr
-        )
+        notes = succeed(command, song, dance, "--dance", "waltz", *out).stderr
+        assert "its beats were sought there, and 76 are" in notes
     dancing = succeed("dance", song, "--dance", "waltz", "--style", "puppet", "--out", tmp_path / "d.npz")
     assert "song.wav by itself goes at 115" in dancing.stderr
     for name in ("cha-cha", "quickstep"):  # of the same tempo, and of twice that
@@ -227,9 +226,7 @@ def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_pa
     assert [(row["kind"], row["frames"]) for row in rows] == [("motion", 3), ("beats", 3)]
 
 
-def test_names_with_brackets_are_shown_whole(
-    tmp_path: Path, click_track: Callable[..., Audio], monkeypatch: pytest.MonkeyPatch
-):
+def test_bracketed_names_are_whole(tmp_path: Path, click_track: Callable[..., Audio], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "200")
     names = ("Song [official video].wav", "[bold].wav", "x[/b].wav")
     for name in names[:2]:
@@ -244,8 +241,7 @@ def test_names_with_brackets_are_shown_whole(
 def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_path: Path):
     clip = planted_dance(seconds=12.0)
     save_motion(tmp_path / "late.npz", clip.motion, offset=3.0)
-    row = json.loads(succeed("data", "check", tmp_path / "late.npz", "--json").stdout)[0]
-    assert row["offset"] == 3.0
+    assert json.loads(succeed("data", "check", tmp_path / "late.npz", "--json").stdout)[0]["offset"] == 3.0
     (tmp_path / "take").mkdir()
     save_motion(tmp_path / "take" / "motion.npz", clip.motion, offset=3.0)
     (tmp_path / "take" / "beats.json").write_text("damaged")
@@ -276,8 +272,7 @@ def song(tmp_path: Path, click_track: Callable[..., Audio]) -> Path:
 def test_tempo_steadiness_and_one_are_printed_and_written(song: Path):
     out = song.with_suffix(".beats")
     # Any "one" will do: 14.1 s is near the 22nd beat, so the first of a bar of three is the first.
-    result = succeed("beats", song, "--dance", "waltz", "--one", 14.1, "--out", out)
-    line, rest = result.output.split("\n", 1)
+    line, rest = succeed("beats", song, "--dance", "waltz", "--one", 14.1, "--out", out).output.split("\n", 1)
     assert re.fullmatch(r'(89\.9|90\.[01]) bpm, steady \(100% of tracked beats .*\); "one" known, 3 beats a bar', line)
     assert rest == f"wrote {out}\n"
     assert out.read_text().startswith(f"# written by harmolab: song.wav: {line}\n")
@@ -597,9 +592,8 @@ def test_a_folder_in_the_mode_of_the_paper_shows_the_numbers_of_the_paper(takes:
 
 
 def test_options_that_would_do_nothing_are_refused(recording: Path, tmp_path: Path):
-    assert "--seconds must be positive, got 0" in refusal(
-        "lab", recording, "--seconds", 0, "--out", tmp_path / "l.html"
-    )
+    empty = ("lab", recording, "--seconds", 0, "--out", tmp_path / "l.html")
+    assert "--seconds must be positive, got 0" in refusal(*empty)
     words = ("play", recording, "--other-offset", 3, "--out", tmp_path / "p.html")
     assert "--other-offset is of --other" in refusal(*words)
     words = ("evaluate", recording, "--music", recording, "--reference", recording, "--out", tmp_path / "t")
@@ -675,9 +669,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
 
 
 @pytest.mark.slow
-def test_a_body_that_was_followed_poorly_is_told_no_sign_by_no_command(
-    video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_poorly_followed_body_is_told_no_sign_anywhere(video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     lost = synthetic_motion(np.sort(np.random.default_rng(3).uniform(0, 12, 24)), seconds=12.0, fps=30.0, seed=1)
     growing = 1 + 0.2 * np.where(np.arange(lost.n_frames) // 30 % 2, 1.0, -1.0)[:, None, None]
     loose = replace(lost, positions=growing * lost.positions)

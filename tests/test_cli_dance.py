@@ -166,9 +166,7 @@ def test_installation_without_weights_says_how_to_get_some(song: Path, tmp_path:
     assert "harmolab train DATA --system harmogan --out RUN" in line
 
 
-def test_page_without_its_library_is_refused_before_any_work(
-    dance: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
-):
+def test_page_without_its_library_is_refused_before_work(dance: Callable[..., Result], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(sys.modules["harmolab.cli.common"], "find_spec", lambda name: None)
     assert "pages need jinja2" in one_line(dance("dance.html"))
 
@@ -466,8 +464,7 @@ def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cac
     folder.mkdir()
     for number in (1, 2):
         save_motion(folder / f"take {number}.npz", swaying(number))
-        result = danced(song, "--from", folder, "--out", "dance.npz", "--verbose")
-        assert ("take 2" in result.stdout) == (number == 2)
+        assert ("take 2" in danced(song, "--from", folder, "--out", "dance.npz", "--verbose").stdout) == (number == 2)
     assert len(list((own_cache / "corpora").iterdir())) == 1
 
 
@@ -489,8 +486,7 @@ def test_a_body_of_another_unit_is_noticed_and_scaled(song: Path, tmp_path: Path
     save_motion(tmp_path / "take.npz", Motion(motion.positions / 5, motion.fps, motion.skeleton))
     small = called(app, "dance", song, "--from", tmp_path / "take.npz", "--seed", 0, "--out", "dance.npz")
     assert "m tall; for other units pass --scale" in small.stderr
-    scaled = danced(song, "--from", tmp_path / "take.npz", "--scale", 5, "--seed", 0, "--out", "dance.npz")
-    assert scaled.stderr == ""
+    assert danced(song, "--from", tmp_path / "take.npz", "--scale", 5, "--seed", 0, "--out", "dance.npz").stderr == ""
     height = standing_height(load_motion("dance.npz").positions)
     assert height == pytest.approx(standing_height(motion.positions), rel=0.1)
 
@@ -533,8 +529,7 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
     done(app, "train", corpus, "--system", "choreographer", "--out", tmp_path / "run")
     about = ("--dance", "cha-cha", "--seed", 0, "--seconds", 6, "--verbose", "--out", "dance.npz")
     for option in ("--weights", "--from"):
-        result = danced(song, option, tmp_path / "run", *about)
-        assert re.search(r"seams, cm\W+\d", result.stdout)
+        assert re.search(r"seams, cm\W+\d", danced(song, option, tmp_path / "run", *about).stdout)
 
 
 @cases(
@@ -576,8 +571,7 @@ def test_hostile_names_of_songs_are_written_beside_and_said_in_one_line(clip: Cl
 
 
 def test_a_name_too_long_to_add_to_is_said_before_any_work(clip: Clip, tmp_path: Path):
-    path = write_song(tmp_path / f"{'x' * 240}.wav", clip)
-    assert "choose one with --out" in one_line(called(app, "dance", path))
+    assert "choose one with --out" in one_line(called(app, "dance", write_song(tmp_path / f"{'x' * 240}.wav", clip)))
 
 
 @pytest.mark.browser

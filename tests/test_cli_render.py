@@ -48,8 +48,7 @@ def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path],
 
 
 def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
-    clip = planted_dance(seconds=16.0, fps=30.0)
-    song, dance = write_pair(tmp_path, clip)[:2]
+    song, dance = write_pair(tmp_path, planted_dance(seconds=16.0, fps=30.0))[:2]
     small = (song, dance, "--offset", 0, "--height", 120, "--rate", 10, "--out", tmp_path / "x.mp4")
     score = score_clip(load_clip(song, dance, offset=0.0))
     text = render(*small).stdout
@@ -106,9 +105,7 @@ def test_points_without_their_video_are_drawn_as_a_person(take: tuple[Path, Path
 
 
 @cases("content, fault", (b"", "over.mp4: the file is empty"), (b"no video" * 99, "over.mp4: cannot be read as video"))
-def test_an_unreadable_video_to_draw_over_is_one_line(
-    content: bytes, fault: str, take: tuple[Path, Path], tmp_path: Path
-):
+def test_unreadable_video_to_draw_over_is_one_line(content: bytes, fault: str, take: tuple[Path, Path], tmp_path: Path):
     (tmp_path / "over.mp4").write_bytes(content)
     words = (*take, "--fps", 25, "--over", tmp_path / "over.mp4", "--no-marks", "--out", tmp_path / "x.mp4")
     assert fault in complaint(app, "play", *words)
@@ -176,8 +173,7 @@ def test_what_cannot_be_done_is_one_line(
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Song and motion of a rumba whose steps come early and late."""
-    clip = synthetic_clip("rumba", seconds=6.0, jitter=0.15, seed=3)
-    return write_pair(tmp_path_factory.mktemp("pair"), clip)[:2]
+    return write_pair(tmp_path_factory.mktemp("pair"), synthetic_clip("rumba", seconds=6.0, jitter=0.15, seed=3))[:2]
 
 
 def row(result: Result, name: str) -> list[str]:
@@ -187,8 +183,7 @@ def row(result: Result, name: str) -> list[str]:
 
 
 def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
-    clip = synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3)
-    song, dance = write_pair(tmp_path, clip)[:2]
+    song, dance = write_pair(tmp_path, synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3))[:2]
     result = retime(song, dance, "--offset", 0, "--out", tmp_path / "x.npz")
     said = [line for line in result.output.splitlines() if line.startswith(("before: ", "after: "))]
     numbers = [re.match(r"(\w+): You are on the beat: slow on it.* above chance ([\d.]+) ", line) for line in said]

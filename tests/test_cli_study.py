@@ -212,8 +212,7 @@ def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, 
 @pytest.mark.slow
 def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus: Path, tmp_path: Path):
     folder = answered(made(corpus, tmp_path / "study"), 1.0, 1.0, 0.0)
-    result = succeed("data", "study", "analyse", folder, "--out", tmp_path / "results", "--json")
-    summary = json.loads(result.stdout)
+    summary = json.loads(succeed("data", "study", "analyse", folder, "--out", tmp_path / "results", "--json").stdout)
     assert summary["simulated"] is True
     rates = {row["rater"]: (row["n"], row["rate"]) for row in summary["raters"]}
     assert rates.pop("all") == (3 * N, pytest.approx(2 / 3))

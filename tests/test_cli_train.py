@@ -157,9 +157,7 @@ def test_a_choice_of_few_is_checked_before_any_work(option: str, value: str, cor
     ("short", (2, 2.0), "no unit to train on below .*short"),
     ("few", (1, 10.0), "more recordings"),
 )
-def test_a_corpus_that_will_not_do_is_told(
-    name: str, size: tuple[int, float] | None, message: str, run: Run, tmp_path: Path
-):
+def test_a_corpus_that_fails_is_told(name: str, size: tuple[int, float] | None, message: str, run: Run, tmp_path: Path):
     if size is not None:
         (tmp_path / name).mkdir()
         if size[0]:
@@ -210,9 +208,7 @@ def test_after_ctrl_c_or_a_signal_to_end_there_is_a_line_that_says_how_to_go_on(
     assert "harmolab: stopped; the same command with --resume goes on from there\n" in result.stderr
 
 
-def test_a_setting_that_is_called_otherwise_is_named_by_its_option_too(
-    monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
-):
+def test_a_setting_called_otherwise_is_named_by_option_too(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
     def train(*given: object, **options: object) -> None:
         raise ValueError("settings.json: music2dance.first_epochs is 3, but 4 is asked for")
 
@@ -334,9 +330,7 @@ def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().err == "pretrain epoch 5: rate 0.0001  tau 0.25  mse 314  val_mse 0.333\n"
 
 
-def test_epochs_that_take_long_are_told_without_a_validation(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
+def test_long_epochs_are_told_without_a_validation(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     moments = iter([0.0, 20.0, 40.0, 40.0, 60.0])  # the begin, three epochs, and the line
     monkeypatch.setattr(training, "monotonic", lambda: next(moments))
     with epoch_bar() as report:
