@@ -164,8 +164,7 @@ def test_patterns_are_learnt_on_other_sequences_and_other_figures():
 
 def test_a_figure_that_recurs_beside_another_is_not_fitted_on():
     judged, mixed = danced("A", dancer(1, peak=1.0), "X"), danced("B", dancer(2, peak=1.0), "Y", "X")
-    other = danced("C", dancer(3), "Z")
-    parts = [part_of(sequence) for sequence in (judged, mixed, other)]
+    parts = [part_of(sequence) for sequence in (judged, mixed, danced("C", dancer(3), "Z"))]
     assert learn_patterns(parts)[0].cosines == fit_pattern([parts[2].sums]).cosines
 
 

@@ -48,8 +48,7 @@ def test_batch_agrees_with_single_clips_even_without_beats(rng: np.random.Genera
 
 def test_beats_of_one_clip_never_hit_those_of_the_next() -> None:
     music = BeatTrack([5.99], [1.0], 15.0, 6.0)
-    early = BeatTrack([0.0], [1.0], 15.0, 6.0)
-    scores = rescore(BeatBatch.of([(music, early)] * 2), HarmonyParams.valleys())
+    scores = rescore(BeatBatch.of([(music, BeatTrack([0.0], [1.0], 15.0, 6.0))] * 2), HarmonyParams.valleys())
     np.testing.assert_array_equal(scores.hitting_score, [0.0, 0.0])
 
 
@@ -160,8 +159,7 @@ def smooth_noise(rng: np.random.Generator, seconds: float) -> tuple[np.ndarray, 
 
 
 def bars(count: int, cycle: int, *, period: float = 0.5, first: float = 0.0) -> BeatTrack:
-    places = np.arange(count) % cycle
-    return metronome(np.ones(count), period=period, first=first, bar_places=places)
+    return metronome(np.ones(count), period=period, first=first, bar_places=np.arange(count) % cycle)
 
 
 def test_curve_begins_where_a_cycle_does_and_holds_whole_cycles():
@@ -198,9 +196,8 @@ def test_harmony_of_many_clips_is_that_of_the_place_test(pattern: BarPattern, rn
         test = place_test(signal, track.times, track.bar_places, pattern)
         singles.append(2 * np.interp(np.arange(10) / 10 * 48, np.arange(test.curve.size), test.curve) - 1)
     weights = np.tile(coefficients(pattern, pattern.beats), (3, 1))
-    many = FitBatch.of(curves, pattern.beats).harmony(weights)
     # One ranks 20 moments a beat, the other 48.
-    np.testing.assert_allclose(many[:, :10], singles, atol=0.04)
+    np.testing.assert_allclose(FitBatch.of(curves, pattern.beats).harmony(weights)[:, :10], singles, atol=0.04)
 
 
 def test_pattern_of_a_beat_is_the_same_over_a_cycle_of_beats():

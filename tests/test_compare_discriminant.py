@@ -135,8 +135,7 @@ def by_hand(clips: list[FloatArray]) -> FloatArray:
 
 
 def test_weights_are_those_of_the_formula_on_the_clips_that_may_teach(noise: FitBatch):
-    usable = ~np.eye(5, dtype=bool)
-    weights = DiscriminantLessons.of(noise, usable).weights()
+    weights = DiscriminantLessons.of(noise, ~np.eye(5, dtype=bool)).weights()
     timed = (0, 1, 2, 4)  # the fourth has no beats
     features = {i: beat_features(noise.fits[i, :, : noise.sizes[i]], 2) for i in timed}
     for judged in range(5):
@@ -300,9 +299,7 @@ def recorded(corpus: Path, window: float | None) -> dict[str, Any]:
 @pytest.mark.data
 @pytest.mark.slow
 @cases("corpus, window, least", ("beatlocked", 6.0, 0.77), ("beatlocked", None, 0.90), ("realdance/replays", 6.0, 0.90))
-def test_recorded_movement_in_time_is_told_from_lagged_music(
-    data_root: Path, corpus: str, window: float | None, least: float
-):
+def test_movement_in_time_is_told_from_lagged_music(data_root: Path, corpus: str, window: float | None, least: float):
     row = recorded(data_root / corpus, window)["scores"]["recommended"]
     assert row["auc"] >= least and row["auc"] > row["chance_band"][1]
 

@@ -80,9 +80,7 @@ def test_any_number_of_processes_writes_the_same_bytes(jobs: int, undisturbed: P
     assert contents(tmp_path / "out") == contents(undisturbed)
 
 
-def test_a_few_tasks_are_measured_in_this_process_unless_a_number_is_named(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_few_tasks_are_measured_in_this_process_unless_a_number_is_set(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(engine, "_connected", lambda jobs, scheduler: 1 / jobs / 0)  # would start processes
     run_rows(Numbers(engine.FEW - 1), square, tmp_path / "few", jobs=None)
     with pytest.raises(ZeroDivisionError):
@@ -268,9 +266,7 @@ def test_cells_of_no_known_kind_are_errors_and_mixed_columns_name_the_column(tmp
         run_rows(Numbers(2), lambda task: {"x": "one" if task.number else 1.5}, tmp_path / "b", jobs=0)
 
 
-def test_without_dask_several_processes_are_refused_and_the_packages_own_name_is_said(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_without_dask_processes_are_refused_and_its_name_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(engine, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r'pip install "dask\[distributed\]"; or measure in this process: --jobs 0'):
         run_rows(Numbers(3), square, tmp_path / "out", jobs=1)
@@ -278,9 +274,7 @@ def test_without_dask_several_processes_are_refused_and_the_packages_own_name_is
 
 
 @pytest.mark.slow
-def test_without_arrow_the_rows_are_csv_and_the_table_is_the_same(
-    monkeypatch: pytest.MonkeyPatch, undisturbed: Path, tmp_path: Path
-):
+def test_without_arrow_rows_are_csv_and_tables_same(monkeypatch: pytest.MonkeyPatch, undisturbed: Path, tmp_path: Path):
     with monkeypatch.context() as patch:
         patch.setattr(parts, "find_spec", lambda name: None)
         run_rows(Numbers(100), square, tmp_path / "out", jobs=0)
@@ -332,9 +326,7 @@ def rows_there(out: Path) -> int:
 
 @pytest.mark.slow
 @cases("jobs, kills", (0, 4), (2, 3))
-def test_a_client_killed_at_random_moments_ends_with_the_same_table(
-    jobs: int, kills: int, undisturbed: Path, tmp_path: Path
-):
+def test_clients_killed_at_random_moments_end_with_one_table(jobs: int, kills: int, undisturbed: Path, tmp_path: Path):
     rng = np.random.default_rng(jobs)
     moments = []
     while len(moments) < kills:

@@ -679,8 +679,7 @@ def with_protocols(table: Evaluation) -> Evaluation:
 
 
 def test_latex_has_the_columns_of_all_protocols_as_papers_print_them(table: Evaluation) -> None:
-    published = with_protocols(table)
-    text = table_tex(published)
+    text = table_tex(with_protocols(table))
     *own, (columns, rows) = tabulars(text)
     assert own == tabulars(table_tex(table))
     assert columns == "lcccccc" and [width(row) for row in rows] == [7] * 7
@@ -861,8 +860,7 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
 def test_a_song_in_which_no_beat_is_heard_is_a_fault(planted: Path, tmp_path: Path) -> None:
     silent = tmp_path / "silent.wav"
     soundfile.write(silent, np.zeros(10 * 22050), 22050)
-    dance = planted / "off" / "clip_0001_cha-cha.npz"
-    pair = Pair("x", "", "silent", dance, silent)
+    pair = Pair("x", "", "silent", planted / "off" / "clip_0001_cha-cha.npz", silent)
     refused(r"silent\.wav: holds no beats; give them in a file SONG\.beats", clip_row, pair, RowOptions())
     silent.with_suffix(".beats").write_text("1\n2\n3\n")
     assert clip_row(pair, RowOptions())["music_beats"] == 3
@@ -915,8 +913,7 @@ def test_files_that_changed_are_measured_anew(few: Path, tmp_path: Path, monkeyp
     assert len(whole) == 8 and resumed() == []
     last = sorted(folder.iterdir())[-1]
     save_motion(last, load_motion(sorted(folder.iterdir())[0]))
-    position = whole.index(f"off {last.stem}")
-    assert resumed() == whole[position:]
+    assert resumed() == whole[whole.index(f"off {last.stem}") :]
     (music / f"{last.stem}.beats").write_text("1\n2\n3\n4\n")
     first = next(place for place, name in enumerate(whole) if name.endswith(last.stem))
     assert resumed() == whole[first:]
@@ -994,8 +991,7 @@ class Fake:
 def test_a_protocol_adds_its_numbers(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused("no protocol is called 'fake'", settings, few, protocols=["fake"])
     monkeypatch.setattr("harmolab.lab.evaluate.protocols.PROTOCOLS", {"fake": Fake()})
-    some = settings(few, protocols=["fake"], systems={"off": few / "off"})
-    evaluation = evaluate_dances(some, tmp_path / "table")
+    evaluation = evaluate_dances(settings(few, protocols=["fake"], systems={"off": few / "off"}), tmp_path / "table")
     beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")
     assert evaluation.means["off", "fake beats"].mean == pytest.approx(beats["music_beats"].mean())
     assert evaluation.sets["off", "fake FID_k"].value == 0 and "fake beats" in evaluation.measures

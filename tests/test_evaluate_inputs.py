@@ -159,8 +159,7 @@ def test_a_slice_begins_where_its_number_says_and_is_not_guessed_without_a_strid
 
 
 def test_a_file_of_edge_that_says_no_start_is_remarked_on(field: Path, tmp_path: Path) -> None:
-    source = next((field / "edge").iterdir())
-    shutil.copy(source, tmp_path / "test_mBR0.pkl")
+    shutil.copy(next((field / "edge").iterdir()), tmp_path / "test_mBR0.pkl")
     pair = Pair("edge", "", "mBR0", tmp_path / "test_mBR0.pkl", field / "songs" / "mBR0.wav")
     row = clip_row(pair, RowOptions(fps=30.0))
     assert (row["offset"], row["begins"]) == (0.0, "assumed, file of EDGE")
@@ -298,8 +297,7 @@ def test_eleven_faults_are_each_named_and_are_in_no_number(faults: Path, tmp_pat
     assert ">2 of 13, 2, 1<" in page
     table = pd.read_csv(tmp_path / "table" / "table.csv").set_index("system").loc["ours"]
     assert (table["dances"], table["total"], table["seeds"]) == (2, 13, 1)
-    clips = pd.read_csv(tmp_path / "table" / "clips.csv").set_index("system")
-    assert clips.loc["ours", "error"].notna().sum() == 8
+    assert pd.read_csv(tmp_path / "table" / "clips.csv").set_index("system").loc["ours", "error"].notna().sum() == 8
     # No fault reaches a mean: the sound dances are those of `recorded`.
     recorded = pd.read_csv(tmp_path / "table" / "table.csv").set_index("system").loc["recorded"]
     for measure in ("harmony", "pfc", "foot_skating", "jerk", "hands"):
@@ -323,8 +321,7 @@ def test_what_is_odd_and_no_fault_is_a_remark_in_the_row(faults: Path, tmp_path:
     positions = motion.positions.copy()
     positions[100:160] = positions[100]
     save_motion(tmp_path / "song0.npz", replace(motion, positions=positions), offset=3.0)
-    pair = Pair("x", "", "song0", tmp_path / "song0.npz", faults / "songs" / "song0.wav")
-    row = clip_row(pair, RowOptions())
+    row = clip_row(Pair("x", "", "song0", tmp_path / "song0.npz", faults / "songs" / "song0.wav"), RowOptions())
     assert row["begins"] == "kept in the file"
     assert "frozen for 0.5 s and more" in row["odd"] and "ends after its song" in row["odd"]
     assert "frozen once, longest 0.98 s" in row["oddities"] and "ends 3.00 s after the audio" in row["oddities"]
@@ -415,8 +412,7 @@ def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_
     edited(row, **dict.fromkeys(("title", "by", "data", "licence"), "text"), obtain="from /home/me/data")
     dances = pd.read_csv(evidence)
     dances.assign(harmony=dances["harmony"] + 0.1, song=["song0"] * len(dances)).to_csv(evidence, index=False)
-    files = pd.read_csv(out / "files.csv")
-    files.iloc[1:].to_csv(out / "files.csv", index=False)
+    pd.read_csv(out / "files.csv").iloc[1:].to_csv(out / "files.csv", index=False)
     result = run("evaluate", "submit", out)
     assert result.exit_code == 1
     faults = ("numbers do not follow", "digest of the data does not", "are not the songs of", "place on a disk (/h")
@@ -491,8 +487,6 @@ def test_marks_are_parts_of_the_words_of_a_name(dance: str, songs: list[str], so
 
 def test_recorded_dances_may_have_a_frame_rate_of_their_own(field: Path):
     some = settings(field, "fact", fps={"fact": 60.0, "recorded": 30.0})
-    rates = {(pair.kind, pair.fps) for pair in evaluation_pairs(some).pairs}
-    assert rates == {("generated", 60.0), ("recorded", 30.0)}
-    refused(
-        "--seed-frames recorded=3: no system", evaluation_pairs, settings(field, "fact", seed_frames={"recorded": 3})
-    )
+    assert {(pair.kind, pair.fps) for pair in evaluation_pairs(some).pairs} == {("generated", 60.0), ("recorded", 30.0)}
+    seeded = settings(field, "fact", seed_frames={"recorded": 3})
+    refused("--seed-frames recorded=3: no system", evaluation_pairs, seeded)

@@ -198,8 +198,7 @@ def test_names_of_songs_that_look_like_numbers_or_like_nothing_stay_what_they_ar
 
 
 def test_columns_of_a_protocol_are_means_over_dances_as_in_the_table():
-    songs = ["a", "a", "a", "b"]
-    names = {"system": "x", "seed": "", "kind": "generated", "dance": "", "song": songs}
+    names = {"system": "x", "seed": "", "kind": "generated", "dance": "", "song": ["a", "a", "a", "b"]}
     dances = pd.DataFrame(
         {
             **dict.fromkeys(MEASURES, float("nan")),

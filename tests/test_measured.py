@@ -118,8 +118,7 @@ def test_seeds_are_averaged_within_a_song_in_a_summary() -> None:
 
 def test_a_table_that_was_read_back_from_a_file_has_the_same_summary() -> None:
     table = lines(("x", "a", "", "harmony", 1.0), ("x", "b", "", "harmony", 4.0), ("x", "", "", "fid_kinetic", 2.0))
-    file = io.StringIO(table.to_csv(index=False))
-    pd.testing.assert_frame_equal(summary(pd.read_csv(file)), summary(table))
+    pd.testing.assert_frame_equal(summary(pd.read_csv(io.StringIO(table.to_csv(index=False)))), summary(table))
 
 
 def test_the_difference_is_over_the_songs_of_both() -> None:

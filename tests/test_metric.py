@@ -94,8 +94,7 @@ def test_the_metric_has_the_numbers_of_the_command(evaluated: Evaluated):
     numbers = metric.compute()
     assert numbers.keys() == {*MEASURES, *evaluated.numbers}
     assert {"harmony", "likeness", "fid_kinetic", "fid_geometric", "multimodality_kinetic"} <= evaluated.numbers.keys()
-    own = {name: numbers[name] for name in evaluated.numbers}
-    assert own == pytest.approx(evaluated.numbers, rel=1e-9, abs=1e-9)
+    assert {name: numbers[name] for name in evaluated.numbers} == pytest.approx(evaluated.numbers, rel=1e-9, abs=1e-9)
     nan, of = "harmony_dance of 2 of 10 dances is NaN:", "is none of cha-cha, rumba, waltz."
     assert sorted(metric.remarks) == [f"{nan} {name!r} {of}" for name in ("jive", "quickstep", "samba")]
     metric.reset()
@@ -186,9 +185,7 @@ def damaged(path: Path, **changes: Any) -> Path:
     ({"limits": {"pooled": 3}}, "no limits of likeness"),
     ({"numbers": np.array([{}])}, "only plain numbers are read, never Python objects"),
 )
-def test_a_reference_that_is_damaged_is_an_error_that_names_the_file(
-    tmp_path: Path, changes: dict[str, Any], fault: str
-):
+def test_a_damaged_reference_is_an_error_that_names_the_file(tmp_path: Path, changes: dict[str, Any], fault: str):
     refused(rf"ref\.npz: .*({fault})", load_reference, damaged(tmp_path / "ref.npz", **changes))
 
 

@@ -53,8 +53,7 @@ def test_what_are_no_moments_is_refused_by_name(message, call, arguments, option
 
 
 def test_lists_and_frame_numbers_are_moments_too():
-    frames = np.array([1, 3], np.uint8)
-    assert alignment.beat_align(frames, [2, 3], sigma=1) == pytest.approx((1 + np.exp(-0.5)) / 2)
+    assert alignment.beat_align(np.array([1, 3], np.uint8), [2, 3], sigma=1) == pytest.approx((1 + np.exp(-0.5)) / 2)
     assert hitting_score(hit_mask([1.0, 2.0], [2.0], delay=0.1), [3.0, 4.0]) == 4.0
 
 
@@ -104,8 +103,7 @@ def test_the_p_score_is_not_the_slow_one_of_mir_eval(monkeypatch: pytest.MonkeyP
 
 
 def test_all_other_scores_come_in_one_dictionary():
-    motion = STEADY[:10] + 0.05
-    scores = alignment.other_scores(track(STEADY, duration=30.0), track(motion, duration=30.0))
+    scores = alignment.other_scores(track(STEADY, duration=30.0), track(STEADY[:10] + 0.05, duration=30.0))
     assert scores["beat_align_motion"] == pytest.approx(np.exp(-0.5))  # 0.05 s is AIST++'s sigma
     assert (scores["beat_coverage"], scores["beat_hit_rate"]) == (10 / STEADY.size, 1.0)
     assert scores["mir_eval_f"] == pytest.approx(2 * 10 / (10 + STEADY.size))
@@ -597,11 +595,8 @@ def test_flat_short_and_invalid_motions_have_no_energies():
     t = np.arange(30) / 60
     motion = second_joint(t, t, t)
     refused("three-dimensional", features.kinetic_features, replace(motion, positions=motion.positions[..., :2]))
-    refused(
-        r"lasts 0.033 s, too short",
-        features.kinetic_features,
-        replace(motion, positions=motion.positions[:2], valid=None),
-    )
+    short = replace(motion, positions=motion.positions[:2], valid=None)
+    refused(r"lasts 0.033 s, too short", features.kinetic_features, short)
     refused("nowhere valid for 1/12 s", features.kinetic_features, replace(motion, valid=np.arange(30) % 4 != 0))
 
 

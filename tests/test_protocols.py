@@ -217,9 +217,7 @@ def test_features_of_bailando_start_at_the_origin_and_end_after_20_seconds():
 # More dances than features, and as few as tables have: the covariances of 40 dances are singular.
 @pytest.mark.parametrize("sizes", [(120, 150), (20, 40)])
 @pytest.mark.parametrize("protocol", [AIST, BAILANDO])
-def test_distances_and_diversity_are_those_of_the_published_definition(
-    protocol, sizes: tuple[int, int], rng: np.random.Generator
-):
+def test_distances_and_diversity_are_as_published(protocol, sizes: tuple[int, int], rng: np.random.Generator):
     mixing = {"kinetic": rng.normal(size=(72, 72)), "geometric": rng.normal(size=(32, 32))}
     features = {name: rng.normal(1.0, 2.0, (sizes[0], len(matrix))) @ matrix for name, matrix in mixing.items()}
     reference = {name: rng.normal(0.0, 1.0, (sizes[1], len(matrix))) @ matrix for name, matrix in mixing.items()}
@@ -242,8 +240,7 @@ def loaded(song: Path, rate: float) -> np.ndarray:
 
 def frames_of_aist(song: Path, fps: float) -> list[int]:
     rate = fps * 512
-    samples = loaded(song, rate)
-    strength = librosa.onset.onset_strength(y=samples, sr=rate)
+    strength = librosa.onset.onset_strength(y=loaded(song, rate), sr=rate)
     # The published table of tempi by the four letters of a song's name.
     tempo = {"mBR0": 80, "mBR5": 130, "mLO3": 110, "mHO5": 135}.get(song.stem, 120)
     _, beats = librosa.beat.beat_track(onset_envelope=strength, sr=rate, hop_length=512, start_bpm=tempo, tightness=100)
@@ -316,9 +313,7 @@ def test_a_tempo_in_the_name_of_a_song_changes_the_beats(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_published_beats_of_a_song_are_tracked_once_for_all_rows_and_processes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_published_beats_are_tracked_once_for_all_rows_and_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path / "cache"))
     names = [f"song{number:02d}" for number in range(16)]
     for name in names:
@@ -348,9 +343,8 @@ def test_published_beats_move_with_the_start_of_the_motion(tmp_path: Path):
     song = song_file(tmp_path / "waltz.wav")
     clips = [pair_clip(Pair("x", "", "waltz", dance_file(tmp_path / f"{start}.npz", 60.0, offset=start / 60), song),
                        RowOptions()) for start in (0, 90)]  # fmt: skip
-    whole, late = (
-        np.rint(published_music_and_motion(clip, song, "waltz", AIST.music_beats)[0].times * 60) for clip in clips
-    )
+    tracks = [published_music_and_motion(clip, song, "waltz", AIST.music_beats)[0] for clip in clips]
+    whole, late = (np.rint(track.times * 60) for track in tracks)
     np.testing.assert_array_equal(late[late < 510], whole[whole >= 90] - 90)
 
 
@@ -501,9 +495,8 @@ def test_distances_of_few_dances_are_not_corrected(rng: np.random.Generator):
 def test_joints_are_matched_by_name_in_any_order(rng: np.random.Generator):
     dance = DANCES["moving body"]
     order = rng.permutation(24)
-    shuffled = Motion(
-        dance.positions[:, order], 60.0, skeleton_part(Skeleton(SMPL_NAMES, SMPL_24.parents), order.tolist())
-    )
+    skeleton = skeleton_part(Skeleton(SMPL_NAMES, SMPL_24.parents), order.tolist())
+    shuffled = Motion(dance.positions[:, order], 60.0, skeleton)
     for protocol in PROTOCOLS.values():
         assert protocol.clip(shuffled, MUSIC) == pytest.approx(protocol.clip(dance, MUSIC))
         for name, feature in protocol.features(dance).items():

@@ -161,9 +161,7 @@ def test_a_shard_is_a_number_and_how_many_there_are(text: str):
     refused("--shard must be a number and how many there are, as 1/4 to 4/4", Shard.of, text)
 
 
-def test_a_list_of_pairs_is_read_line_by_line_and_a_shard_keeps_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_list_of_pairs_is_read_by_lines_and_a_shard_keeps_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "song.wav").touch()
     names = [f"d{number}.npz" for number in range(40)]
     for name in names:
