@@ -395,8 +395,7 @@ def test_silences_throughout_or_at_other_times_hold_nothing():
 def test_a_dance_slows_down_in_its_last_beat_and_rests_at_its_end():
     form = silent(99.0, 99.0)
     music = heard(form, end=15.2)  # the last three beats, from 13.5 to 15 s, are danced as one
-    numbers = beat_numbers(music, np.array([13.5, 15.0, 15.1, 15.2]))
-    np.testing.assert_allclose(numbers, [27, 28, 28, 28])
+    np.testing.assert_allclose(beat_numbers(music, np.array([13.5, 15.0, 15.1, 15.2])), [27, 28, 28, 28])
     assert music.places.tolist() == (np.arange(29) % 3).tolist()
     fast = heard(form, end=7.0, period=0.35)  # 20 beats: the last four are danced as one
     np.testing.assert_allclose(beat_numbers(fast, 0.35 * np.array([15, 16, 20])), [15, 16, 17])
@@ -419,8 +418,7 @@ def test_a_short_dance_and_one_that_ends_in_silence_are_not_slowed_down():
     ((-50, -20, -30), 0.5, (0.1, 0.9, 0.5)),  # of 30 dB the upper 20 count
 )
 def test_loud_and_fast_music_aims_at_quick_movement(levels: tuple[float, ...], usual: float, ranks: tuple[float, ...]):
-    form = Form.of(sound(*((10.0, level) for level in levels)))
-    music = heard(form, end=-1.0, count=20 * len(levels), usual=usual)
+    music = heard(Form.of(sound(*((10.0, level) for level in levels))), end=-1.0, count=20 * len(levels), usual=usual)
     np.testing.assert_allclose(music.ranks[10::20], ranks, atol=1e-6)
     assert heard(Form.of(SILENCE)).ranks.size == 0
 
@@ -518,8 +516,7 @@ def test_a_mirrored_take_has_left_and_right_in_each_others_place(rng: np.random.
     (30.0, 30.0, Skeleton.unnamed(6), False),
 )
 def test_mirrored_takes_join_where_recordings_are_few(recorded: float, danced: float, skeleton: Skeleton, joins: bool):
-    motion = replace(waving(np.arange(0.0, 2 * recorded, 1 / 15)), skeleton=skeleton)
-    dancer = Choreographer.of([motion])
+    dancer = Choreographer.of([replace(waving(np.arange(0.0, 2 * recorded, 1 / 15)), skeleton=skeleton)])
     names = {course.take.name for course in dancer._moves_of(dancer.takes, 0.5, danced).courses}
     assert names == ({"motion 1", "motion 1, mirrored"} if joins else {"motion 1"})
 
@@ -967,8 +964,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def dance(seed: int, *, seconds: float = 14.0) -> Motion:
     """Somebody who dances from the first second to the last."""
-    beats = np.arange(0.3, seconds, 0.5)
-    return synthetic_motion(beats, seconds=seconds, fps=30.0, seed=seed)
+    return synthetic_motion(np.arange(0.3, seconds, 0.5), seconds=seconds, fps=30.0, seed=seed)
 
 
 def with_standing(motion: Motion, before: float, after: float) -> Motion:

@@ -40,8 +40,7 @@ def dancer() -> Motion:
 
 def outcome_of(dancer: Motion, positions: np.ndarray) -> dict[str, bool]:
     """Measure -> whether positions keep the limits that a dancer sets."""
-    measures = DANCES.endurance(replace(dancer, positions=positions))
-    return passed(measures, limits_of(DANCES.endurance(dancer)))
+    return passed(DANCES.endurance(replace(dancer, positions=positions)), limits_of(DANCES.endurance(dancer)))
 
 
 def test_a_dancer_passes_by_a_dancer_of_the_same_dance(dancer: Motion):

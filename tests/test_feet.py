@@ -405,8 +405,7 @@ def test_what_is_no_leg_of_two_bones_is_none(joints: tuple[str, ...], parents: t
 
 
 def test_what_hangs_on_the_ankle_goes_with_it():
-    skeleton = Skeleton(("hip", "knee L", "ankle L", "ball L", "toe L"), (-1, 0, 1, 2, 3))
-    assert find_leg(skeleton, (2,)).foot == (2, 3, 4)
+    assert find_leg(Skeleton(("hip", "knee L", "ankle L", "ball L", "toe L"), (-1, 0, 1, 2, 3)), (2,)).foot == (2, 3, 4)
 
 
 def test_a_moved_foot_arrives_and_no_bone_changes():
@@ -545,8 +544,7 @@ def test_a_walk_on_the_spot_gets_its_way_back():
 
 def test_of_feet_on_the_floor_of_which_nothing_is_told_the_slower_carries():
     truth, stands = walk(lift=0.0)
-    put = standing_dancer(truth, FPS, WALKER, 0.0 * stands)
-    assert put[-1, 0, 2] > 0.85 * truth[-1, 0, 2]
+    assert standing_dancer(truth, FPS, WALKER, 0.0 * stands)[-1, 0, 2] > 0.85 * truth[-1, 0, 2]
 
 
 def test_a_straight_leg_whose_knee_trembles_bends_forwards_all_the_time():

@@ -112,8 +112,7 @@ def movements(clip: Clip) -> PoseBank:
 
 @pytest.mark.parametrize("start", [0.0, 7.3])
 def test_what_the_generator_does_on_the_beat_is_on_the_beat_of_the_song(start: float):
-    track = beat_track(0.8)
-    motion = danced(Planted(nodding), beats=track, start=start)
+    motion = danced(Planted(nodding), beats=beat_track(0.8), start=start)
     position = (start + np.arange(motion.n_frames) / FPS - 0.2) / 0.8
     forward = 0.6 * np.sin(0.3 * np.cos(2 * np.pi * position))
     # The first half second still fades from the movement that the dance starts from.
@@ -257,11 +256,9 @@ def test_meters_cover_the_dance_without_gaps_and_have_beats_before_them():
 
 def test_accents_decide_where_meters_begin():
     # Strong where a beat is stronger than the one before: 5/4 as 3 + 2, from the beat at 1.0 s on.
-    strengths = np.tile([3.0, 1.0, 1.0, 2.0, 1.0], 8)
-    track = BeatTrack(1.0 + 0.4 * np.arange(40), strengths, 100.0, 20.0)
-    meters = meter_frames(track, FEATURES, start=5.0, n_frames=100, fps=FPS)
+    track = BeatTrack(1.0 + 0.4 * np.arange(40), np.tile([3.0, 1.0, 1.0, 2.0, 1.0], 8), 100.0, 20.0)
     # Frames floor((1.0 + 0.4 * 5 k - 5.0) * 15)
-    assert [meter.meter for meter in meters] == [0, 30, 60, 90]
+    assert [meter.meter for meter in meter_frames(track, FEATURES, start=5.0, n_frames=100, fps=FPS)] == [0, 30, 60, 90]
 
 
 # Borders
@@ -336,8 +333,7 @@ def test_planting_moves_the_body_as_one_and_leaves_footless_skeletons_alone():
     planted = planted_feet(sliding, FPS, SKELETON)
     np.testing.assert_allclose(np.diff(planted, axis=1), np.diff(sliding, axis=1), atol=1e-12)
     np.testing.assert_array_equal(planted[..., 1], sliding[..., 1])
-    nameless = Skeleton(("a", "b", "c", "d"), SKELETON.parents)
-    np.testing.assert_array_equal(planted_feet(sliding, FPS, nameless), sliding)
+    np.testing.assert_array_equal(planted_feet(sliding, FPS, Skeleton(("a", "b", "c", "d"), SKELETON.parents)), sliding)
 
 
 # A sketch that is corrected
@@ -410,8 +406,7 @@ def test_a_sketch_of_other_joints_is_refused():
 def test_shipped_weights_name_the_bank_that_they_correct(tmp_path: Path):
     bank = shipped_bank("salsa")
     lengths = torch.tensor(bone_lengths(bank.takes[0].motion.positions, bank.skeleton))
-    sizes = replace(TINY, bounded=True)
-    generator = Generator(sizes, BEATS.n_audio, bank.skeleton, lengths, fps=FPS, features=BEATS)
+    generator = Generator(replace(TINY, bounded=True), BEATS.n_audio, bank.skeleton, lengths, fps=FPS, features=BEATS)
     HarmoGAN(generator, meta={"note": "kept"}, sketches=bank).save(tmp_path / "run")
     for out in ("one", "two"):
         ship(tmp_path / "run", tmp_path / out)

@@ -121,8 +121,7 @@ def test_centimetres_survive_mixed_precision():
 
 
 def test_generator_computes_in_double_precision_too():
-    made = arm_generator().double()(noise(1, 5, 4).double(), noise(1, 5, 12).double())
-    assert made.motion.dtype == torch.float64
+    assert arm_generator().double()(noise(1, 5, 4).double(), noise(1, 5, 12).double()).motion.dtype == torch.float64
 
 
 @cases(

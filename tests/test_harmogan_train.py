@@ -124,8 +124,7 @@ def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch
     kept: list[torch.Tensor] = []
     patient = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=2)
     report = lambda row, end: kept.append(weights(networks.generator))  # noqa: E731
-    rows = run(fabric, networks, split, patient, tmp_path, report=report)
-    assert [row["epoch"] for row in rows] == [0, 1, 2, 3]
+    assert [row["epoch"] for row in run(fabric, networks, split, patient, tmp_path, report=report)] == [0, 1, 2, 3]
     assert torch.equal(weights(networks.generator), kept[1])
     assert not torch.equal(kept[1], kept[3])
 
@@ -133,8 +132,7 @@ def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch
 def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
     networks: Networks, split: Split, fabric: Fabric, tmp_path: Path
 ):
-    hasty = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1)
-    rows = run(fabric, networks, split, hasty, tmp_path)
+    rows = run(fabric, networks, split, replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1), tmp_path)
     assert len(rows) > harmogan.VALIDATE_EVERY and "val_mse" in rows[harmogan.VALIDATE_EVERY - 1]
     assert torch.equal(weights(load_generator(tmp_path / "pretrained")), weights(networks.generator))
 
@@ -269,9 +267,7 @@ def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
     torch.testing.assert_close(losses.body_joints(networks.generator, raised), joints)
 
 
-def test_total_is_the_terms_by_the_weights_of_section_5_2(
-    split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
-):
+def test_total_is_the_terms_by_weights_of_section_5_2(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
     once = replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13)
     pretrain, row = run(fabric, networks, split, once, tmp_path)
     assert pretrain["total"] == pytest.approx(0.1 * pretrain["kl"] + pretrain["mse"], rel=1e-5)
@@ -394,8 +390,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
 
 def test_every_epoch_is_reported_and_tau_falls_geometrically_in_the_adversarial_ones(finished: tuple[Path, list[Any]]):
     assert [row["phase"] for row in finished[1]] == ["pose network"] + 3 * ["pretrain"] + 3 * ["adversarial"]
-    softness = [row["tau"] for row in finished[1][-3:]]
-    assert softness == pytest.approx([0.5, (0.5 * 0.1) ** 0.5, 0.1])
+    assert [row["tau"] for row in finished[1][-3:]] == pytest.approx([0.5, (0.5 * 0.1) ** 0.5, 0.1])
 
 
 def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], split: Split):
@@ -403,8 +398,7 @@ def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], s
     assert generator.features == split.train.features
     assert read_about(finished[0] / "model")["meta"]["units"] == 13
     assert load_pose_net(finished[0] / "pose_net").fps == 15.0
-    before = load_generator(finished[0] / "pretrained")
-    assert not torch.equal(weights(generator), weights(before))
+    assert not torch.equal(weights(generator), weights(load_generator(finished[0] / "pretrained")))
 
 
 @pytest.fixture

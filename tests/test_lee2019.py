@@ -97,9 +97,7 @@ def test_our_motion_code_is_what_goes_in_and_out(network: DancingToMusic):
     torch.testing.assert_close(network.motion(network.standardised(code)), code, atol=2e-5, rtol=0)
 
 
-def test_numbers_are_in_standard_deviations_of_the_shifted_training_pieces(
-    network: DancingToMusic, pieces: train.Pieces
-):
+def test_numbers_are_in_standard_deviations_of_shifted_training_pieces(network: DancingToMusic, pieces: train.Pieces):
     many = pieces.poses.flatten(0, 1).repeat(400, 1, 1)
     moved = train.shifted(network, many, torch.Generator().manual_seed(1)).flatten(0, 1)
     varied = network.pose_scale.std > 2e-3
@@ -261,9 +259,7 @@ def test_units_are_decoded_with_either_shifts_movement_but_their_own_place(
     assert torch.equal(movement[2 * n :], torch.cat([output.drawn[n:], output.drawn[:n]]))
 
 
-def test_errors_are_summed_over_both_shifts_and_the_ramp_weighs_the_divergences(
-    network: DancingToMusic, pieces: train.Pieces
-):
+def test_errors_are_summed_over_shifts_and_the_ramp_weighs_divergences(network: DancingToMusic, pieces: train.Pieces):
     with torch.no_grad():
         output = train.coded_units(network, pieces.take(torch.arange(3)))
     terms, half = train.unit_terms(output, 0.01), train.unit_terms(output, 0.005)
@@ -394,9 +390,7 @@ def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("last", [3, 5], ids=["units", "composition"])
-def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
-    last: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_stopped_run_goes_on_to_the_same_bits(last: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
     with pytest.raises(Stopped):
         trained(tmp_path / "run", report=stopping(last))
@@ -420,22 +414,16 @@ def test_the_style_of_the_whole_song_is_heard(network: DancingToMusic):
     assert np.abs(network.code(dance_input(song=3.0), 1) - network.code(dance_input(), 1)).max() > 1e-4
 
 
-def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
-    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
-):
+def test_units_share_noise_by_threes_and_go_on_from_last_pose(network: DancingToMusic, monkeypatch: pytest.MonkeyPatch):
     starts: list[Tensor] = []
     whole = lee.moving_sequence
     monkeypatch.setattr(lee, "moving_sequence", lambda *parts: starts.append(parts[2]) or whole(*parts))
-    code = lee.composed_units(network, dance_input(), 7, 1)
-    assert len(starts) == 3 and code.shape == (7 * 32, N_MOTION)
-    first = torch.from_numpy(SPLIT.train.units[0].motion[11:12])
-    torch.testing.assert_close(starts[0], network.standardised(first))
+    assert lee.composed_units(network, dance_input(), 7, 1).shape == (7 * 32, N_MOTION) and len(starts) == 3
+    torch.testing.assert_close(starts[0], network.standardised(torch.from_numpy(SPLIT.train.units[0].motion[11:12])))
 
 
 @pytest.mark.parametrize(("still", "draws"), [(0.0, 1), (1e6, 21)])
-def test_a_still_sequence_is_drawn_again_twenty_times_at_most(
-    still: float, draws: int, monkeypatch: pytest.MonkeyPatch
-):
+def test_still_sequences_are_redrawn_twenty_times_at_most(still: float, draws: int, monkeypatch: pytest.MonkeyPatch):
     network, drawn = made_network(still=still), []
     whole = lee.drawn_sequence
     monkeypatch.setattr(lee, "drawn_sequence", lambda *parts: drawn.append(parts) or whole(*parts))
@@ -445,8 +433,7 @@ def test_a_still_sequence_is_drawn_again_twenty_times_at_most(
 
 def jump(network: DancingToMusic) -> float:
     """Largest change of step at the border of two units."""
-    code = lee.composed_units(network, dance_input(), 3, 1)
-    return float(np.abs(np.diff(code[30:33], n=2, axis=0)).max())
+    return float(np.abs(np.diff(lee.composed_units(network, dance_input(), 3, 1)[30:33], n=2, axis=0)).max())
 
 
 def test_units_go_on_from_each_other_without_a_jump(network: DancingToMusic):
@@ -490,9 +477,7 @@ def test_untrained_networks_do_not_pass_the_entry_tests(network: DancingToMusic)
     assert results["divergence of z_move (nats)"][0] < 20 and not results["divergence of z_move (nats)"][2]
 
 
-def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
-    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_coder_that_gives_all_back_passes_tests_of_units(network: DancingToMusic, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rivals, "rebuilt", lambda network, pieces: pieces)
     results = entry_lee2019(network, SPLIT)
     assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
@@ -503,9 +488,7 @@ def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
 @pytest.mark.data
 @pytest.mark.slow
 @pytest.mark.parametrize("beats", ["kinematic", "music"])
-def test_recorded_movement_cut_and_put_back_on_its_own_beats_is_off_by_a_centimetre_at_most(
-    beats: str, recorded: UnitSet
-):
+def test_recorded_movement_cut_and_put_back_on_its_beats_is_off_by_a_centimetre_at_most(beats: str, recorded: UnitSet):
     errors = errors_of(recorded, beats, recorded.units[::4])
     assert len(errors) > 30 and np.mean(errors) < 0.01  # metres a joint, the path's drift over eight beats included
 

@@ -104,8 +104,7 @@ def test_where_left_and_right_coincide_the_heading_stays():
     facing_right = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, -0.2], [0.0, 1.0, 0.2]])
     lying = np.zeros((3, 3))
     # A minute apart, so that the smoothing reaches from none to the other.
-    path = root_path(np.stack([lying, facing_right, lying, lying]), 1 / 60, flat)
-    np.testing.assert_allclose(path[:, 2], np.pi / 2)
+    np.testing.assert_allclose(root_path(np.stack([lying, facing_right, lying, lying]), 1 / 60, flat)[:, 2], np.pi / 2)
     np.testing.assert_array_equal(root_path(np.stack([lying, lying]), FPS, flat)[:, 2], 0.0)
 
 

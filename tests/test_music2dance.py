@@ -158,9 +158,7 @@ def danced_to(net: DanceNetwork, music: np.ndarray, *, start: float = 0.0, befor
 
 @pytest.mark.parametrize("before", [0, 25, 125])
 @pytest.mark.parametrize(("start", "first"), [(0.0, 26), (0.5, 13), (0.9, 3), (0.98, 1)])
-def test_the_frame_of_a_moment_hears_that_moment_however_long_the_movement_before_it(
-    start: float, first: int, before: int
-):
+def test_the_frame_of_a_moment_hears_it_however_long_the_movement_before_it(start: float, first: int, before: int):
     # Ten features a second, 25 frames. The music changes from feature 11 on: heard from just after second 1.
     net = network(replace(TINY, mapping=False, temperature=0.0, smoothing=0.0))
     music = np.zeros((80, 15), np.float32)
@@ -175,8 +173,7 @@ def test_a_foot_stands_where_that_is_more_likely_than_not():
     with torch.no_grad():
         net.body.head.layer.weight.zero_()
         net.body.head.layer.bias[-2:] = torch.tensor([0.1, -0.1])  # probabilities .525 and .475
-    contacts = danced_to(net, np.zeros((40, 15), np.float32)).contacts
-    np.testing.assert_array_equal(contacts, np.tile([1.0, 0.0], (50, 1)))
+    np.testing.assert_array_equal(danced_to(net, np.zeros((40, 15), np.float32)).contacts, np.tile([1.0, 0.0], (50, 1)))
 
 
 # Losses
@@ -310,9 +307,7 @@ def train(sequences: SequenceSet, split: Split) -> seq.WindowSource:
     return seq.training_windows(split, sequences)
 
 
-def test_windows_of_a_held_out_side_count_its_frames_alone(
-    sequences: SequenceSet, split: Split, train: seq.WindowSource
-):
+def test_windows_held_out_count_only_their_frames(sequences: SequenceSet, split: Split, train: seq.WindowSource):
     held = seq.WindowSource.of(sequences, split.groups["test"], share=0.25, statistics=train.statistics)
     batch = held.batch(np.arange(0, len(held.places), 7))
     assert float(batch.valid.mean(dim=1).min()) >= 0.24 and float(batch.valid.mean()) < 1
@@ -416,9 +411,7 @@ def killed(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KILLED)
-def test_a_killed_training_resumes_to_the_same_history(
-    name: str, killed: Path, runs: Callable[[str], Path], corpus: Path
-):
+def test_killed_training_resumes_to_same_history(name: str, killed: Path, runs: Callable[[str], Path], corpus: Path):
     run = killed / name
     assert not (run / "model.json").exists()
     assert len(history(run)) == EPOCH
@@ -464,9 +457,7 @@ REFUSED = "Invalid value for '--representation': 'words' is not one of 'position
     (("feet", "--representation", "rotations", "--velocity-weight", 3), ONLY_POSITIONS),
     (("attributes", "--step", 3), "--step is no option of this system"),
 )
-def test_what_a_system_does_not_take_is_refused_before_anything_is_read(
-    arguments: tuple[object, ...], line: str, tmp_path: Path
-):
+def test_what_a_system_cannot_take_is_refused_before_reading(arguments: tuple[object, ...], line: str, tmp_path: Path):
     result = trained(tmp_path, "--out", tmp_path / "run", "--system", *arguments)  # a corpus that holds nothing
     assert result.exit_code == 2 and result.stderr == f"harmolab: {line}\n"
 
@@ -507,9 +498,7 @@ SHORT = r"harmolab: short: windows are 8 s long, .* last \d\.\d s in a row .* lo
     ("two_bodies", r"clip_0004_\S+: has another skeleton \(21 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
     ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
 )
-def test_a_corpus_that_cannot_be_trained_on_is_named(
-    system: str, fault: str, told: str, faulty: dict[str, Path], tmp_path: Path
-):
+def test_an_untrainable_corpus_is_named(system: str, fault: str, told: str, faulty: dict[str, Path], tmp_path: Path):
     result = called(app, "train", faulty[fault], "--out", tmp_path / "run", "--system", system)
     lines = [line for line in result.stderr.splitlines() if not line.startswith("units: ")]
     assert result.exit_code == 2 and len(lines) == 1, result.output
@@ -556,9 +545,7 @@ def figures(sequences: SequenceSet, number: int, start: int) -> set[str]:
     return {each.group for each in sequence.segments for time in times if each.start <= time < each.end}
 
 
-def test_no_figure_of_a_held_out_side_is_in_a_training_window(
-    split: Split, sequences: SequenceSet, train: seq.WindowSource
-):
+def test_no_figure_held_out_is_in_a_training_window(split: Split, sequences: SequenceSet, train: seq.WindowSource):
     danced = set().union(*(figures(sequences, *place) for place in train.places[::5].tolist()))
     held_out = {*split.groups["validation"], *split.groups["test"]}
     assert danced and held_out and not danced & held_out

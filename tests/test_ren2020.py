@@ -59,8 +59,7 @@ def networks_of(params: RenParams = TINY) -> ren.Networks:
     generator = generator_of(params)
     net = STGCN(tiny.DANCER, params.graph, fps=tiny.FPS, frames=params.graph_frames).eval().requires_grad_(False)
     local = nets.LocalDiscriminator(params, N_MOTION)
-    overall = nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION)
-    return ren.Networks(generator, local, overall, net)
+    return ren.Networks(generator, local, nets.GlobalDiscriminator(params, FEATURES.n_audio, N_MOTION), net)
 
 
 def clips(*lengths: int, frames: int, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:

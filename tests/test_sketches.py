@@ -111,8 +111,7 @@ def test_folders_of_one_name_below_different_dancers_stay_apart(corpus: Path, of
     for folder in find_recordings(corpus).folders:
         shutil.copytree(folder, tmp_path / folder.name / "take")
     units = load_units([tmp_path], FeatureParams.recommended(), step=3)
-    apart = sketched(split_units(units, seed=1), find_recordings(tmp_path).folders, PARAMS)
-    splits = apart.split, of_songs.split
+    splits = sketched(split_units(units, seed=1), find_recordings(tmp_path).folders, PARAMS).split, of_songs.split
     below, flat = ([unit.sketch.tobytes() for side in SIDES for unit in getattr(one, side).units] for one in splits)
     assert below == flat
 
@@ -120,5 +119,4 @@ def test_folders_of_one_name_below_different_dancers_stay_apart(corpus: Path, of
 def test_dances_without_bars_have_no_pattern(corpus: Path):
     takes = [take_of(load_recording(folder)) for folder in find_recordings(corpus).folders[:2]]
     assert set(dance_patterns(takes)) == {take.dance for take in takes}
-    bare = [replace(take, places=np.zeros(0, np.int64), meter=0) for take in takes]
-    assert dance_patterns(bare) == {}
+    assert dance_patterns([replace(take, places=np.zeros(0, np.int64), meter=0) for take in takes]) == {}

@@ -102,8 +102,7 @@ def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable
     first = round((unit.start - 2.0) * 10)
     code = encode_motion(motion.positions, 10.0, motion.skeleton)
     np.testing.assert_array_equal(unit.motion, code[first : first + unit.n_frames])
-    times = unit.start + np.arange(unit.n_frames) / 10
-    heard = audio_features(sequence.clip.audio, sequence.clip.beats, times, PARAMS)
+    heard = audio_features(sequence.clip.audio, sequence.clip.beats, unit.start + np.arange(unit.n_frames) / 10, PARAMS)
     np.testing.assert_allclose(unit.audio, heard, rtol=1e-5, atol=1e-4)
 
 

@@ -198,8 +198,7 @@ def test_a_stretch_under_half_a_second_is_joined_with_the_next():
 
 def test_a_copy_of_an_annotated_figure_takes_its_group():
     units = (Unit("u", 0.0, 53 / 25, 4, "spot turn"), Unit("v", 53 / 25, 106 / 25, 4, "box"))
-    annotated = named(spliced(ONCE, TWICE), *units)
-    groups = motion_groups([spliced(BACK, TWICE, name="b"), annotated])
+    groups = motion_groups([spliced(BACK, TWICE, name="b"), named(spliced(ONCE, TWICE), *units)])
     assert [[segment.group for segment in one] for one in groups] == [["waltz 1", "box"], ["spot turn", "box"]]
 
 

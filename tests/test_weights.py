@@ -73,8 +73,7 @@ def test_a_pose_network_comes_back_as_it_was(tmp_path: Path):
 
 def test_half_the_bits_take_half_the_room_and_keep_statistics(generator: Generator, tmp_path: Path):
     save_weights(tmp_path / "half", generator, half=True)
-    stored = safetensors.torch.load_file(tmp_path / "half.safetensors")
-    assert stored["encoder.weight_hh_l0"].dtype == torch.float16
+    assert safetensors.torch.load_file(tmp_path / "half.safetensors")["encoder.weight_hh_l0"].dtype == torch.float16
     loaded = load_generator(tmp_path / "half")
     assert loaded.encoder.weight_hh_l0.dtype == torch.float32
     assert torch.equal(loaded.motion_scale.std, generator.motion_scale.std)
@@ -176,9 +175,7 @@ def change_json(stored: Path, change: Callable[[dict[str, Any]], object]) -> Non
     (lambda tensors: tensors.update({"hearing.bias": torch.ones(2).int()}), "hearing.bias must be floating-point"),
     ids=["NaN", "one missing", "bones missing", "one more", "shape", "whole numbers"],
 )
-def test_tensors_that_do_not_fit_are_refused(
-    stored: Path, change: Callable[[dict[str, torch.Tensor]], object], message: str
-):
+def test_unfitting_tensors_are_refused(stored: Path, change: Callable[[dict[str, torch.Tensor]], object], message: str):
     change_tensors(stored, change)
     refused(rf"arm\.safetensors: .*{message}", load_generator, stored)
 
