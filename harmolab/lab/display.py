@@ -56,8 +56,7 @@ def _(clip: Clip) -> str:
         player = player_of([part], title=name)
     except ValueError as error:  # no motion, or one that cannot be played or scored
         return _lines([repr(clip), str(error)]) + record_html(clip.audio)
-    text = [repr(clip), clip.source, *_part(shared.audio.duration)]
-    return _lines(text) + player._repr_html_()
+    return _lines([repr(clip), clip.source, *_part(shared.audio.duration)]) + player._repr_html_()
 
 
 @record_html.register

@@ -115,8 +115,7 @@ def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
 def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
     """Stature by the trunk, which changes less than the height of a pose; by the extent where no trunk is named."""
     if not trunk:
-        extent = float(np.ptp(positions, axis=1).max())
-        return max(skeletons.standing_height(positions), 0.5 * extent, 1e-6)
+        return max(skeletons.standing_height(positions), 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
     left, right, right_hip, left_hip = (positions[:, joint] for joint in trunk)
     length = np.linalg.norm(left + right - left_hip - right_hip, axis=-1) / 2
     across = np.linalg.norm(left - right, axis=-1)

@@ -327,8 +327,7 @@ def player_of(
     if seconds is not None and not 0 < seconds < np.inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     first = clips[0]
-    offsets = [clip.offset for clip in clips]
-    begun = max(0.0, *offsets)  # by all, so that two numbers are of the same music
+    begun = max(0.0, *[clip.offset for clip in clips])  # by all, so that two numbers are of the same music
     begins = begun if start is None else max(begun, start)
     if begins >= first.audio.duration:
         raise ValueError(f"there is nothing to show from {begins:g} s on: the music ends at {first.audio.duration:g} s")

@@ -238,8 +238,7 @@ def _row(true: FloatArray, wrong: FloatArray, sequences: Names, *, seed: int, co
 def _resampled(sequences: Names, seed: int, count: int) -> list[IntArray]:
     """Numbers of the windows of as many recordings, drawn with replacement, so many times; none for one recording."""
     members = [np.flatnonzero(sequences == name) for name in dict.fromkeys(sequences)]
-    rng = np.random.default_rng(seed)
-    draws = rng.integers(0, len(members), (count if len(members) > 1 else 0, len(members)))
+    draws = np.random.default_rng(seed).integers(0, len(members), (count if len(members) > 1 else 0, len(members)))
     return [np.concatenate([members[i] for i in row]) for row in draws]
 
 

@@ -60,8 +60,7 @@ Others = Sequence[Sequence[BeatTrack]] | None  # stretches of other music for ea
 
 def scored_clip(clip: windows.BeatClip, *, other_music: bool) -> ScoredClip:
     """The clip scored with its own music; without what only other music needs, its movement, where there is none."""
-    own = clip.music()
-    curves = windows.cycle_curves(clip.speeds, own, clip.cycle)
+    curves = windows.cycle_curves(clip.speeds, clip.music(), clip.cycle)
     hits = hit_scores(clip, shifted_music(clip))
     kept = clip if other_music else replace(clip, visual={}, speeds={})
     return ScoredClip(**vars(kept), hits=hits, curves=curves)
@@ -304,12 +303,11 @@ def score_table(
     source = clips if fit_clips is None else fit_clips
     peaks = hit_table([clip.hits for clip in source])["peaks"]
     folded = peaks.reshape(len(peaks), -1, windows.TENTHS).sum(axis=1) / np.array([[clip.cycle] for clip in source])
-    inside = usable if fit_clips is None else None
     return ScoreTable(
         np.array([windows.TENTHS * clip.cycle for clip in clips]),
         hits,
         {} if others is None else hit_table([hit_scores(*pair) for pair in zip(clips, others, strict=True)]),
-        {windows.OURS: pattern_score(clips, patterns, inside, others)},
+        {windows.OURS: pattern_score(clips, patterns, usable if fit_clips is None else None, others)},
         PeakLags(folded, usable, fit_clips is None),
     )
 

@@ -341,11 +341,8 @@ def usable(clip: BeatClip, judged: BeatClip, *, same_corpus: bool, any_dance: bo
 
     With `any_dance` the dances of one cycle share what they teach.
     """
-    if (
-        clip.cycle != judged.cycle
-        or clip.figures & judged.figures
-        or (same_corpus and clip.sequence == judged.sequence)
-    ):
+    is_same = same_corpus and clip.sequence == judged.sequence
+    if clip.cycle != judged.cycle or clip.figures & judged.figures or is_same:
         return False
     return any_dance or clip.dance == judged.dance
 

@@ -424,8 +424,7 @@ def _cluster_rows(
     deaths: Counter[int] = Counter()
 
     def submit(index: int) -> None:
-        key = (group, index, deaths[index])
-        pool.add(client.submit(_worker_row, measurement, tasks[index], key=key))
+        pool.add(client.submit(_worker_row, measurement, tasks[index], key=(group, index, deaths[index])))
 
     for turn in count():
         if turn % TURNS == 0:

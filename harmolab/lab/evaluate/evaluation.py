@@ -87,8 +87,7 @@ class EvaluationSettings:
     @property
     def inputs(self) -> tuple[Path, ...]:
         """All files and folders that are read; "synthetic" is none of them."""
-        more = (self.pairs, self.pose_net, self.smpl)
-        paths = (*self.systems.values(), self.music, self.reference, *more)
+        paths = (*self.systems.values(), self.music, self.reference, self.pairs, self.pose_net, self.smpl)
         return tuple(Path(path) for path in paths if path is not None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -345,8 +344,7 @@ def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> No
     settings, options = evaluation.settings, evaluation.options
     if is_saved(settings.reference):
         raise ValueError(f"{settings.reference}: is a saved reference already; name a folder of recorded dances")
-    rows = Path(out) / ROWS
-    save_reference(path, measured_reference(rows, options.limits, settings.protocols, options.pose_net))
+    save_reference(path, measured_reference(Path(out) / ROWS, options.limits, settings.protocols, options.pose_net))
 
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:

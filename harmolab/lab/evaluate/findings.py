@@ -26,9 +26,8 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
         if mean is None or recorded is None:
             yield f"{system}: no harmony above chance could be measured.{likely}"
             continue
-        numbers = (
-            f"harmony {number_text(mean.mean)} above chance, that of the recorded dances {number_text(recorded.mean)}"
-        )
+        own, theirs = number_text(mean.mean), number_text(recorded.mean)
+        numbers = f"harmony {own} above chance, that of the recorded dances {theirs}"
         relation = "" if doubt else _relation(evaluation, system)
         yield f"{system} {relation} ({numbers}).{likely}" if relation else f"{system}: {numbers}.{likely}"
 

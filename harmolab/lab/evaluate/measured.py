@@ -447,9 +447,8 @@ def _guarded(scores: dict[str, Entry], likeness: Likeness) -> dict[str, Entry]:
     if likeness.passed is False:
         scores |= dict.fromkeys(OF_HARMONY, MEANINGLESS)
     first = {ABOVE_CHANCE: scores[ABOVE_CHANCE], "looks like dancing": likeness.cannot or likeness.count}
-    return (
-        first | scores | {f"like dancing: {words}": _measured(likeness, name) for name, words in BODY_MEASURES.items()}
-    )
+    body = {f"like dancing: {words}": _measured(likeness, name) for name, words in BODY_MEASURES.items()}
+    return first | scores | body
 
 
 def _measured(likeness: Likeness, name: str) -> str | None:

@@ -134,12 +134,11 @@ class DanceMetric:
         bodies = _motions(motions, self.fps, self.skeleton)
         tracks = _tracks(beats, bodies)
         unnamed = [""] * len(bodies)
-        columns = {"songs": songs, "seeds": seeds, "dances": dances}
         named = {
             name: ["" if pd.isna(word) else str(word) for word in words]
             if words is not None and len(words)
             else unnamed
-            for name, words in columns.items()
+            for name, words in {"songs": songs, "seeds": seeds, "dances": dances}.items()
         }
         for name, words in named.items():
             if len(words) != len(bodies):

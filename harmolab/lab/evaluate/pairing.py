@@ -281,10 +281,8 @@ def _is_dance(path: Path) -> bool:
 def is_motion(path: Path) -> bool:
     """True for a file whose suffix is that of a motion, and for the folder of a recording or of frames."""
     if path.is_dir():
-        parts = ("motion.npz", "skeletons.json")
-        return any((path / part).is_file() for part in parts) or any(
-            one.name.endswith(FRAME_ENDS) for one in path.iterdir()
-        )
+        is_recording = any((path / part).is_file() for part in ("motion.npz", "skeletons.json"))
+        return is_recording or any(one.name.endswith(FRAME_ENDS) for one in path.iterdir())
     return path.suffix.lower() in MOTIONS
 
 
@@ -339,8 +337,7 @@ def listed_pairs(
             raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
         if lost := next((one for one in unpaired if one.system not in paired), None):
             raise ValueError(f"names no pair of {lost.system!r} that is there ({lost.reason})")
-    rest = _unlisted(Path(table), pairs.values(), folders)
-    return Pairing(tuple(pairs.values()), (*unpaired, *rest), tuple(paired))
+    return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), folders)), tuple(paired))
 
 
 def _lines(lines: Iterable[Mapping[str, str]]) -> Iterator[tuple[str, ...]]:

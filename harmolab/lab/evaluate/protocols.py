@@ -154,8 +154,7 @@ def beat_frames(music: BeatTrack, fps: float, n_frames: int) -> FloatArray:
 
 def _frame_speeds(motion: Motion, joints: Sequence[int]) -> FloatArray:
     """Metres that each joint goes from frame to frame, (T - 1, len(joints))."""
-    positions = _in_space(motion).positions
-    return np.linalg.norm(np.diff(positions[:, joints], axis=0), axis=2)
+    return np.linalg.norm(np.diff(_in_space(motion).positions[:, joints], axis=0), axis=2)
 
 
 def _in_space(motion: Motion) -> Motion:
@@ -241,8 +240,7 @@ def set_scores(features: Mapping[str, ArrayLike], reference: Mapping[str, ArrayL
     scores: dict[str, float] = {}
     for name in _FEATURES:
         values, model = (np.asarray(side[name], dtype=np.float64) for side in (features, reference))
-        pair = _distance_and_diversity(values, model)
-        scores |= dict(zip((f"FID_{name[0]}", f"Div_{name[0]}"), pair, strict=True))
+        scores |= dict(zip((f"FID_{name[0]}", f"Div_{name[0]}"), _distance_and_diversity(values, model), strict=True))
     return scores
 
 

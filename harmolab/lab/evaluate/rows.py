@@ -91,10 +91,9 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     odd = () if pair.kind == FROZEN else _oddities(pair, clip)
     music, motion = music_and_motion(clip)
     silent = measured.silent_frames(motion, clip.shared().audio, music)
-    joints = motion.skeleton.joints
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
-        "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
+        "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(motion.skeleton.joints),
         "skeleton": skeleton_digest(motion.skeleton),
         "beats": "annotated" if pairing.annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,

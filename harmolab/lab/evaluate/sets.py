@@ -98,7 +98,8 @@ class Collected:
             both = [*self.extremes.get(system, ()), *zip(scored["harmony"], scored["key"], strict=True)]
             self.extremes[system] = (min(both), max(both))
         if (rows["kind"] != OTHER_SONG).all():  # whose motions are those of the recorded dances
-            kept = pd.concat([self.features.get(system, pd.DataFrame()), rows[_feature_table(rows)]])
+            names = ["key", "song", "seed", "skeleton", *(name for name in map(str, rows) if _FEATURE.fullmatch(name))]
+            kept = pd.concat([self.features.get(system, pd.DataFrame()), rows[names]])
             drawn = pd.util.hash_array(kept["key"].to_numpy(object)).argsort(kind="stable")[:FEATURE_DANCES]
             self.features[system] = kept.iloc[sorted(drawn)]
 
@@ -120,10 +121,6 @@ def _text(value: float | int | str) -> str:
 
 def _added(total: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
     return more if total.empty else total.add(more, fill_value=0)
-
-
-def _feature_table(rows: pd.DataFrame) -> list[str]:
-    return ["key", "song", "seed", "skeleton", *(name for name in map(str, rows) if _FEATURE.fullmatch(name))]
 
 
 def feature_cells(features: Mapping[str, FloatArray]) -> dict[str, float]:

@@ -73,8 +73,7 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
     dict : "systems", name -> numbers of dances and songs, and measure -> mean, interval and rank; "deaf", the measures
         of music by which recorded dances are not better than the same with another song
     """
-    part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
-    collected = collect([part])
+    collected = collect([dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")])
     songs = collected.song_means
     interval = partial(summary.song_interval, count=settings["resamples"], seed=settings["seed"])
     present = dict.fromkeys(dances["system"])
@@ -171,9 +170,8 @@ def _failed(table: Path, clips: pd.DataFrame) -> int:
 
 def _command(settings: Mapping[str, Any]) -> str:
     """The command of an evaluation, without the places of its folders."""
-    words: list[tuple[str, Any]] = [
-        ("system", f"{key}={Path(place).name}") for key, place in settings["systems"].items()
-    ]
+    systems = settings["systems"].items()
+    words: list[tuple[str, Any]] = [("system", f"{key}={Path(place).name}") for key, place in systems]
     words += [(name, Path(settings[name]).name) for name in ("music", "reference", "pairs") if settings.get(name)]
     for name in OPTIONS:
         value = settings.get(name)

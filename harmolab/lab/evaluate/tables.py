@@ -102,8 +102,7 @@ def input_notes(evaluation: Evaluation) -> Iterator[Note]:
 
 def measured_text(evaluation: Evaluation) -> str:
     """The number of dances of each row that were measured, "22 of 40" where some were not."""
-    rows = (*evaluation.systems, RECORDED)
-    return ", ".join(f"{evaluation.counts[row].text} dances of {row}" for row in rows)
+    return ", ".join(f"{evaluation.counts[row].text} dances of {row}" for row in (*evaluation.systems, RECORDED))
 
 
 def _starts(evaluation: Evaluation) -> Iterator[Note]:
@@ -267,9 +266,8 @@ def _constant_notes(evaluation: Evaluation) -> Iterator[Note]:
 
 def constant_features(evaluation: Evaluation, name: str) -> tuple[int, ...]:
     """The places of the features behind a number of sets that are constant in the reference and not in a row of it."""
-    return tuple(
-        sorted({place for (_, each), one in evaluation.sets.items() if each == name for place in one.constant})
-    )
+    places = {place for (_, each), one in evaluation.sets.items() if each == name for place in one.constant}
+    return tuple(sorted(places))
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:

@@ -46,8 +46,7 @@ def dance_player(dance: OwnDance) -> Player:
     score = dance.score
     if not dance.placement.is_absolute:  # its offset was fitted to the movement: there is no number to give
         score = replace(score, harmony_above_chance=np.nan, judgement=None)
-    dancer = Dancer(dance.name, dance.motion, score)
-    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
+    return Player(dance.audio, [Dancer(dance.name, dance.motion, score)], music=dance.music, title=_title(dance))
 
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
@@ -65,7 +64,6 @@ def dance_page(dance: OwnDance) -> str:
     ValueError
         The video is missing or has changed since it was read.
     """
-    is_short = dance.motion.duration <= LONGEST
     return explained_page(
         "own_dance.html.j2",
         dance.score,
@@ -77,7 +75,7 @@ def dance_page(dance: OwnDance) -> str:
         sentences=[*dance.remarks, *dance.judgement.details, *dance.words.sentences],
         wide=_timing_png(dance, WIDE),
         narrow=_timing_png(dance, NARROW),
-        player=dance_player(dance).page if is_short and dance.performance.has_body else "",
+        player=dance_player(dance).page if dance.motion.duration <= LONGEST and dance.performance.has_body else "",
         longest=LONGEST / 60,
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         event=event_name(dance.score),

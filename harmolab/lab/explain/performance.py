@@ -571,5 +571,4 @@ def _reading(song: PathLike, film: PathLike, *, by_flow: bool, **settings: Any) 
         result = explain_performance(song, load_performance(film, by_flow=by_flow), **settings)
     except ValueError as error:
         return {"verdict": str(error).removeprefix(f"{film}: ")}
-    sure = " ".join(result.remarks[:1])
-    return {"verdict": result.verdict, "how sure": sure, "offset": str(result.placement)}
+    return {"verdict": result.verdict, "how sure": " ".join(result.remarks[:1]), "offset": str(result.placement)}

@@ -90,10 +90,8 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
     if annotated is not None:
         tracks["annotated"] = annotated
     song = Song(tracks, annotated, clip.source)
-    controls = {
-        "beats": live.Menu("beats", "track", {name: TRACKS[name] for name in tracks}),
-        **live.lab_controls("meter"),
-    }
+    menu = live.Menu("beats", "track", {name: TRACKS[name] for name in tracks})
+    controls = {"beats": menu, **live.lab_controls("meter")}
     computed = {"loud": live.middle_lambda(tracks["of the clip"])}
     numbers = partial(meter_numbers, song)
     return live.LiveLab(live.LabContent("meter", _evidence(song), controls, numbers, computed, extra=START), values)
@@ -153,9 +151,8 @@ def meter_numbers(
         **_accents(strong, song.places(track)),
     }
     text = LAB_SENTENCES["meter"].format(**{**numbers, "covered": percent(covered)})
-    return numbers | {
-        "sentence": text + (LAB_SENTENCES["downbeats"].format(**numbers) if song.downbeats is not None else "")
-    }
+    of_bars = LAB_SENTENCES["downbeats"].format(**numbers) if song.downbeats is not None else ""
+    return numbers | {"sentence": text + of_bars}
 
 
 def _measured(track: BeatTrack, params: HarmonyParams, *, every: int, first: int, error: float) -> BeatTrack:

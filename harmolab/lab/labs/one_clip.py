@@ -155,9 +155,8 @@ def lags() -> list[float]:
 
 def _largest_steps(stage: live.Stage) -> FloatArray:
     """The steps of strength (Eq. 12) of the detector whose largest stands out most."""
-    tracks = [
-        visual_beats(stage.motion, params=live.lab_params("paper", detector=name)) for name in live.DETECTOR.options
-    ]
+    params = [live.lab_params("paper", detector=name) for name in live.DETECTOR.options]
+    tracks = [visual_beats(stage.motion, params=each) for each in params]
     steps = [np.abs(np.diff(track.strengths)) for track in tracks if len(track) > 1]
     return max(steps, key=lambda step: step.max() / max(step.std(), 1e-12), default=np.zeros(0))
 

@@ -112,8 +112,7 @@ def krippendorff_alpha(marks: FloatArray) -> float:
 
 def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> Row:
     """Krippendorff's alpha of the weighted marks, with a bootstrap interval over dances; ValueError for one rater."""
-    marks = side_marks(answers, key)[MARK]
-    row = agreement("Krippendorff's alpha, marks", krippendorff_alpha, marks, seed=seed)
+    row = agreement("Krippendorff's alpha, marks", krippendorff_alpha, side_marks(answers, key)[MARK], seed=seed)
     return {**row, "simulated": answers.simulated}
 
 
@@ -184,8 +183,7 @@ def study_tables(
     A study of marks has "marks", and "agreement" of several raters.
     """
     if key.kind == "rate":
-        alone = len(answers.raters) < 2
-        agreement = {} if alone else {"agreement": [agreement_of_marks(answers, key, seed=seed)]}
+        agreement = {} if len(answers.raters) < 2 else {"agreement": [agreement_of_marks(answers, key, seed=seed)]}
         return {"marks": mark_rows(answers, key, seed=seed), **agreement}
     grid = answer_grid(answers, key)
     tables = {
@@ -376,8 +374,7 @@ def _rank(score: FloatArray, share: FloatArray) -> FloatArray:
 
 def _point_biserial(score: FloatArray, liked: FloatArray) -> FloatArray:
     """Correlation of (..., T) scores with all that is answered of (R, ..., T)."""
-    single = np.moveaxis(liked, 0, -1)
-    both = np.broadcast_arrays(score[..., None], single)
+    both = np.broadcast_arrays(score[..., None], np.moveaxis(liked, 0, -1))
     return _pearson(*(one.reshape(*one.shape[:-2], -1) for one in both))
 
 

@@ -177,8 +177,7 @@ class AnswerLog:
         if trial not in {one.id for one in self.resume(trials)}:
             raise ValueError(f"trial {trial!r:.60} is not waiting for an answer of {trials.rater}")
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        simulated = trials.rater.startswith(SIMULATED)
-        answer = Answer(trials.study, trials.rater, trial, choice, seconds, now, simulated)
+        answer = Answer(trials.study, trials.rater, trial, choice, seconds, now, trials.rater.startswith(SIMULATED))
         self.append(answer)
         return answer
 

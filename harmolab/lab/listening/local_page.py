@@ -296,8 +296,7 @@ class StudyServer(LocalPage):
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
         with self._answering:
             if trial in {one.id for one in self._log.resume(self._trials)}:
-                seconds = round(time.monotonic() - self._since, 3)
-                self._log.record(self._trials, trial, choice, seconds=seconds)
+                self._log.record(self._trials, trial, choice, seconds=round(time.monotonic() - self._since, 3))
 
 
 # A song to which a person taps its beats and marks "one"

@@ -245,8 +245,7 @@ def _plan_choice(items: Sequence[Item], versions: Sequence[str], n: int, truth: 
         for turn, place in enumerate(rng.permutation(len(items))[:each]):
             sides = pair if turn % 2 else pair[::-1]
             right = CHOICES["choice"][sides.index(truth)] if truth in sides else None
-            sources = tuple(items[place].versions[side] for side in sides)
-            plan.append(KeyEntry(items[place].name, sides, sources, right))
+            plan.append(KeyEntry(items[place].name, sides, tuple(items[place].versions[side] for side in sides), right))
     return plan
 
 

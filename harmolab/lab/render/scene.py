@@ -125,9 +125,8 @@ def _pieces(camera: Camera, frames: slice) -> tuple[IntArray, BoolArray]:
     """
     centre = camera.eye[frames][:, [0, 2]] - np.array([0.0, camera.ahead])
     count = int(np.ceil(REACH / GRID))
-    shifts = (np.round(centre / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - centre[
-        ..., None
-    ]  # (F, 2, lines)
+    lines = (np.round(centre / GRID)[..., None] + np.arange(-count, count + 1)) * GRID
+    shifts = lines - centre[..., None]  # (F, 2, lines)
     radii = REACH * np.minimum(1.15 - np.arange(FADES) / FADES, 1.0)
     halves = np.sqrt(np.maximum(radii**2 - shifts[..., None] ** 2, 0.0))
     along = np.concatenate([-halves, halves[..., ::-1]], axis=-1)  # (F, 2, lines, cuts)

@@ -201,9 +201,8 @@ def _plate(height: int, lit: dict[str, bool], words: Mapping[str, str]) -> Frame
         _draw_mark(plate, name, middle, radius, on)
         if worded:
             at = (round(TEXT_AT * radius), round(middle[1] + 0.62 * radius))
-            cv2.putText(
-                plate, words[name], at, cv2.FONT_HERSHEY_SIMPLEX, radius / 17, INK, max(1, height // 480), cv2.LINE_AA
-            )
+            thickness = max(1, height // 480)
+            cv2.putText(plate, words[name], at, cv2.FONT_HERSHEY_SIMPLEX, radius / 17, INK, thickness, cv2.LINE_AA)
     return plate
 
 

@@ -264,11 +264,8 @@ def write_pages(
     figures = folder / "figures"
     manifest = manifest_of(figures)
     full = _full_pictures(figures, committed, runs) if committed is not None and profile != "full" else {}
-    drawn = {
-        name: picture_of(figures, name, entry, run="this run")
-        for name, entry in manifest.items()
-        if name.endswith(".png")
-    }
+    pictures = {name: entry for name, entry in manifest.items() if name.endswith(".png")}
+    drawn = {name: picture_of(figures, name, entry, run="this run") for name, entry in pictures.items()}
     chapters = [
         Chapter(run, before, after, full.get(run.picture) or drawn.get(run.picture))
         for before, run, after in zip([None, *runs], runs, [*runs[1:], None], strict=False)
@@ -371,10 +368,9 @@ class _MathRenderer(IPythonRenderer):
 @jinja2.pass_context
 def markdown_to_html(context: Any, source: str) -> str:
     """A cell of Markdown as nbconvert writes it, with equations as MathML; a filter of its exporters."""
-    cell = context.get("cell", {})
     renderer = _MathRenderer(
         escape=False,
-        attachments=cell.get("attachments", {}),
+        attachments=context.get("cell", {}).get("attachments", {}),
         embed_images=True,
         path=context.get("resources", {}).get("metadata", {}).get("path", ""),
         exclude_anchor_links=True,
