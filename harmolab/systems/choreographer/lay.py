@@ -105,9 +105,8 @@ def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, see
 def candidates(moves: Moves, music: MusicBeats) -> list[IntArray]:
     """The nodes that may be danced to each beat: those of its place in the bar, all where no place is known."""
     every = np.arange(len(moves))
-    fitting = {
-        place: np.flatnonzero((moves.places == place) & (moves.meters == music.meter)) for place in range(music.meter)
-    }
+    is_alike = moves.meters == music.meter
+    fitting = {place: np.flatnonzero((moves.places == place) & is_alike) for place in range(music.meter)}
     if not all(nodes.size for nodes in fitting.values()) or not fitting:
         return [every] * (music.times.size - 1)
     return [fitting[place] for place in music.places[:-1].tolist()]
@@ -214,8 +213,7 @@ class Steps:
         return cost
 
     def _alike(self, nodes: IntArray) -> Float32:
-        rows = self._moves.alike.rows(nodes) / np.float32(self._params.alike)
-        return np.exp(-np.square(rows))
+        return np.exp(-np.square(self._moves.alike.rows(nodes) / np.float32(self._params.alike)))
 
 
 def _traced(links: list[tuple[IntArray, IntArray]], last: int) -> IntArray:
@@ -299,8 +297,7 @@ def beat_numbers(music: MusicBeats, times: FloatArray) -> FloatArray:
 
 def faded(moves: Moves, runs: list[Run], numbers: FloatArray) -> FloatArray:
     """Joints (T, J, 3) at beat numbers (T,) of the music: the runs, each faded into the next around their seam."""
-    joints = len(moves.courses[0].take.motion.skeleton.joints)
-    positions = np.zeros((numbers.size, joints, 3))
+    positions = np.zeros((numbers.size, len(moves.courses[0].take.motion.skeleton.joints), 3))
     for number, run in enumerate(runs):
         weight = np.ones(numbers.size)
         if number > 0:

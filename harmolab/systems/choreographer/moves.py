@@ -30,14 +30,7 @@ from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.significance import ranks
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray
-from harmolab.verdict.bar_pattern import (
-    PatternSums,
-    beat_positions,
-    beat_ranks,
-    fit_pattern,
-    harmonic_fits,
-    pattern_sums,
-)
+from harmolab.verdict import bar_pattern
 
 # Costs of a seam, another tempo, a beat out of place and a repetition
 
@@ -122,7 +115,7 @@ def rest(signal: ShapeSignal, period: float) -> FloatArray:
         return np.zeros(signal.times.size)
     step = float(signal.times[1] - signal.times[0])
     half = max(1, round(period / 2 / step))
-    fit = -harmonic_fits(np.pad(signal.values, half, mode="edge"), 1, 1, moments=2 * half)[0, half:-half]
+    fit = -bar_pattern.harmonic_fits(np.pad(signal.values, half, mode="edge"), 1, 1, moments=2 * half)[0, half:-half]
     return fit / max(float(fit.std()), 1e-12)
 
 
@@ -176,9 +169,8 @@ class Course:
     def __init__(self, take: Take, beats: FloatArray) -> None:
         self.take, self.beats = take, beats
         positions = take.motion.positions.reshape(take.motion.n_frames, -1)
-        self._spline = make_interp_spline(
-            np.arange(len(positions)) / take.motion.fps, positions, k=min(3, len(positions) - 1)
-        )
+        times = np.arange(len(positions)) / take.motion.fps
+        self._spline = make_interp_spline(times, positions, k=min(3, len(positions) - 1))
         self._clock = PchipInterpolator(np.arange(beats.size), beats) if beats.size > 2 else None
 
     def seconds(self, numbers: FloatArray) -> FloatArray:
@@ -398,12 +390,12 @@ def bar_patterns(
     It is learnt on these takes, of the speed of the body's shape; those without beats or movement have no part in it.
     """
     keys = [(take.dance, cycle_of_meter(take.meter or None)) for take in takes]
-    sums: dict[tuple[str, int], list[PatternSums]] = {}
+    sums: dict[tuple[str, int], list[bar_pattern.PatternSums]] = {}
     for take, signal, key in zip(takes, signals, keys, strict=True):
         if take.beats.size > 1 and signal.values.any():
-            positions = beat_positions(signal.times, take.track)
-            sums.setdefault(key, []).append(pattern_sums(positions, signal.values, key[1]))
-    return {key: fit_pattern(own) for key, own in sums.items()}, keys
+            positions = bar_pattern.beat_positions(signal.times, take.track)
+            sums.setdefault(key, []).append(bar_pattern.pattern_sums(positions, signal.values, key[1]))
+    return {key: bar_pattern.fit_pattern(own) for key, own in sums.items()}, keys
 
 
 def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
@@ -411,7 +403,7 @@ def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
     signals = [shape_signal(shape_speed(take.motion)) for take in takes]
     patterns, keys = bar_patterns(takes, signals)
     return [
-        beat_ranks(signal.times, signal.values, take.track, patterns[key])
+        bar_pattern.beat_ranks(signal.times, signal.values, take.track, patterns[key])
         if take.beats.size > 1 and signal.values.any()
         else np.full(take.beats.size, UNKNOWN_SHARE)
         for take, signal, key in zip(takes, signals, keys, strict=True)

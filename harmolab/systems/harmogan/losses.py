@@ -216,9 +216,8 @@ def energy_loss(positions: Tensor, target: Tensor, mask: Tensor) -> Tensor:
     """
     check_shapes(positions, target, mask)
     real = (mask[:, 1:] * mask[:, :-1]).to(positions.dtype)
-    ours, theirs = (
-        clip_means(each.diff(dim=1).square().sum(dim=-1).mean(dim=-1), real) for each in (positions, target)
-    )
+    squares = [each.diff(dim=1).square().sum(dim=-1).mean(dim=-1) for each in (positions, target)]
+    ours, theirs = (clip_means(square, real) for square in squares)
     return (0.5 * torch.log((ours + RESTING**2) / (theirs + RESTING**2))).abs().mean()
 
 
@@ -264,8 +263,7 @@ def _contact(feet: Tensor, mask: Tensor) -> Tensor:
 
 def _sliding(feet: Tensor, fps: float) -> Tensor:
     """(N, T - 1, F) horizontal speed of each foot."""
-    step = feet.diff(dim=1)
-    return torch.linalg.vector_norm(step[..., (0, 2)], dim=-1) * fps
+    return torch.linalg.vector_norm(feet.diff(dim=1)[..., (0, 2)], dim=-1) * fps
 
 
 def moved_loss(joints: Tensor, sketch: Tensor, mask: Tensor) -> Tensor:
@@ -379,9 +377,8 @@ def discriminator_terms(
     batch, sketched = shard.own, params.sketches > 0
     recorded, danced = batch.motion, output.motion.detach()
     if sketched:
-        recorded, danced = (
-            noisy(networks.generator, each, shard.seed + k) for k, each in enumerate((recorded, danced))
-        )
+        recorded = noisy(networks.generator, recorded, shard.seed)
+        danced = noisy(networks.generator, danced, shard.seed + 1)
     real, fake = (networks.spatial_temporal(each, batch.mask) for each in (recorded, danced))
     terms = {"critic_st": discriminator_loss(real, fake)}
     if params.cross_domain_weight:

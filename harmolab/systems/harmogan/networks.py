@@ -88,10 +88,9 @@ class Generator(DancerNetwork):
     def prepare(self, params: ModelParams) -> None:
         hidden, channels, n_joints = params.hidden, params.pose_features, len(self.skeleton.joints)
         reach = max(1, round(_HORIZON * self.fps))
-        self.hearing = nn.Conv1d(
-            self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
-        )
-        self.encoder = nn.GRU(max(1, hidden // 4), hidden, params.layers, batch_first=True)
+        width = max(1, hidden // 4)
+        self.hearing = nn.Conv1d(self.n_audio, width, 2 * reach + 1, padding=reach, padding_mode="replicate")
+        self.encoder = nn.GRU(width, hidden, params.layers, batch_first=True)
         self.seeing = layers.perceptron(self.n_motion, channels, channels)
         self.decoder = nn.GRU(hidden + channels, hidden, params.layers, batch_first=True)
         joined = hidden + hidden + channels

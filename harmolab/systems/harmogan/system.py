@@ -161,8 +161,7 @@ def corrected(generator: Generator, sketch: Motion, request: DanceRequest) -> Mo
     The corrections are computed at the generator's rate and applied at the sketch's.
     """
     check_initial(sketch, generator.skeleton, "the generator")
-    code = coded(sketch, generator.fps)
-    raw = song_corrections(generator, code, request)
+    raw = song_corrections(generator, coded(sketch, generator.fps), request)
     fine = encode_motion(sketch.positions, sketch.fps, sketch.skeleton)
     rows = frames_at(raw, np.arange(len(fine), dtype=np.float64) * generator.fps / sketch.fps)
     moved = generator.corrected(*(torch.from_numpy(each)[None].double() for each in (fine, rows))).motion[0]

@@ -195,8 +195,7 @@ def pretrain_rate(epoch: int, params: TrainParams) -> float:
     >>> [pretrain_rate(epoch, TrainParams.paper()) for epoch in (0, 50, 100)]
     [0.001, 0.0005, 0.0001]
     """
-    drops = params.pretrain_drops[: epoch // params.pretrain_drop_epochs]
-    return params.pretrain_rate * prod(drops)
+    return params.pretrain_rate * prod(params.pretrain_drops[: epoch // params.pretrain_drop_epochs])
 
 
 def adversarial_rate(epoch: int, params: TrainParams) -> float:

@@ -239,8 +239,7 @@ class UnitDecoder(nn.Module):
         self.pose = nn.Linear(params.hidden, n_motion)
 
     def forward(self, z_init: Tensor, z_move: Tensor) -> Tensor:
-        states = self.unrolled(torch.cat([z_init, z_move], dim=-1), z_move, FRAMES)
-        return self.pose(states)
+        return self.pose(self.unrolled(torch.cat([z_init, z_move], dim=-1), z_move, FRAMES))
 
 
 class DanceCoder(nn.Module):

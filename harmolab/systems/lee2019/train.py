@@ -257,8 +257,7 @@ def code_error(network: DancingToMusic, poses: Tensor, pieces: Tensor) -> float:
 
 def speed(network: DancingToMusic, poses: Tensor) -> float:
     """Mean joint speed of units (N, 32, C), metres per canonical frame."""
-    positions = decode(network.motion(poses), network.fps)
-    return float(torch.linalg.vector_norm(positions.diff(dim=1), dim=-1).mean())
+    return float(torch.linalg.vector_norm(decode(network.motion(poses), network.fps).diff(dim=1), dim=-1).mean())
 
 
 @torch.no_grad()

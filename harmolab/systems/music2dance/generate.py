@@ -237,9 +237,8 @@ def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:
     the network predicts them.
     """
     code = model.motion_code
-    return model.correct(
-        code.refreshed(dance.code, fps) if isinstance(code, RotationCode) else dance.code, dance.contacts
-    )
+    fresh = code.refreshed(dance.code, fps) if isinstance(code, RotationCode) else dance.code
+    return model.correct(fresh, dance.contacts)
 
 
 def _frames(

@@ -63,8 +63,7 @@ class Head(nn.Module):
     def forward(self, values: Tensor, before: Tensor) -> Prediction:
         # Small spreads need more digits than the 8 bits of bfloat16.
         with torch.autocast(values.device.type, enabled=False):
-            raw = self.layer(values.float())
-            mean, spread, contacts = raw.split([self.n_motion, self.n_motion, CONTACTS], dim=-1)
+            mean, spread, contacts = self.layer(values.float()).split([self.n_motion, self.n_motion, CONTACTS], dim=-1)
             log_sigma = (self.least + softplus(spread.clamp(max=MOST_SPREAD))).log()
             return Prediction(mean + self.carry * before, log_sigma, contacts)
 
@@ -162,8 +161,7 @@ class DanceNetwork(layers.Normalised):
         """
         before = shifted(motion)
         visible = nn.functional.dropout(before, dropout, training=dropout > 0)
-        frames = torch.cat([visible, shifted(contacts)], dim=-1)
-        return self.body(frames, music, self.vectors(dance), before)
+        return self.body(torch.cat([visible, shifted(contacts)], dim=-1), music, self.vectors(dance), before)
 
     def forward(self, windows: Windows) -> Prediction:
         """Every frame predicted from the recorded ones before it ("teacher forcing")."""
@@ -185,8 +183,7 @@ class DanceNetwork(layers.Normalised):
 
 def stored_params(stored: Mapping[str, Any]) -> Music2DanceParams:
     """Settings out of a description; ValueError for what cannot be."""
-    song = stored_record(SongParams, stored["song"])
-    params = stored_record(Music2DanceParams, {**stored, "song": song})
+    params = stored_record(Music2DanceParams, {**stored, "song": stored_record(SongParams, stored["song"])})
     if params.groups * len(params.dilations) > MOST_LAYERS:
         raise ValueError(f"describes {params.groups * len(params.dilations)} blocks, more than {MOST_LAYERS}")
     return params

@@ -340,8 +340,7 @@ def training_windows(split: Split, sequences: SequenceSet, device: torch.device 
         If the side has no window, or one holds a frame of a figure of another side.
     """
     groups = split.groups["train"]
-    statistics = training_statistics(sequences, groups)
-    source = WindowSource.of(sequences, groups, statistics=statistics, device=device)
+    source = WindowSource.of(sequences, groups, statistics=training_statistics(sequences, groups), device=device)
     check_leaks(source, split.groups)
     return source
 

@@ -101,8 +101,7 @@ class Music2Dance(NetworkSystem):
         request = DanceRequest(audio, beats, progress=progress, **options)
         feet = self._feet(feet, plant_feet=request.plant_feet)
         code, network = self.dance_code(request, temperature=temperature), self.generator
-        positions = dance_positions(network, code, feet, self.feet)
-        return Motion(positions, network.params.fps, network.motion_code.skeleton)
+        return Motion(dance_positions(network, code, feet, self.feet), network.params.fps, network.motion_code.skeleton)
 
     def dance_code(self, request: DanceRequest, *, temperature: float | None = None) -> Danced:
         """A dance as the network makes it, before the feet and the floor; `temperature` as of `generate`."""
@@ -166,8 +165,7 @@ class Music2Dance(NetworkSystem):
             except ValueError as error:
                 raise ValueError(f"initial has {error}") from None
         motion = resample_motion(initial, params.fps)
-        contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
-        return np.column_stack([code.encode(motion), contacts])
+        return np.column_stack([code.encode(motion), foot_contacts(motion.positions, motion.fps, motion.skeleton)])
 
     def save(self, folder: PathLike) -> None:
         """As all systems do; classifier and foot model, where there are any, to folders in it."""

@@ -137,9 +137,8 @@ class MusicEncoder(nn.Module):
 
     def forward(self, audio: Tensor, mask: Tensor) -> Tensor:
         frames = torch.tanh(self.front(audio))
-        lengths = mask.sum(dim=1).long().cpu()
         # Packed: the way back begins at a clip's own last frame, not in its padding.
-        packed = pack_padded_sequence(frames, lengths, batch_first=True, enforce_sorted=False)
+        packed = pack_padded_sequence(frames, mask.sum(dim=1).long().cpu(), batch_first=True, enforce_sorted=False)
         encoded, _ = pad_packed_sequence(self.encoder(packed)[0], batch_first=True, total_length=audio.shape[1])
         return self.summary(encoded)
 
@@ -194,8 +193,7 @@ class RenGenerator(DancerNetwork):
         features = self.dropout(self.blocks(self.joining(features)))
         # Centimetres need more digits than the 8 bits of bfloat16.
         with torch.autocast(audio.device.type, enabled=False):
-            code = audio.new_zeros(*mask.shape, self.n_motion)
-            return code.index_put((real,), self.pose(features.float()))
+            return audio.new_zeros(*mask.shape, self.n_motion).index_put((real,), self.pose(features.float()))
 
     def noise(self, clips: int, frames: int) -> Tensor:
         """Noise (clips, frames, n) as torch's generator of random numbers has it now."""

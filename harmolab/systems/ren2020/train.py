@@ -217,8 +217,7 @@ def train_ren2020(split: Split, options: TrainOptions, params: RenParams) -> Ren
         for part in (*networks.modules().values(), st_gcn):
             fabric.to_device(part)
         run.fit([adversarial(networks, train, validation, params)], train)
-        about = {"settings": run.settings, "source": units.source, "units": len(units)}
-        run.save(networks.generator.eval(), about)
+        run.save(networks.generator.eval(), {"settings": run.settings, "source": units.source, "units": len(units)})
     return networks.generator
 
 

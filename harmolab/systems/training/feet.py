@@ -226,9 +226,8 @@ def moved_feet(
     thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
     longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
     target = ankle + np.concatenate(shifts.swapaxes(0, 1))
-    pole = (
-        (knee - hip) + FORWARD * (foot - ankle) + np.tile(np.broadcast_to(ahead, positions[:, 0].shape), (len(legs), 1))
-    )
+    way = np.tile(np.broadcast_to(ahead, positions[:, 0].shape), (len(legs), 1))
+    pole = (knee - hip) + FORWARD * (foot - ankle) + way
     knees, reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
     changed = positions.copy()
     for leg, bent, moved in zip(legs, np.split(knees, len(legs)), np.split(reached - ankle, len(legs)), strict=True):

@@ -284,13 +284,12 @@ class TemporalConvolution(nn.Module):
 
     def __init__(self, n_audio: int, channels: Sequence[int], dropout: float) -> None:
         super().__init__()
-        sizes = (1, *channels)
         self.layers = nn.ModuleList(
             nn.Sequential(
                 nn.Conv2d(a, b, (KERNEL, 1), (self.stride if number == len(channels) else 1, 1)),
                 BatchNorm(b, momentum=1.0), nn.ReLU(), nn.Dropout(dropout),
             )
-            for number, (a, b) in enumerate(pairwise(sizes), 1)
+            for number, (a, b) in enumerate(pairwise((1, *channels)), 1)
         )  # fmt: skip
         self.size = channels[-1] * n_audio
 
@@ -310,8 +309,7 @@ class FrameLayers(nn.Module):
     def __init__(self, n_audio: int) -> None:
         super().__init__()
         sizes = (n_audio, *FRAME_LAYERS)
-        pairs = pairwise(sizes)
-        self.layers = nn.Sequential(*(layer for a, b in pairs for layer in (nn.Linear(a, b), nn.ReLU())))
+        self.layers = nn.Sequential(*(layer for a, b in pairwise(sizes) for layer in (nn.Linear(a, b), nn.ReLU())))
         self.size = sizes[-1]
 
     def forward(self, music: Tensor) -> Tensor:

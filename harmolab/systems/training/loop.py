@@ -122,7 +122,6 @@ def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -
     """This process's shards of each batch of an epoch: of R processes, number r has the shards r, r + R, ..."""
     count = max(batching.shards, fabric.world_size)
     for place, indices in enumerate(epoch_order(len(units), epoch, batching)):
-        numbers = range(fabric.global_rank, count, fabric.world_size)
         yield [
             Shard(
                 units.take(indices, number, count),
@@ -130,7 +129,7 @@ def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -
                 len(indices[number::count]) / len(indices),
                 int(np.random.SeedSequence((batching.seed, epoch, place, number)).generate_state(1)[0]),
             )
-            for number in numbers
+            for number in range(fabric.global_rank, count, fabric.world_size)
         ]
 
 

@@ -96,8 +96,7 @@ class Learner:
         corpus = partial(cls.digests, [*data])
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume, corpus=corpus)
-        options = TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus)
-        cls.learn([*data], options, **own)
+        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus), **own)
         return cls.load(out)
 
 

@@ -62,8 +62,7 @@ class PoseNet(nn.Module):
         check_fps(fps)
         self.skeleton, self.fps = skeleton, float(fps)
         self.motion_scale = Normaliser(3 * len(skeleton.joints) + PATH_CHANNELS)
-        sizes = (6, *_WIDTHS)
-        self.blocks = nn.ModuleList(_block(a, b) for a, b in itertools.pairwise(sizes))
+        self.blocks = nn.ModuleList(_block(a, b) for a, b in itertools.pairwise((6, *_WIDTHS)))
         columns = -(-(len(skeleton.joints) + 1) // 4)  # halved twice
         self.summary = nn.Sequential(nn.Linear(2 * _WIDTHS[-1] * columns, 64), nn.ReLU(), nn.Linear(64, EMBEDDING))
 

@@ -186,8 +186,7 @@ def synthesize_dance(dancer: DancerNetwork, audio: Audio, *, poses: PoseBank | N
 
 def danced(dancer: DancerNetwork, poses: PoseBank | None, request: DanceRequest) -> Motion:
     """`synthesize_dance` of a request."""
-    source = _dance_input(dancer, poses, request)
-    code = _with_bones(dancer, dancer.code(source, request.seed))
+    code = _with_bones(dancer, dancer.code(_dance_input(dancer, poses, request), request.seed))
     positions = decode_motion(code, dancer.fps, dancer.skeleton)
     positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=request.plant_feet)
     return Motion(positions, dancer.fps, dancer.skeleton)
