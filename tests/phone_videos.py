@@ -194,8 +194,7 @@ def level(beats: BeatTrack, motion: Motion) -> int:
 def main(folder: Path, names: list[str]) -> None:
     """Film every dancer in every case that is named, and print the levels of the true and of the filmed movement."""
     for number, (dance, seed) in enumerate(DANCERS):
-        clip = planted_dance(dance, seconds=SECONDS, seed=seed)
-        motion, sound, beats = filmed_part(clip)
+        motion, sound, beats = filmed_part(planted_dance(dance, seconds=SECONDS, seed=seed))
         other = planted_dance(*OTHER_SONGS[number], seconds=SECONDS, seed=9).beats.span(0.0, motion.duration)
         songs = {"on": beats, "late": moved(beats, LATE), "other": other}
         print(dance, seed, "true", *(f"{name} {level(song, motion)}" for name, song in songs.items()), flush=True)

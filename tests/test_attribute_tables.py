@@ -219,9 +219,7 @@ def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
 
 
 @cases("low, high, colour, mark", (1.0, 20.0, "hit", "o"), (-20.0, -1.0, "miss", "x"), (-5.0, 20.0, "chance", "s"))
-def test_a_difference_is_coloured_only_where_its_interval_leaves_out_zero(
-    ax: Axes, low: float, high: float, colour: str, mark: str
-):
+def test_a_difference_is_coloured_where_zero_is_left_out(ax: Axes, low: float, high: float, colour: str, mark: str):
     drawing.draw_differences(ax, pd.DataFrame([{**GAP, "low": low, "high": high}]))
     assert [(to_hex(line.get_color()), line.get_marker()) for line in ax.lines[2:]] == [(COLOURS[colour].lower(), mark)]
 

@@ -485,8 +485,7 @@ def test_loudness_is_normalised_over_the_recording_and_silence_stays():
 
 
 def test_slopes_are_those_of_lines_through_five_frames():
-    line = 3.0 * np.arange(20.0)[:, None]
-    np.testing.assert_allclose(hearing.slopes(line)[2:-2], 3.0, rtol=1e-6)
+    np.testing.assert_allclose(hearing.slopes(3.0 * np.arange(20.0)[:, None])[2:-2], 3.0, rtol=1e-6)
     curve = np.random.default_rng(2).normal(size=(9, 1))
     fitted = [np.polyfit(np.arange(-2, 3), curve[place - 2 : place + 3, 0], 1)[0] for place in range(2, 7)]
     np.testing.assert_allclose(hearing.slopes(curve)[2:-2, 0], fitted, rtol=1e-5)
@@ -635,14 +634,12 @@ def test_settings_that_cannot_be_are_named():
 
 
 def test_a_network_of_two_layers_is_built_again_and_an_older_description_has_one():
-    params = replace(Audio2BodyParams.tables(), hidden=8, layers=2)
-    network = SoundToPoints(params, PLAYER_50, "piano", 3, NOWHERE)
+    network = SoundToPoints(replace(Audio2BodyParams.tables(), hidden=8, layers=2), PLAYER_50, "piano", 3, NOWHERE)
     assert network.lstm.num_layers == 2
     gate = network.lstm.bias_ih_l1[8:16] + network.lstm.bias_hh_l1[8:16]
     assert gate.tolist() == [1.0] * 8
     build = network.description()
-    again = SoundToPoints.built(build, network.state_dict())
-    assert again.lstm.num_layers == 2
+    assert SoundToPoints.built(build, network.state_dict()).lstm.num_layers == 2
     del build["params"]["layers"]
     assert SoundToPoints.built(build, {}).lstm.num_layers == 1
 

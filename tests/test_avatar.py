@@ -191,8 +191,7 @@ def test_bare_forearm_comes_back_and_the_linear_law_does_not():
 @pytest.mark.parametrize("instrument", INSTRUMENTS)
 def test_planted_player_comes_back_in_space(instrument: str, seed: int):
     player = player_in_space(instrument, seed=seed)
-    result = avatar(player.points, instrument)
-    errors = CELLS.depth_errors(player, result)
+    errors = CELLS.depth_errors(player, avatar(player.points, instrument))
     assert all(errors[measure] <= most for measure, most in CELLS.DEPTH_LIMITS.items())
     for worse in (replace(OURS, depth="linear"), replace(OURS, elbow_depth=False), AvatarParams.paper()):
         assert CELLS.depth_errors(player, avatar(player.points, instrument, params=worse))["wrist depth"] > 25.0
@@ -352,8 +351,7 @@ def test_missing_parts_are_left_out_and_the_rest_works(instrument: str, part: st
     points = player_in_space(instrument, seconds=3.0).points
     result = avatar(without(points, MISSING[part]), instrument)  # a Motion has no NaN
     assert changes_of_bones(result) < 1e-6
-    full = avatar(points, instrument)
-    assert set(result.skeleton.joints) <= set(full.skeleton.joints)
+    assert set(result.skeleton.joints) <= set(avatar(points, instrument).skeleton.joints)
     if part in ("left arm", "all but shoulders"):
         assert not [name for name in result.skeleton.joints if name.startswith(("left_elbow", "left_w", "left_index"))]
     if part in ("right arm", "all but shoulders"):

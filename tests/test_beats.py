@@ -670,15 +670,12 @@ def test_a_line_about_beats_says_where_their_tempo_goes():
 
 
 @pytest.mark.parametrize(("meter", "count", "value"), [(3, 48, 1.5), (4, 48, -4 / 3), (3, 24, 1.5), (3, 23, 0.0)])
-def test_music_in_threes_repeats_every_third_beat(
-    meter: int, count: int, value: float, monkeypatch: pytest.MonkeyPatch
-):
+def test_music_in_threes_repeats_each_third_beat(meter: int, count: int, value: float, monkeypatch: pytest.MonkeyPatch):
     # Onsets on "one" alone, less their mean: two thirds, or minus one, of their variance at any other place.
     moments = 100 * 0.5 * np.arange(0, count, meter) + listening.LATENESS
     envelope = (np.abs(np.subtract.outer(np.arange(100 * count), moments)).min(axis=1) < 5).astype(float)
     monkeypatch.setattr(meters, "onset_envelope", lambda audio: (envelope, 100.0))
-    music = metronome(np.ones(count))
-    assert meters.threes(Audio(np.zeros(10), 10.0), music) == pytest.approx(value, abs=0.2)
+    assert meters.threes(Audio(np.zeros(10), 10.0), metronome(np.ones(count))) == pytest.approx(value, abs=0.2)
 
 
 def test_a_waltz_goes_in_threes_and_a_tango_does_not():

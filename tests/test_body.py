@@ -111,8 +111,7 @@ def test_valleys_and_peaks_share_the_turning_points():
 
 
 def test_the_top_of_a_parabola_is_found_between_the_samples_and_a_flat_extremum_stays_on_its_sample():
-    curve = 5 - (np.arange(6) - 2.3) ** 2
-    np.testing.assert_allclose(kinematics.refine_extrema(curve, np.array([2])), [2.3])
+    np.testing.assert_allclose(kinematics.refine_extrema(5 - (np.arange(6) - 2.3) ** 2, np.array([2])), [2.3])
     np.testing.assert_array_equal(kinematics.refine_extrema(np.ones(5), np.array([2])), [2])
 
 
@@ -225,7 +224,7 @@ BODY = skeletons.Skeleton(
     (-1, 0, 0, 0, 0, 3, 5),
 )
 POSE = np.array(
-    [[0, 1.6, 0.1], [0.2, 1, 0], [-0.2, 1, 0], [0.3, 1.5, 0], [-0.3, 1.5, 0], [0.5, 1.2, 0.1], [0.6, 1, 0.4]]
+    [(0, 1.6, 0.1), (0.2, 1, 0), (-0.2, 1, 0), (0.3, 1.5, 0), (-0.3, 1.5, 0), (0.5, 1.2, 0.1), (0.6, 1, 0.4)]
 )
 TORSO = np.array([0.0, 1.25, 0.0])  # mean of hips and shoulders
 TREE = skeletons.Skeleton(("toe", "knee", "hip", "hand", "head"), (1, 2, -1, 2, 2))

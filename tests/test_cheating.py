@@ -198,9 +198,7 @@ def test_cheat_that_pleased_the_old_score_gets_no_number(table: pd.DataFrame):
     (3, ["rests, a quarter of a beat late"]),
     (4, ["rests on the beats", "rests, 60 ms late", "runner, a step a beat", "one hand, 10 cm"]),
 )
-def test_level_says_whether_a_body_moves_keeps_time_and_is_on_the_beat(
-    table: pd.DataFrame, level: int, names: list[str]
-):
+def test_level_says_whether_a_body_moves_keeps_time_and_is_on_beat(table: pd.DataFrame, level: int, names: list[str]):
     assert table.loc[names, "level"].tolist() == [level] * len(names)
 
 

@@ -443,9 +443,8 @@ def with_mediapipe(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     """A film, and a stand-in for MediaPipe that sees one body and one hand in every picture."""
     write_video("dance.mp4", [np.zeros((64, 48, 3), np.uint8)] * 4, fps=10.0)
     points = [SimpleNamespace(x=0.01 * place, y=0.02 * place, z=0.0, visibility=1.0) for place in range(33)]
-    hand = SimpleNamespace(
-        handedness=[[SimpleNamespace(category_name="Left", score=1.0)]], hand_landmarks=[points[:21]]
-    )
+    side = SimpleNamespace(category_name="Left", score=1.0)
+    hand = SimpleNamespace(handedness=[[side]], hand_landmarks=[points[:21]])
     estimator = SimpleNamespace(detect_for_video=lambda *_: SimpleNamespace(pose_landmarks=[points], **vars(hand)))
     vision = SimpleNamespace(
         PoseLandmarkerOptions=SimpleNamespace, RunningMode=SimpleNamespace(VIDEO="video"),
@@ -645,9 +644,7 @@ def test_citation_names_the_software_and_three_papers():
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not on this machine")
-def test_make_lists_every_promised_target_and_says_which_python_is_needed_where_the_one_named_is_missing(
-    tmp_path: Path,
-):
+def test_make_lists_every_promised_target_and_says_which_python_is_needed_if_the_one_named_is_missing(tmp_path: Path):
     listing = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     promised = "setup test test-browser check lint lab report figures docs dist bench clean"
     assert set(promised.split()) <= set(re.findall(r"^  make (\S+)", listing, flags=re.MULTILINE))

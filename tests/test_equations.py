@@ -55,8 +55,7 @@ def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_equation_01_harmony_is_one_number_of_music_and_motion():
     # Music beats at 0.3 (met by the stop) and 0.5 s: N = 2, M = 1, h_s = 1, beta = 2: h = 5 * 1 / (2 * 4 + 1).
-    beats = BeatTrack([0.3, 0.5], [1.0, 1.0], 10.0, 0.6)
-    clip = Clip("one stop", Audio(np.zeros(600), 1000), one_stop(), beats=beats)
+    clip = Clip("one stop", Audio(np.zeros(600), 1000), one_stop(), beats=BeatTrack([0.3, 0.5], [1.0, 1.0], 10.0, 0.6))
     assert score_clip(clip, EVERY_BEAT).harmony == pytest.approx(5 / 9)
 
 
@@ -197,9 +196,8 @@ def test_equation_22_a_strong_beat_is_stronger_than_the_one_before():
 
 def test_equation_23_initial_poses_are_the_last_meter_and_then_its_mean():
     motion = np.array([[2.0], [4.0], [9.0], [30.0], [50.0]])
-    index = temporal_index(5, 3)
     # sum V TI / sum TI = (2 + 4 + 9) / 3 = 5; the current meter, 30 and 50, does not show.
-    np.testing.assert_allclose(initial_poses(motion, index), [[2.0], [4.0], [9.0], [5.0], [5.0]])
+    np.testing.assert_allclose(initial_poses(motion, temporal_index(5, 3)), [[2.0], [4.0], [9.0], [5.0], [5.0]])
 
 
 def test_equation_24_divergence_of_the_distributions_of_flat_poses():

@@ -49,8 +49,7 @@ def bars(seconds: float = 8.0) -> Audio:
 def write_recording(folder: Path, motion: Motion, *, dance: str = "cha-cha", offset: float = 0.0) -> Path:
     """A sequence in our own layout: clicks in bars of four from 0.5 s on."""
     folder.mkdir(parents=True)
-    audio = bars()
-    soundfile.write(folder / "audio.wav", audio.samples, RATE)
+    soundfile.write(folder / "audio.wav", bars().samples, RATE)
     save_motion(folder / "motion.npz", motion)
     beats = (0.5 * np.arange(1, 16)).tolist()
     content = {"beats_s": beats, "downbeats_s": beats[::4], "meter": 4, "dance": dance, "motion_offset_s": offset}
@@ -92,9 +91,7 @@ def test_a_folder_of_sequences_is_one_corpus_and_a_folder_of_corpora_is_several(
     assert corpus_folders(TINY) == {**groups, "other": other, "recordings": recordings}
 
 
-def test_corpora_of_pictures_come_after_those_in_space(
-    recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch
-):
+def test_pictures_come_after_corpora_in_space(recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch):
     arm = swinging_arm(1.0, 30.0)
     write_recording(recordings.parent / "a" / "E", replace(arm, positions=arm.positions[..., :2]))
     monkeypatch.setenv("HARMOLAB_DATA", str(recordings.parent))

@@ -115,8 +115,7 @@ def test_rate_and_number_are_those_of_the_judgement():
 
 
 def test_half_a_beat_is_neither_late_nor_early():
-    words = explain(score_of(MUSIC.times + 30 / MUSIC.tempo))
-    (finding,) = (one for one in words.findings if one.kind == "lag")
+    (finding,) = (one for one in explain(score_of(MUSIC.times + 30 / MUSIC.tempo)).findings if one.kind == "lag")
     assert re.fullmatch(r"You are \d+ ms off, about half a beat: neither late nor early\.", finding.sentence)
 
 

@@ -69,9 +69,7 @@ def test_an_offset_that_is_no_song_time_is_refused_by_name(tmp_path: Path, offse
 
 
 @cases("name, written_by", ("arm.npz", "savez"), ("arm.bvh", "savetxt"))
-def test_failed_save_leaves_the_old_file_and_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, written_by: str
-):
+def test_failed_save_leaves_only_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, written_by: str):
     path = tmp_path / name
     save_motion(path, WALK)
     before = path.read_bytes()
@@ -477,9 +475,7 @@ def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: objec
 
 
 @pytest.mark.parametrize(("first", "lead"), [(0, 0), (1, 0), (7, 7), (20, 20), (21, 0), (5000, 0)])
-def test_frames_before_the_dancer_comes_in_are_there_unless_they_are_of_a_longer_video(
-    tmp_path: Path, first: int, lead: int
-):
+def test_frames_before_the_dancer_comes_are_there_unless_of_a_longer_video(tmp_path: Path, first: int, lead: int):
     entries = [{"image_id": f"{first + place}.jpg", "keypoints": coco_pose(place)} for place in range(20)]
     motion = load_motion(as_json(tmp_path / "alphapose-results.json", entries), fps=30)
     np.testing.assert_array_equal(motion.positions[:, 4, 0], [0.0] * lead + list(range(20)))
@@ -590,10 +586,8 @@ def test_landmarks_whose_hips_stay_at_the_origin_are_in_metres(tmp_path: Path, c
     np.testing.assert_allclose(motion.positions, body[..., :3] * [1, -1, -1])
     picture = save(tmp_path / "e.npy", np.clip(body[..., :columns] + 0.5, 0, 1))
     assert load_motion(picture, fps=25).positions.shape[2] == (3 if columns == 3 else 2)
-    told = {
-        "fps": 25.0,
-        "frames": [[dict(zip(("x", "y", "z", "visibility"), row, strict=False)) for row in body[0]]] * 2,
-    }
+    landmarks = [dict(zip(("x", "y", "z", "visibility"), row, strict=False)) for row in body[0]]
+    told = {"fps": 25.0, "frames": [landmarks] * 2}
     from_json, _, notes = read_motion(as_json(tmp_path / "d.json", told))
     assert from_json.positions.shape == (2, 33, 3) and "guessed: the hips stay at the origin" in notes[-1]
     assert not read_motion(as_json(tmp_path / "t.json", {**told, "world": True})).notes
@@ -737,8 +731,7 @@ def test_bone_of_no_length_and_a_dancer_of_a_centimetre_come_back(tmp_path: Path
 
 def test_end_site_of_some_length_is_still_a_joint(tmp_path: Path):
     save_bvh(tmp_path / "arm.bvh", Motion(turned(ARM, np.eye(3), 3), 15, ARM))
-    text = (tmp_path / "arm.bvh").read_text()
-    (tmp_path / "long.bvh").write_text(text.replace("OFFSET 0 0 0\n", "OFFSET 0 5 0\n"))
+    (tmp_path / "long.bvh").write_text((tmp_path / "arm.bvh").read_text().replace("OFFSET 0 0 0\n", "OFFSET 0 5 0\n"))
     assert load_bvh(tmp_path / "long.bvh").skeleton.joints == ("shoulder", "elbow", "hand", "hand_end")
 
 
@@ -755,11 +748,8 @@ def test_names_that_bvh_cannot_hold_are_changed_and_stay_apart(tmp_path: Path):
     (Skeleton(("a", "b", "c"), (1, 2, 0)), 3, "0 roots"),
     (ARM, 2, "image coordinates"),
 )
-def test_skeleton_that_is_no_tree_and_image_coordinates_are_refused_by_file(
-    tmp_path: Path, skeleton: Skeleton, axes: int, fault: str
-):
-    positions = np.zeros((4, 3, axes))
-    refused(rf"dance\.bvh: .*{fault}", save_bvh, tmp_path / "dance.bvh", Motion(positions, 15, skeleton))
+def test_no_tree_and_image_coordinates_are_refused_by_file(tmp_path: Path, skeleton: Skeleton, axes: int, fault: str):
+    refused(rf"dance\.bvh: .*{fault}", save_bvh, tmp_path / "dance.bvh", Motion(np.zeros((4, 3, axes)), 15, skeleton))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -807,9 +797,7 @@ def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):
 
 
 @cases("count, is_guess", (25, True), (18, True), (21, False))  # Kinect and NTU have 25 too, in another order
-def test_order_of_joints_in_space_that_their_number_tells_is_said_to_be_a_guess(
-    tmp_path: Path, count: int, is_guess: bool
-):
+def test_order_of_joints_in_space_told_by_number_is_said_to_be_a_guess(tmp_path: Path, count: int, is_guess: bool):
     np.save(tmp_path / "kinect.npy", np.random.default_rng(1).uniform(-1, 2, (40, count, 3)))
     file = read_motion(tmp_path / "kinect.npy", fps=30)
     assert ("order of joints guessed: OpenPose" in [one.brief for one in file.assumptions]) == is_guess

@@ -166,8 +166,7 @@ def arriving(ends: np.ndarray, seconds: float) -> Motion:
     times = np.arange(round(SECONDS * 60)) / 60
     way = np.clip((times[:, None] - ends + seconds) / seconds, 0, 1)
     eased = way**3 * (10 - 15 * way + 6 * way**2)
-    height = eased @ np.where(np.arange(ends.size) % 2 == 0, 1.0, -1.0)
-    return raising(height)
+    return raising(eased @ np.where(np.arange(ends.size) % 2 == 0, 1.0, -1.0))
 
 
 def raising(height: np.ndarray) -> Motion:
@@ -356,8 +355,7 @@ def test_an_own_tempo_is_told_from_eight_deviations_on() -> None:
     assert clear.time is not None
     for best, is_told in ((8.0, True), (7.9, False)):
         z = np.where(np.arange(241) == 130, best, 0.0)
-        judgement = replace(clear, level=1, time=replace(clear.time, z=z, power=z))
-        assert ("Your own tempo" in judgement.verdict) is is_told
+        assert ("Your own tempo" in replace(clear, level=1, time=replace(clear.time, z=z, power=z)).verdict) is is_told
 
 
 def test_sixteen_beats_are_judged_and_fewer_than_48_are_said_to_be_few() -> None:
@@ -409,9 +407,8 @@ FAST_ON_EVEN_BEATS = BarPattern(2, (1.0,), (0.0,))
 
 
 def test_a_pattern_is_a_fourier_series_of_the_beat_position():
-    pattern = BarPattern(2, (1.0, 0.5), (0.0, 2.0))
     # At 0: 1 + .5; half a beat on, a quarter of the cycle: cos(pi/2) + .5 cos(pi) + 2 sin(pi).
-    values = bar_pattern.evaluate_pattern(pattern, np.array([0.0, 0.5, 2.0]))
+    values = bar_pattern.evaluate_pattern(BarPattern(2, (1.0, 0.5), (0.0, 2.0)), np.array([0.0, 0.5, 2.0]))
     np.testing.assert_allclose(values, [1.5, -0.5, 1.5], atol=1e-12)
 
 
@@ -731,8 +728,7 @@ def test_a_rigid_body_that_turns_and_travels_has_none(fps: float, seed: int) -> 
 
 
 def test_a_body_that_tumbles_has_next_to_none() -> None:
-    tumbling = turned_by(JOINTS, np.linspace(0, 6, 120))[..., [1, 0, 2]]
-    assert shape_signal(shape_speed(moving(tumbling))).share < 0.02
+    assert shape_signal(shape_speed(moving(turned_by(JOINTS, np.linspace(0, 6, 120))[..., [1, 0, 2]]))).share < 0.02
 
 
 @settings(max_examples=20)
@@ -770,8 +766,7 @@ def test_pan_roll_zoom_and_shear_of_a_camera_move_no_picture_of_a_still_body() -
     flat = JOINTS[:, :2]
     time = np.arange(90)[:, None, None] / 30
     matrix = np.array([[1.0, 0.3], [-0.2, 1.1]]) * (1 + 0.2 * np.sin(time)) + np.array([[0, 1], [-1, 0]]) * 0.3 * time
-    filmed = np.einsum("jd,tde->tje", flat, matrix) + 2 * time
-    shape = shape_speed(moving(filmed))
+    shape = shape_speed(moving(np.einsum("jd,tde->tje", flat, matrix) + 2 * time))
     assert shape.dimensions == 2 and shape.speed.max() < 1e-2 * np.sqrt(shape.room.max())
 
 

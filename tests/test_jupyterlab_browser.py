@@ -272,8 +272,7 @@ def test_boxes_that_lie_on_one_another_are_named() -> None:
 def test_numbers_under_the_labs_do_not_overprint(labs: Any, width: int) -> None:
     labs.set_viewport_size({"width": width, "height": 1000})
     for title in ("The detector lab", "The meter lab", "The saliency lab", "The corpus lab"):
-        lab = live_lab(labs, title)
-        boxes = lab.locator(".board").evaluate(LETTERS)
+        boxes = live_lab(labs, title).locator(".board").evaluate(LETTERS)
         assert len(boxes) >= 4 and all(box[3] > box[1] and box[4] > box[2] for box in boxes)
         assert overlaps(boxes) == [], title
 

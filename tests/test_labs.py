@@ -115,8 +115,7 @@ def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_a_sentence(stage: 
 def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
     music = BeatTrack([0.5, 1.0, 1.5, 2.0, 2.5], [2.0, 4.0, 0.1, 3.0, 1.0], fps=100, duration=3.0)
     dance = BeatTrack([0.2, 0.55, 0.8, 1.15, 1.6, 2.45], [4.0, 1.0, 5.0, 2.0, 2.2, 6.0], fps=100, duration=3.0)
-    stage = Stage(music, planted_clip.motion.span(0.0, 3.0))
-    numbers = partial(one_clip.saliency_numbers, stage, dance)
+    numbers = partial(one_clip.saliency_numbers, Stage(music, planted_clip.motion.span(0.0, 3.0)), dance)
     assert numbers(lambda1=0.1, lambda2=1.0)["sentence"] == "Now 4 of 5 music beats and 5 of 6 movements are noticed."
     assert numbers(lambda1=0.1, lambda2=0.0)["dance"] == 6
     # SD(s_a) is .3466 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.

@@ -389,9 +389,7 @@ def test_taps_of_keys_become_the_beats_of_the_song(chromium: Any, address: str, 
     closed(page)
 
 
-def test_thumbs_tap_on_a_phone_and_a_refusal_can_be_mended(
-    chromium: Any, address: str, kept: list[TappedBeats]
-) -> None:
+def test_thumbs_tap_on_phones_and_a_refusal_can_be_mended(chromium: Any, address: str, kept: list[TappedBeats]) -> None:
     page = tap_page(chromium, address, PHONE)
     page.click("#tap")
     page.get_by_text("Play the song first").wait_for(timeout=WAIT)

@@ -634,8 +634,7 @@ def test_the_page_asks_four_marks_and_saves_them(tmp_path):
     with server.running():
         waiting, page = server.turn()
         assert all(f'name="{side}"' in page for side in blind.MARKED) and "professionals" in page
-        form = dict(zip(blind.MARKED, "8709", strict=True)) | {"trial": waiting[0].id}
-        server.post(urlencode(form))
+        server.post(urlencode(dict(zip(blind.MARKED, "8709", strict=True)) | {"trial": waiting[0].id}))
         (answer,) = AnswerLog(tmp_path / "answers.jsonl").read().answers
         assert answer.choice == "8 7 0 9"
         refused("not saved", server.post, urlencode({"trial": waiting[1].id, "music": "4"}))
@@ -701,9 +700,7 @@ def test_offset_between_music_and_dance_is_kept(clips: list[Clip]):
 
 
 @pytest.mark.parametrize("made", ["lagged", "swapped"])
-def test_all_sounds_and_dances_are_equally_long_loud_faded_and_begin_with_sound(
-    made: str, request: pytest.FixtureRequest
-):
+def test_sounds_and_dances_are_equally_long_loud_faded_and_begin_with_sound(made: str, request: pytest.FixtureRequest):
     pieces = request.getfixturevalue(made).pieces
     samples = [piece.audio.samples for piece in pieces]
     motions = [motion for piece in pieces for motion in piece.motions.values()]
@@ -753,8 +750,7 @@ def test_music_that_is_silent_at_first_begins_where_it_sounds(clips: list[Clip])
 def test_same_seed_gives_the_same_pieces_whatever_other_clips_there_are(clips: list[Clip], lagged: Pieces):
     alone = corpus.lagged_pieces(clips[2:3], seconds=SECONDS, seed=3).pieces[0]
     np.testing.assert_array_equal(alone.motions["true"].positions, lagged.pieces[2].motions["true"].positions)
-    others = corpus.lagged_pieces(clips, seconds=SECONDS, seed=4).pieces
-    pairs = zip(lagged.pieces, others, strict=True)
+    pairs = zip(lagged.pieces, corpus.lagged_pieces(clips, seconds=SECONDS, seed=4).pieces, strict=True)
     assert not all(np.array_equal(*(piece.motions["true"].positions for piece in pair)) for pair in pairs)
 
 
@@ -769,14 +765,11 @@ def test_two_dances_to_one_music_are_cut_at_the_same_moment_and_shown_at_one_rat
     expected = slow.positions[start : start + round(SECONDS * corpus.FPS)]
     np.testing.assert_allclose(motions["theirs"].positions, expected, atol=0.02)
     items = [*made.items, replace(made.items[0], name="x", versions={"ours": "1", "theirs": "2"})]
-    key = make_key(items, kind="choice", n=2, seed=0, truth="")
-    assert {asked.right for asked in key.trials.values()} == {None}
+    assert {asked.right for asked in make_key(items, kind="choice", n=2, seed=0, truth="").trials.values()} == {None}
 
 
 @cases("own, others", (0.0, 2.1), (2.1, 0.0), (0.5, 0.5))
-def test_two_dances_are_shown_at_one_moment_of_the_music_wherever_their_files_begin(
-    clips: list[Clip], own: float, others: float
-):
+def test_two_dances_show_one_moment_of_the_music_wherever_files_begin(clips: list[Clip], own: float, others: float):
     whole = clips[0].motion
     clip = replace(clips[0], motion=whole.span(own, 9.0), offset=own)
     made = corpus.paired_pieces([(clip, whole.span(others, 9.0), others)], ("a", "b"), seconds=SECONDS, seed=2)

@@ -56,9 +56,7 @@ def ask(address: str, method: str, form: object = None, *, path: str = "", **opt
         return reply.status, reply.read().decode()
 
 
-def test_page_and_frame_ask_every_trial_each_answer_is_on_disk_and_the_thanks_are_the_end(
-    trials: TrialSet, log: AnswerLog
-):
+def test_page_and_frame_ask_every_trial_each_answer_is_on_disk_and_thanks_are_the_end(trials: TrialSet, log: AnswerLog):
     server = StudyServer(trials, log, shown).start()
     assert urlsplit(server.address).hostname == "127.0.0.1"
     for number, trial in enumerate(trials.trials, 1):
@@ -96,9 +94,7 @@ def test_hostile_forms_are_refused(address: str, trials: TrialSet, log: AnswerLo
     assert (status, "<script>alert" in page, log.read().answers) == (400, False, ())
 
 
-def test_damaged_answer_file_is_said_on_the_page_and_the_answer_asked_again(
-    address: str, trials: TrialSet, log: AnswerLog
-):
+def test_damaged_answer_file_is_said_on_the_page_and_answer_asked_again(address: str, trials: TrialSet, log: AnswerLog):
     form = {"trial": trials.trials[0].id, "choice": "harmonious"}
     log.path.write_text("<no answers>\n")
     status, page = ask(address, "GET")
@@ -240,9 +236,7 @@ def test_taps_that_keep_no_tempo_are_refused(taps: np.ndarray, fault: str):
     refused(fault, tap_grid, taps)
 
 
-def test_taps_to_a_part_become_beats_of_the_whole_song_where_it_sounds(
-    click_track: Callable[..., Audio], rng: np.random.Generator
-):
+def test_taps_to_a_part_become_beats_of_the_song_there(click_track: Callable[..., Audio], rng: np.random.Generator):
     # Clicks of 113 a minute for a minute, tapped for ten seconds, 40 ms late; silence at both ends has no beats.
     clicks = click_track(113, seconds=60.0).samples
     audio = Audio(np.concatenate([np.zeros(22050), clicks, np.zeros(3 * 22050)]), 22050)

@@ -237,8 +237,7 @@ def test_a_matrix_that_is_no_rotation_is_taken_for_the_nearest_one(tmp_path: Pat
     nearest = [[polar(one.reshape(3, 3))[0] for one in frame] for frame in matrices(poses) + fault]
     axis_angle = Rotation.from_matrix(np.reshape(nearest, (-1, 3, 3))).as_rotvec().reshape(3, 24, 3)
     motion = load_motion(saved(tmp_path / "d.npy", fact_vectors(poses, way, fault)), fps=60)
-    expected = loop_joints(axis_angle, way, neutral_body().body.offsets)
-    np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
+    np.testing.assert_allclose(motion.positions, loop_joints(axis_angle, way, neutral_body().body.offsets), atol=1e-5)
 
 
 @cases(

@@ -165,8 +165,7 @@ def test_no_recordings_have_annotated_beats_without_a_folder(monkeypatch: pytest
 def test_picture_counts_the_levels_of_each_music():
     row = {"corpus": "beatlocked", "beats": "tracked", "told": False, "a": "1 0 0 0 2", "b": "0 1 0 0 0", "c": ""}
     (ax,) = pictures.levels_figure(pd.DataFrame([row, row | {"told": True}])).axes
-    title = "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
-    assert ax.get_title("left") == title
+    assert ax.get_title("left") == "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
     widths = {(round(bar.get_y() + 0.4), bar.get_x(), bar.get_width()) for bar in ax.patches if bar.get_width()}
     assert widths == {(0, 0, 1), (0, 1, 2), (1, 0, 1)}
     assert [text.get_text() for text in ax.texts if text.get_text()] == ["1", "1", "2"]

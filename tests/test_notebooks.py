@@ -139,8 +139,7 @@ def test_every_published_figure_has_its_notebook_and_its_file_and_comes_from_the
     entries = json.loads((ROOT / "figures" / "manifest.json").read_text("utf-8"))
     assert {entry["notebook"] for entry in entries.values()} <= {path.name for path in PATHS}
     assert {entry["profile"] for entry in entries.values()} == {"full"}
-    files = {file.name for file in (ROOT / "figures").glob("*.*") if file.suffix in (".png", ".csv")}
-    assert files == set(entries)
+    assert {file.name for file in (ROOT / "figures").glob("*.*") if file.suffix in (".png", ".csv")} == set(entries)
 
 
 @every_notebook

@@ -27,8 +27,7 @@ def cut(dance: str, seed: int) -> tuple[Clip, float]:
     clip = synthetic_clip(dance, seconds=SECONDS, seed=seed)
     frame = int(np.random.default_rng([seed, *dance.encode()]).integers(0, 121))
     start = frame / clip.motion.fps
-    motion = clip.motion.span(start, SECONDS - start)
-    return Clip(clip.name, clip.audio, motion, start, "synthetic", clip.beats), start
+    return Clip(clip.name, clip.audio, clip.motion.span(start, SECONDS - start), start, "synthetic", clip.beats), start
 
 
 def miss(found: float, start: float, beats: BeatTrack) -> float:

@@ -111,8 +111,7 @@ def assert_one(results: dict[str, dict[str, Any]]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_path: Path) -> None:
-    beats = planted_dance(seconds=SECONDS, fps=FPS, seed=2).beats
-    motion, offset, options = dances(beats.times)[case]
+    motion, offset, options = dances(planted_dance(seconds=SECONDS, fps=FPS, seed=2).beats.times)[case]
     save_motion(tmp_path / "dance.npz", motion, offset=offset)
     results = numbers(song, tmp_path / "dance.npz", *options)
     assert_one(results)
@@ -170,13 +169,12 @@ def paper_harmonies(folder: Path) -> dict[str, float]:
     }
     assert [result.exit_code for result in scored.values()] == [0, 0], [result.output for result in scored.values()]
     (clip,) = cut_clips(recording, "annotated", None)
-    pair = Pair("recorded", "", folder.name, motion, song)
     return {
         **{name: json.loads(result.stdout)["paper"]["harmony"] for name, result in scored.items()},
         "score_clip": score_clip(recording.clip, params).harmony,
         "score_files": score_files(song, motion, beats=beats, params=params).harmony,
         "evaluate compare": float(hit_scores(clip, [clip.music()])["paper"][0]),
-        "evaluate": float(clip_row(pair, RowOptions())["paper_harmony"]),
+        "evaluate": float(clip_row(Pair("recorded", "", folder.name, motion, song), RowOptions())["paper_harmony"]),
         "lab": score_motion(Stage.of(recording.clip).music, Stage.of(recording.clip).motion, params=params).harmony,
     }
 

@@ -378,8 +378,7 @@ def test_own_playing_is_explained(song: Path, takes: Path, tmp_path: Path):
     assert result.stdout.splitlines() == [words.verdict, *words.sentences, f"wrote {tmp_path / 'e.html'}"]
     assert words.verdict in html.unescape((tmp_path / "e.html").read_text("utf-8"))
     assert json.loads(called(app, *asked, "--json").stdout)["verdict"] == words.verdict
-    by_sound = called(app, *command, takes / "piano" / "motion.npz", "--json")
-    assert json.loads(by_sound.stdout)["onsets"] > 0
+    assert json.loads(called(app, *command, takes / "piano" / "motion.npz", "--json").stdout)["onsets"] > 0
     refused_option = called(app, *asked, "--dance", "waltz")
     assert refused_option.exit_code == 2 and "--dance is for dances" in refused_option.stderr
 
@@ -397,8 +396,7 @@ def test_strikes_of_the_avatar_are_those_of_the_points():
 
 @pytest.mark.slow
 def test_three_minutes_are_played_to_their_end(tmp_path: Path):
-    audio = planted_performance("piano", seconds=bench_audio2body.SONG).performance.audio
-    save_audio(tmp_path / "song.wav", audio)
+    save_audio(tmp_path / "song.wav", planted_performance("piano", seconds=bench_audio2body.SONG).performance.audio)
     motion = bench_audio2body.played(tmp_path / "song.wav", Audio2Body.shipped("piano"))
     assert motion.duration == pytest.approx(180.0, abs=0.1)
 

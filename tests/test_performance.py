@@ -35,8 +35,7 @@ def clip() -> Clip:
 def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
     """The dance from 0.4 s on, its movements late by `late(beats)`."""
     beats = clip.beats.times + late(clip.beats.times)
-    motion = synthetic_motion(beats, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1)
-    return motion.span(START, SECONDS - START)
+    return synthetic_motion(beats, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1).span(START, SECONDS - START)
 
 
 @pytest.fixture(scope="module")
@@ -159,8 +158,7 @@ def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
 def test_video_without_sound_or_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
     silent, film = (load_performance(folder / name) for name in ("silent.mp4", "film.mp4"))
     assert silent.sound is None
-    other = synthetic_clip("waltz", seconds=SECONDS, seed=9)
-    for recording, song in ((silent, clip), (film, other)):
+    for recording, song in ((silent, clip), (film, synthetic_clip("waltz", seconds=SECONDS, seed=9))):
         assert own.place_performance(recording, song.audio, song.beats).source == "movement"
     assert not own.explain_performance(folder / "song.wav", silent, params=RESTING).clip.has_start
 
@@ -187,8 +185,7 @@ def test_numbers_are_plain_enough_for_json(late: OwnDance):
     plain = late.to_dict()
     assert (plain["verdict"], plain["offset"]["source"]) == (late.verdict, "given")
     assert plain["interval"][0] < plain["harmony_above_chance"] < plain["interval"][1]
-    kinds = [finding["kind"] for finding in plain["findings"]]
-    assert kinds == ["score", "tempo", "rate", "lag", "change", "hits"]
+    assert [finding["kind"] for finding in plain["findings"]] == ["score", "tempo", "rate", "lag", "change", "hits"]
     assert (plain["level"], plain["lag_s"]) == (4, late.judgement.lag_s)
 
 

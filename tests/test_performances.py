@@ -170,8 +170,7 @@ def test_mirrored_landmarks_are_turned_back_by_the_word_of_the_file(tmp_path: Pa
     frame = {"left_hand_landmarks": landmarks(RIGHT), "right_hand_landmarks": landmarks(LEFT)}
     for point in itertools.chain(*frame.values()):
         point["x"] = 1 - point["x"]
-    content = with_frames(frame, frame, mirrored=True)
-    assert_pose(load_player_points(saved(tmp_path, content)), PLAYER_50.joints[8:])
+    assert_pose(load_player_points(saved(tmp_path, with_frames(frame, frame, mirrored=True))), PLAYER_50.joints[8:])
 
 
 def test_shares_of_a_picture_of_known_aspect_have_one_unit(tmp_path: Path):
@@ -192,8 +191,7 @@ def test_lost_hand_is_filled_by_a_straight_line_and_its_mask_says_so(tmp_path: P
 def test_point_that_is_detected_in_less_than_a_tenth_of_the_frames_is_left_out(tmp_path: Path):
     frames = [holistic(), *(holistic() | {"left_hand_landmarks": None} for _ in range(19))]
     content = {"fps": 30.0, "size": SIZE, "frames": frames}
-    joints = load_player_points(saved(tmp_path, content)).motion.skeleton.joints
-    assert set(joints) == set(PLAYER_50.joints) - set(LEFT)
+    assert set(load_player_points(saved(tmp_path, content)).motion.skeleton.joints) == set(PLAYER_50.joints) - set(LEFT)
     frames[7]["left_hand_landmarks"] = landmarks(LEFT)
     assert load_player_points(saved(tmp_path, content)).motion.skeleton == PLAYER_50
 
@@ -546,8 +544,7 @@ def test_check_shows_a_saved_performance_once_and_a_part_as_unreadable(tmp_path:
 def test_notes_are_read_in_the_order_of_their_onsets_with_any_separator(tmp_path: Path):
     text = "# a score\nmidi;offset_s;finger;onset_s;hand\n60;1.5;1;1.0;right\n\n36.0;0.75;5;0.5;Left\n72;2.5;5;2.0;\n"
     (tmp_path / "notes.csv").write_text(text)
-    notes = played.load_notes(tmp_path / "notes.csv")
-    columns = {name: values.tolist() for name, values in vars(notes).items()}
+    columns = {name: values.tolist() for name, values in vars(played.load_notes(tmp_path / "notes.csv")).items()}
     assert (columns["onsets"], columns["offsets"]) == ([0.5, 1.0, 2.0], [0.75, 1.5, 2.5])
     assert (columns["pitches"], columns["hands"], columns["loudness"]) == ([36, 60, 72], [0, 1, -1], [1, 1, 1])
 

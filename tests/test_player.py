@@ -111,8 +111,7 @@ def test_sound_is_where_it_was_and_the_same_sound_the_same_bytes(clip: Clip) -> 
 @pytest.mark.parametrize("seconds", [1.0, 3.0])
 def test_sound_is_cut_or_filled_to_the_longest_motion(seconds: float) -> None:
     dancers = [dancer_of(still(45, fps=30.0), "short"), dancer_of(still(60, fps=30.0), "long")]
-    sound = Audio(np.full(round(8000 * seconds), 0.5), 8000)
-    page = Player(sound, dancers, music=track([1.9, 3.9]), title="").page
+    page = Player(Audio(np.full(round(8000 * seconds), 0.5), 8000), dancers, music=track([1.9, 3.9]), title="").page
     samples, rate = sound_of(page)
     assert samples.size == 2 * rate
     assert data_of(page)["duration"] == 2.0
@@ -167,8 +166,7 @@ def test_page_asks_the_network_for_nothing_and_quotes_what_it_is_given(clip: Cli
 
 
 def test_facts_are_a_table(clip: Clip) -> None:
-    page = page_of(clip, facts={"above chance": "0.91"})
-    assert '<tr><th scope="row">above chance</th><td>0.91</td></tr>' in page
+    assert '<tr><th scope="row">above chance</th><td>0.91</td></tr>' in page_of(clip, facts={"above chance": "0.91"})
     assert "<table>" not in page_of(clip)
 
 
@@ -348,8 +346,7 @@ def test_a_second_dance_has_a_song_time_of_its_own(long_files: Path, tmp_path: P
     np.testing.assert_allclose(positions_of(one)[:500, :, 1], positions_of(other)[:500, :, 1], atol=2e-3)
     assert number_of(one) == pytest.approx(number_of(other), abs=1e-9)
     assert data_of(played(*command, 2))["dancers"] == data["dancers"]
-    away = data_of(played(*command, 2.12))
-    assert number_of(away["dancers"][1]) < number_of(other) - 0.2
+    assert number_of(data_of(played(*command, 2.12))["dancers"][1]) < number_of(other) - 0.2
 
 
 def test_two_dances_whose_frames_lie_between_each_others_keep_their_moments() -> None:

@@ -195,8 +195,7 @@ def test_mean_place_moves_each_hand_and_keeps_its_shape():
 
 def test_rows_of_section_4_change_the_layers_and_keep_every_coordinate():
     rows = SOUND.table_settings(SimpleNamespace(label=PLANTED, instrument="piano"))
-    final = Audio2BodyParams.tables("piano")
-    assert rows["two layers"] == replace(final, layers=2)
+    assert rows["two layers"] == replace(Audio2BodyParams.tables("piano"), layers=2)
     frames = np.random.default_rng(0).normal(size=(400, 100))
     space = PointSpace.fit(frames, rows["no PCA: every point"].components)
     np.testing.assert_allclose(space.decode(space.encode(frames)), frames)
@@ -690,8 +689,7 @@ def test_moments_are_near_up_to_their_reach_and_not_beyond():
 
 def frames_with(cause: str, notes: Notes, **limits: float) -> list[int]:
     """The frames of a piece of 7 s that a cause holds for."""
-    masks = FRAMES.frame_causes(piece_of([0.0] * 70, notes=notes), {1: USUAL | limits})
-    return np.flatnonzero(masks[cause]).tolist()
+    return np.flatnonzero(FRAMES.frame_causes(piece_of([0.0] * 70, notes=notes), {1: USUAL | limits})[cause]).tolist()
 
 
 def test_leap_is_a_larger_step_than_usual_and_counts_around_its_second_note():
@@ -707,8 +705,7 @@ def test_rate_counts_the_onsets_of_the_second_around_a_time():
 
 
 def test_unseen_register_lies_below_or_above_what_is_usual():
-    notes = notes_of([1.0, 3.0, 5.0], [50, 71, 49])
-    assert frames_with("unseen register", notes) == [*range(25, 36), *range(45, 56)]
+    assert frames_with("unseen register", notes_of([1.0, 3.0, 5.0], [50, 71, 49])) == [*range(25, 36), *range(45, 56)]
 
 
 def test_frames_beside_a_rejected_one_are_occluded():
@@ -817,8 +814,7 @@ def test_our_avatar_is_deep_enough_and_the_papers_is_not():
     for measure, most in FRAMES.DEPTH_LIMITS.items():
         assert (table.loc["ours", f"{measure}, worst"] <= most).all()
         assert (table.loc[["as in the paper", "ours, linear depth"], measure] > most).all()
-    figure = FRAMES.depth_figure(table.reset_index())
-    assert [len(ax.patches) for ax in figure.axes] == [len(table)] * 2
+    assert [len(ax.patches) for ax in FRAMES.depth_figure(table.reset_index()).axes] == [len(table)] * 2
 
 
 # Pictures

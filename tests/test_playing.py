@@ -232,8 +232,7 @@ def test_frames_that_are_not_valid_make_no_strikes():
 
 def test_a_motion_without_hands_or_another_hand_is_refused_by_name():
     refused(r"strikes need the wrist and fingertips of a hand.*left_index_4", strikes, still(30, fps=FPS, axes=2))
-    left = names_of.player_skeleton(hand_joints("left"))
-    motion = Motion(np.zeros((30, 21, 2)), FPS, left)
+    motion = Motion(np.zeros((30, 21, 2)), FPS, names_of.player_skeleton(hand_joints("left")))
     assert events.playing_hands(motion) == ("left",)
     refused("of the right hand", strikes, motion, hand="right")
     refused("hand must be left or right, got 'both'", strikes, motion, hand="both")
@@ -413,8 +412,7 @@ def test_the_stretch_in_which_hands_stop_is_named():
     motion = planted_hands(notes.select((notes.onsets < 10) | (notes.onsets > 15)))
     words = playing_findings(playing_score(motion, notes, "piano"))
     assert [(s.start, s.end) for s in words.stretches] == [(0.0, 5.0), (5.0, 10.0), (10.0, 15.0), (15.0, 20.0)]
-    count = words.stretches[2].onsets
-    assert f"They part most from 10 to 15 s: 0 of {count} onsets are met." in words.sentences
+    assert f"They part most from 10 to 15 s: 0 of {words.stretches[2].onsets} onsets are met." in words.sentences
 
 
 def test_sentences_say_the_numbers_of_the_score():

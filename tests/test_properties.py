@@ -152,9 +152,7 @@ def test_chance_is_the_share_of_a_fine_grid_of_times_that_is_hit(motion: BeatTra
 
 @often
 @given(st.lists(st.tuples(tracks(), tracks()), min_size=1, max_size=4), delays, st.sampled_from([None, 0.0, 1.0]))
-def test_a_batch_scores_as_its_clips_do_one_by_one(
-    pairs: list[tuple[BeatTrack, BeatTrack]], delay: float, threshold: float | None
-):
+def test_batches_score_as_single_clips(pairs: list[tuple[BeatTrack, BeatTrack]], delay: float, threshold: float | None):
     params = HarmonyParams(reaction_delay=delay, visual_threshold=threshold, lag=0.125)
     batch = rescore(BeatBatch.of(pairs), params)
     singles = [score_harmony(music, motion, params=params, n_rotations=0) for music, motion in pairs]
@@ -257,8 +255,7 @@ def test_pattern_shares_lie_between_zero_and_one(seed: int, beats: int, known: b
     signal = shape_signal(shape_speed(movement(seed, 25.0)))
     ranks = beat_ranks(signal.times, signal.values, music, pattern)
     assert ((ranks > 0) & (ranks < 1)).all()
-    long = steady(seconds=16.0)
-    score = score_motion(long, movement(seed, 25.0, 16.0), params=HarmonyParams.recommended(pattern))
+    score = score_motion(steady(seconds=16.0), movement(seed, 25.0, 16.0), params=HarmonyParams.recommended(pattern))
     assert 0 < score.p_value <= 1 and -1 <= score.harmony_above_chance <= 1
 
 

@@ -164,5 +164,4 @@ def rest_hit_or_half_time(signal: ShapeSignal, beats: BeatTrack) -> tuple[FloatA
     tests = [place_test(signal, beats.times, None, pattern) for pattern in HOW_PATTERNS.values()]
     curves = [test.ranks.mean(axis=1).max(axis=0) for test in tests]
     curve = np.max([np.tile(each, 2 * MOMENTS // each.size) for each in curves], axis=0)
-    best = PlaceTest(HOW_PATTERNS["half time"], curve[None, None, :], 0, 0.25)
-    return curve, best.lag
+    return curve, PlaceTest(HOW_PATTERNS["half time"], curve[None, None, :], 0, 0.25).lag

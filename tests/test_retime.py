@@ -264,8 +264,7 @@ def test_filler_frames_stay_filler():
 
 
 def test_a_ring_of_bones_is_refused():
-    motion = Motion(swinging().positions, 30.0, Skeleton(("a", "b"), (1, 0)))
-    refused("form a ring", motion_at, motion, np.array([0.5]))
+    refused("form a ring", motion_at, Motion(swinging().positions, 30.0, Skeleton(("a", "b"), (1, 0))), np.array([0.5]))
 
 
 def test_frames_of_a_video_come_at_warped_times():

@@ -225,9 +225,7 @@ def test_the_clock_stretches_the_motion(swinging_arm: Swing):
     (-0.25, [0.25, 3.0, 5.75, 5.76, 6.0]),
     (0.0, [0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0]),
 )
-def test_a_lag_takes_the_music_beats_whose_movement_would_lie_outside_of_the_clip(
-    swinging_arm: Swing, lag: float, kept: list[float]
-):
+def test_a_lag_takes_beats_whose_movement_lies_outside_the_clip(swinging_arm: Swing, lag: float, kept: list[float]):
     # Six seconds. Danced .25 s late, 5.75 is danced at their very end and 5.76 after it; early, .24 before their start.
     beats = track([0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0], duration=6.0)
     params = replace(HarmonyParams.recommended(), lag=lag)

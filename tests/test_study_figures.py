@@ -158,8 +158,7 @@ def test_ablation_has_a_row_of_panels_a_corpus_and_marks_only_the_synthetic_one(
 def test_trade_off_has_a_mark_a_variant_with_both_intervals_and_small_ones_for_other_weights(ax: Axes):
     rows = both_measures("made up").reset_index(drop=True)
     rows.loc[(rows["variant"] == "paper") & (rows["measure"] == "fid"), ["low", "high"]] = -2.0, 18.0
-    sweep = pd.DataFrame([{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}])
-    variants.draw_trade_off(ax, rows, sweep, "fid")
+    variants.draw_trade_off(ax, rows, pd.DataFrame([{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}]), "fid")
     assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9), (6.5, 0.6)} == set(marks_of(ax))
     assert spans(ax) == [[0.0, 18.0]]  # a distance does not go below 0
     assert texts(ax) == ["0.1"]
@@ -222,8 +221,7 @@ def both_scores(means: dict[tuple[str, str], tuple[float, float]], *corpora: str
 
 def test_arrow_leads_from_the_true_music_to_a_hollow_dot_at_the_late_one_and_chance_is_a_grey_bar(ax: Axes):
     rows = [trick("a", "true", 0.9), trick("a", "late", 0.2), trick("paper", "true", 0.3), trick("paper", "late", 0.6)]
-    chance = trick("a", "true", 0.8, "paper_chance")
-    variants.draw_dumbbells(ax, pd.DataFrame([*rows, chance]), "paper_hit_rate")
+    variants.draw_dumbbells(ax, pd.DataFrame([*rows, trick("a", "true", 0.8, "paper_chance")]), "paper_hit_rate")
     late = [line for line in ax.lines if line.get_gid() == "late"]
     assert [line.get_markerfacecolor() for line in late] == ["white"] * 2
     assert spans(ax, "late") == [[0.2], [0.6]]
@@ -246,8 +244,7 @@ def test_tricks_are_counted_for_both_scores_and_drawn_for_one_corpus_in_the_pape
     assert ax.get_xlabel().endswith("(7 clips, recordings on the beat)")
     numbers = {text.get_position()[1]: text.get_text() for text in ax.texts if text.get_text()[:1] in "+-"}
     assert [numbers[place] for place in (2, 1, 0)] == ["+0.50", "+0.00", "+0.60"]
-    synthetic = variants.tricks_figure(both_scores(means, "synthetic"))
-    assert titles(synthetic, "right")[0].strip() == "synthetic data"
+    assert titles(variants.tricks_figure(both_scores(means, "synthetic")), "right")[0].strip() == "synthetic data"
     # The picture of a recorded corpus is not called synthetic because its table has more.
     save_figure(figure, "tricks", tables=(), **ABOUT | {"source": "beatlocked + synthetic"})
     assert not [text for text in figure.findobj(Text) if "synthetic data" in text.get_text()]
@@ -256,9 +253,8 @@ def test_tricks_are_counted_for_both_scores_and_drawn_for_one_corpus_in_the_pape
 def test_titles_name_whose_score_clearly_falls_with_late_music():
     means = {("paper", "true"): (0.6, 0.1), ("recommended", "true"): (0.8, 0.8)}
     means |= {("paper", "late"): (0.5, 0.0), ("recommended", "late"): (0.7, -0.4)}
-    endings = [
-        " ".join(title.split("\n")[1:]) for title in titles(variants.listening_figure(both_scores(means, "made up")))
-    ]
+    figure = variants.listening_figure(both_scores(means, "made up"))
+    endings = [" ".join(title.split("\n")[1:]) for title in titles(figure)]
     assert endings == [f"with late music it falls for {name}" for name in ("nobody", LOOKS["recommended"].label)]
 
 

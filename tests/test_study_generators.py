@@ -405,8 +405,7 @@ def test_means_over_seeds_keep_the_papers_numbers_in_a_column_of_their_own():
     table = seed_means(seeds(), ["paper_harmony", "jerk"]).set_index(["variant", "measure"])
     assert table.loc[("paper", "jerk"), "mean"] == 80.0
     assert table.loc[("paper", "paper_harmony"), ["mean", "paper"]].tolist() == pytest.approx([0.15, 0.3522])
-    printed = table["paper"].dropna()
-    assert sorted(printed.index) == [("paper", "paper_harmony"), ("paper, without", "paper_harmony")]
+    assert sorted(table["paper"].dropna().index) == [("paper", "paper_harmony"), ("paper, without", "paper_harmony")]
 
 
 def test_gain_is_taken_seed_by_seed_and_the_papers_own_factor_stands_beside_ours():
@@ -416,8 +415,7 @@ def test_gain_is_taken_seed_by_seed_and_the_papers_own_factor_stands_beside_ours
     # 0.4 and 0.5: half width 0.05 * 12.7062
     assert ours[["low", "high"]].tolist() == pytest.approx([0.45 - 0.63531, 0.45 + 0.63531], abs=1e-4)
     # 0.1 in both seeds, though the seeds themselves differ
-    theirs = table.loc[("paper", "above_chance")]
-    assert theirs[["change", "low", "high"]].tolist() == pytest.approx([0.1, 0.1, 0.1])
+    assert table.loc[("paper", "above_chance")][["change", "low", "high"]].tolist() == pytest.approx([0.1, 0.1, 0.1])
     printed = ["paper without", "paper with", "paper factor"]
     assert table.loc[("paper", "paper_harmony"), printed].tolist() == pytest.approx([0.1993, 0.3522, 1.767], abs=1e-3)
     assert table.loc[("recommended", "paper_harmony"), printed].isna().all()

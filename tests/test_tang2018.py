@@ -53,16 +53,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: Path):
-    centre = np.tile([100.0, 90.0, 50.0], (FRAMES, 1))
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=np.tile([100.0, 90.0, 50.0], (FRAMES, 1)))
     motion = load_skeletons(folder / "skeletons.json", ground=False)
     np.testing.assert_allclose(motion.positions, (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01])
     assert (motion.fps, motion.skeleton) == (25, TANG_23)
 
 
 def test_without_travel_only_the_pose_is_left(tmp_path: Path):
-    centre = np.cumsum(np.ones((FRAMES, 3)), axis=0)
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=np.cumsum(np.ones((FRAMES, 3)), axis=0))
     motion = load_skeletons(folder / "skeletons.json", travel=False)
     np.testing.assert_allclose(motion.positions, swaying() * [0.01, 0.01, -0.01])
 
@@ -131,8 +129,7 @@ def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
 
 
 def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=63)
-    assert load_recording(folder).clip.motion.n_frames == FRAMES
+    assert load_recording(write_recording(tmp_path / "DANCE_W_1", swaying(), span=63)).clip.motion.n_frames == FRAMES
 
 
 @pytest.mark.parametrize(("span", "rate"), [(30, "50.0"), (120, "12.5")])
@@ -196,9 +193,7 @@ def test_option_out_of_range_is_refused_by_name(folder: Path, option: str, value
 
 @pytest.mark.data
 @cases("name, frames, offset, splices", ("DANCE_C_2", 1890, 6.24, 24), ("DANCE_W_16", 1320, 0.0, 19))
-def test_recording_has_its_known_frames_offset_and_splices(
-    data_root: Path, name: str, frames: int, offset: float, splices: int
-):
+def test_recording_has_these_frames_and_splices(data_root: Path, name: str, frames: int, offset: float, splices: int):
     clip = load_recording(data_root / "tang2018" / name).clip
     assert (clip.motion.n_frames, clip.offset) == (frames, offset)
     assert np.count_nonzero(~clip.motion.valid) == 6 * splices

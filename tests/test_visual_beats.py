@@ -37,13 +37,11 @@ def farthest(times: np.ndarray, others: np.ndarray) -> float:
 
 @pytest.mark.parametrize("fps", [15.0, 25.0, 60.0, 120.0])
 def test_valleys_lie_where_the_arm_rests_at_every_frame_rate(swinging_arm: Swing, fps: float):
-    beats = visual_beats(swinging_arm(1.0, fps), params=HarmonyParams.valleys()).times
-    assert farthest(stops(1.0, 6.0), beats) < 0.01
+    assert farthest(stops(1.0, 6.0), visual_beats(swinging_arm(1.0, fps), params=HarmonyParams.valleys()).times) < 0.01
 
 
 def test_peaks_lie_half_way_between_the_stops(swinging_arm: Swing):
-    params = replace(HarmonyParams.valleys(), detector="peaks")
-    beats = visual_beats(swinging_arm(1.0, 60.0), params=params).times
+    beats = visual_beats(swinging_arm(1.0, 60.0), params=replace(HarmonyParams.valleys(), detector="peaks")).times
     assert farthest(stops(1.0, 5.5) + 0.25, beats) < 0.01
 
 

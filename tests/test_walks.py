@@ -140,9 +140,7 @@ def test_a_command_decodes_the_song_and_finds_its_beats_once(
 
 
 @pytest.mark.parametrize("arguments", [(), ("--others", "--plot", "score.png")])
-def test_a_score_computes_each_curve_once(
-    song: Path, bvh: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-):
+def test_curves_are_computed_once(song: Path, bvh: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(song.parent)
     computed = Calls(monkeypatch, visual._motion_curve)
     succeed("score", song, bvh, *arguments)
@@ -152,9 +150,7 @@ def test_a_score_computes_each_curve_once(
 
 
 @pytest.mark.parametrize("others", [False, True])
-def test_mir_eval_is_imported_only_where_its_rows_are_printed(
-    song: Path, bvh: Path, others: bool, monkeypatch: pytest.MonkeyPatch
-):
+def test_mir_eval_is_imported_only_for_its_rows(song: Path, bvh: Path, others: bool, monkeypatch: pytest.MonkeyPatch):
     imported: list[str] = []
     plain = builtins.__import__
 
