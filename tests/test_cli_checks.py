@@ -349,9 +349,10 @@ def test_a_name_too_long_to_be_written_is_that_of_the_output_and_any_other_is_wr
     assert [path.name for path in tmp_path.iterdir()] == [name[1:]]
 
 
-def test_names_that_are_no_utf_8_are_read_drawn_and_written(pair: tuple[Any, ...]):
+def test_names_that_are_no_utf_8_are_read_drawn_and_written(pair: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("harmolab.cli.scoring.LONGEST_PLOT", 2.0)
     song, dance = (shutil.copy(path, os.fsdecode(b"m\xff") + path.suffix) for path in pair[:2])
-    succeed("score", song, dance, *pair[2:], "--plot", "x.png")
+    assert "x.png shows the first 0 minutes" in succeed("score", song, dance, *pair[2:], "--plot", "x.png").stderr
     succeed("play", song, dance, *pair[2:], "--out", "x.html")
     assert r"m\udcff" in Path("x.html").read_text()
 

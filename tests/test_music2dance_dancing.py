@@ -516,7 +516,7 @@ def test_json_and_the_page_have_the_answer(song: Path, whole_run: Path, tmp_path
 
 def test_no_dance_at_all_is_drawn_by_the_seed_as_before(song: Path, whole_run: Path, tmp_path: Path):
     (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.npz", "--json", "--seed", 1).stdout)
-    assert report["dance_probabilities"] is None and report["remarks"] == []
+    assert report["dance_probabilities"] is None and [each[:9] for each in report["remarks"]] == ["danced at"]
     expected = load(whole_run).generate(tracked_sound(song, load_audio(song, sample_rate=None)), seconds=2.0, seed=1)
     np.testing.assert_allclose(load_motion(tmp_path / "dance.npz").positions, expected.positions, atol=1e-6)
 

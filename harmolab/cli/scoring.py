@@ -131,6 +131,7 @@ def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
 ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
 
 FOR_ONE = ("offset", "beats", "one", "plot", "others")  # options that mean something for one recording only
+LONGEST_PLOT = 600.0  # seconds: forty rows; an hour of them took over half an hour
 JUDGED = ("level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share")
 NUMBERS = ("harmony_above_chance", "p_value", "harmony", "hit_rate", "chance", "n_audio", "n_visual")
 COLUMNS = {"harmony above chance": "harmony_above_chance", "p in time": "p_time"}
@@ -307,7 +308,7 @@ def score(
     lag : Seconds by which this dancer is expected after the beat.
     clock : Time stretch of the motion; 1.013 fits most Tang 2018 data.
     csv : Write a table, .csv, of a folder of recordings, a row each.
-    plot : Save a picture of beats, hits and misses as PNG; its p is that of being in time.
+    plot : Save a picture of beats, hits and misses as PNG, of ten minutes at most; its p is that of being in time.
     others : Print the field's other measures too: beat alignment, mir_eval.
     """
     from harmolab.clips import check_dance
@@ -343,7 +344,9 @@ def score(
     if plot:
         from harmolab.lab.figures.style import write_figure
 
-        write_figure(lab.score_figure(scores, title=printable(clip.name)), plot)
+        write_figure(lab.score_figure(scores, title=printable(clip.name), longest=LONGEST_PLOT), plot)
+        if music.duration > LONGEST_PLOT:
+            note(f"{plot} shows the first {LONGEST_PLOT / 60:.0f} minutes")
     if as_json:
         about = {"audio": str(files.song), "motion": str(files.motion), "offset": clip.offset, "version": __version__}
         about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": harmolab.describe_beats(music)}
