@@ -23,7 +23,8 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     curve : (T',) array
         Joint speed in units per second (Eq. 7) or direction spread, smoothed by ``params.smoothing``; in the measure
         "shape" the shape speed, which has a rate of its own and only ``params.position_smoothing``. Read-only.
-    fps : float, hertz, of the curve
+    fps : float, hertz
+        Of the curve.
     """
     if not isinstance(motion, Motion):
         raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
