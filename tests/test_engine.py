@@ -201,10 +201,10 @@ def test_a_part_that_is_not_whole_is_measured_anew(fault: str, undisturbed: Path
 
 def test_a_damaged_part_is_an_error_that_names_the_file(tmp_path: Path):
     run_rows(Numbers(100), square, tmp_path, jobs=0)
-    data = bytearray(part_path(tmp_path, 1).read_bytes())
-    data[20] ^= 1
-    part_path(tmp_path, 1).write_bytes(data)
-    refused(r"part-0000001\.parquet: ", list, read_rows(tmp_path))
+    whole = part_path(tmp_path, 1).read_bytes()
+    for damaged in (whole[:20] + bytes([whole[20] ^ 1]) + whole[21:], whole.replace(b"square", b"squard")):
+        part_path(tmp_path, 1).write_bytes(damaged)
+        refused(r"part-0000001\.parquet: ", list, read_rows(tmp_path))
 
 
 def test_a_foreign_folder_is_refused_and_by_force_keeps_its_files(tmp_path: Path):

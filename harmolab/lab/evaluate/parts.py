@@ -12,6 +12,7 @@ import csv
 import io
 import json
 import time
+from base64 import b64decode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -112,13 +113,9 @@ def _csv_bytes(path: Path, columns: Mapping[str, list[Any]]) -> bytes:
     stream = io.StringIO(newline="")
     lines = csv.writer(stream)
     lines.writerow(columns)
-    lines.writerows(map(_json_cells, zip(*columns.values(), strict=True)))
+    for cells in zip(*columns.values(), strict=True):
+        lines.writerow("" if value is None else json.dumps(value, ensure_ascii=False) for value in cells)
     return stream.getvalue().encode()
-
-
-def _json_cells(values: Iterable[Any]) -> list[str]:
-    """Cells of a line; an empty one for what is missing."""
-    return ["" if value is None else json.dumps(value, ensure_ascii=False) for value in values]
 
 
 def _kind(path: Path, name: str, kinds: set[type]) -> type:
@@ -158,6 +155,10 @@ def _table(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
     import pyarrow.parquet
 
     with pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        # Names of columns stand in no page, which has a checksum, but twice in the file.
+        names = pyarrow.ipc.read_schema(pyarrow.py_buffer(b64decode(file.metadata.metadata[b"ARROW:schema"]))).names
+        if names != file.schema_arrow.names:
+            raise ValueError("has damaged names of columns")
         return file.read(columns, use_threads=False)
 
 
@@ -221,9 +222,8 @@ def _csv_kinds(folder: Path, paths: Sequence[Path], count: int) -> dict[str, typ
 def _csv_frame(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
     dtypes = {int: "int64", float: "float64", str: pd.Series(["text"]).dtype}  # pandas 3 has a kind of its own for text
     rows = part_rows(path)
-    columns = {name: [row.get(name) for row in rows] for name in kinds}
-    series = {name: pd.Series(each, dtype=dtypes.get(kinds[name], "object")) for name, each in columns.items()}
-    return pd.DataFrame(series)
+    kept = {name: dtypes.get(kind, "object") for name, kind in kinds.items()}
+    return pd.DataFrame({name: pd.Series([row.get(name) for row in rows], dtype=kept[name]) for name in kinds})
 
 
 def write_parts(folder: Path, size: int, rows: Iterable[tuple[int, Row]]) -> None:
