@@ -1,5 +1,6 @@
 """`harmolab evaluate --shard` and `evaluate merge`: one table from several runs, to the last bit that of one."""
 
+import hashlib
 import json
 import os
 import re
@@ -19,6 +20,7 @@ from harmolab.lab.evaluate import evaluation, shards
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances
 from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import listed_pairs
+from harmolab.lab.evaluate.rows import RowOptions
 from harmolab.lab.evaluate.shards import Shard, measure_shard, merge_shards
 from harmolab.readers.motion import load_motion, save_motion
 from tests.builders import called, cases, refused
@@ -154,6 +156,14 @@ def test_the_command_measures_shards_and_merges_them(sharded: Path, tmp_path: Pa
     assert result.exit_code == 0, result.output
     assert run("evaluate", "merge", *folders(shards), "--out", tmp_path / "table").exit_code == 1  # one is damaged
     assert content(tmp_path / "table")["table.csv"] == content(sharded / "merged")["table.csv"]
+
+
+def test_settings_of_rows_are_what_is_in_the_files_of_network_and_body(tmp_path: Path):
+    options = RowOptions(pose_net=tmp_path / "net", smpl=tmp_path / "net.json")
+    for text in ("one", "other"):
+        (tmp_path / "net.json").write_text(text)
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        assert [options.to_dict()[name] for name in ("pose_net", "smpl")] == [digest, digest]
 
 
 @cases("text", "0/4", "5/4", "1", "a/b", "1/0", "-1/4")

@@ -63,8 +63,9 @@ class RowOptions:
     up: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings as JSON holds them."""
-        return {**plain(self), "pose_net": str(self.pose_net or ""), "smpl": str(self.smpl or "")}
+        """The settings as JSON holds them: of network and body what is in the files, wherever they lie."""
+        smpl = "" if self.smpl is None else hashlib.sha256(Path(self.smpl).read_bytes()).hexdigest()[:16]
+        return {**plain(self), "pose_net": measured.weights_digest(self.pose_net), "smpl": smpl}
 
 
 def clip_row(pair: Pair, options: RowOptions) -> Row:
