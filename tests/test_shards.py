@@ -16,8 +16,9 @@ import pytest
 from harmolab import files
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
+from harmolab.files import write_json
 from harmolab.lab.evaluate import evaluation, shards
-from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances
+from harmolab.lab.evaluate.evaluation import MARK, EvaluationSettings, evaluate_dances
 from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import listed_pairs
 from harmolab.lab.evaluate.rows import RowOptions
@@ -103,6 +104,9 @@ def test_what_does_not_belong_together_is_not_merged(sharded: Path, tmp_path: Pa
     refused("s2: has another seed than s1; measure all", merge_shards, folders(shards), tmp_path / "table")
     refused("s2: is an input here", merge_shards, folders(shards), shards / "s2", force=True)
     refused("one: is no shard; measure one by --shard", merge_shards, [sharded / "one"], tmp_path / "table")
+    for shard, fault in ((3, "4/4, got '3'"), ("1/1", r"s2.evaluation\.json: cannot be read as the settings")):
+        write_json(shards / "s2" / MARK, {"settings": {"systems": 3, "music": 1}, "shard": shard, "rows": 8})
+        refused(fault, merge_shards, [shards / "s2"], tmp_path / "table")
     shards = copied(sharded, tmp_path / "cut")
     max((shards / "s3" / "rows").glob("part-*")).unlink()
     refused(r"s3: holds \d+ of \d+ rows", merge_shards, folders(shards), tmp_path / "table")
@@ -145,7 +149,7 @@ def test_the_command_measures_shards_and_merges_them(sharded: Path, tmp_path: Pa
     shards = copied(sharded, tmp_path / "shards")
     recorded = sharded / "recorded"
     common = ("--music", recorded, "--reference", recorded, "--protocol", "edge", "--resamples", 100, "--jobs", 0)
-    mark = shards / "s4" / "evaluation.json"  # as a kill leaves it
+    mark = shards / "s4" / MARK  # as a kill leaves it
     mark.write_text(re.sub(r'"rows": \d+', '"rows": null', mark.read_text()))
     next((shards / "s4" / "rows").glob("part-*")).unlink()
     result = run("evaluate", "merge", *folders(shards), "--out", tmp_path / "table")

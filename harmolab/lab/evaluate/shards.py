@@ -114,7 +114,7 @@ def _check_complete(shards: Mapping[Path, Mapping[str, Any]]) -> None:
     """ValueError unless these are all shards of an evaluation, each once and finished."""
     if strange := [path for path, about in shards.items() if "shard" not in about]:
         raise ValueError(f"{strange[0]}: is no shard; measure one by --shard 1/4 and so on")
-    numbers = [Shard.of(about["shard"]) for about in shards.values()]
+    numbers = [Shard.of(str(about["shard"])) for about in shards.values()]
     total = numbers[0].total
     if {each.total for each in numbers} != {total} or len(set(numbers)) < len(numbers):
         raise ValueError(f"these shards are not parts of one evaluation: {', '.join(map(str, numbers))}")
@@ -138,7 +138,8 @@ def _common_settings(shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSett
     for path, other in choices.items():
         if changed := [name for name in {**usual, **other} if usual.get(name) != other.get(name)]:
             raise ValueError(f"{path}: has another {', '.join(changed)} than {first.name}; measure all shards alike")
-    return EvaluationSettings(**shards[first]["settings"])
+    with reading(first / MARK, "the settings of an evaluation"):
+        return EvaluationSettings(**shards[first]["settings"])
 
 
 def _merged(manifests: Mapping[Path, Mapping[str, Any]]) -> Iterator[Row]:
