@@ -102,7 +102,7 @@ def merge_shards(
     plan = evaluation.planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
     tasks = sorted(plan.tasks, key=lambda pair: pair.key)
-    check_alike(tasks, plan.options.to_dict(), manifests)
+    check_alike(tasks, plan.options.to_dict(), {path / ROWS: about for path, about in manifests.items()})
     deque(_same(tasks, _merged(manifests)), maxlen=0)  # before anything is written
     evaluation.write_mark(out, settings, rows=None)
     counted = progress(_same(tasks, _merged(manifests)), "merged")
