@@ -298,8 +298,11 @@ def write_pages(
 def _document(path: Path) -> NotebookRun:
     """A Markdown file as a notebook of one cell; links to notebooks lead to their pages, others become their text."""
     text = re.sub(r"\]\(\.\./notebooks/(\w+)\.ipynb\)", r"](\1.html)", path.read_text("utf-8"))
+    text = text.replace("](../figures/", "](figures/")
     text = re.sub(r"(?<!!)\[([^\]]+)\]\((?!https?:|\w+\.html)[^)]+\)", r"\1", text)
-    return NotebookRun(path, nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text)]), 0.0, "")
+    # nbconvert embeds no picture from outside the text's folder, and a report that is passed on takes none along.
+    place = path.parent.parent / path.name
+    return NotebookRun(place, nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text)]), 0.0, "")
 
 
 def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) -> dict[str, Picture]:
@@ -322,9 +325,8 @@ def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) 
 def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:
     """(item, its subject, "built" or "failed" or "missing", the notebooks that build it)."""
     claims = [run for run in runs if item in run.paper]
-    if not claims:
-        return item, subject, "missing", []
-    return item, subject, "failed" if all(run.error for run in claims) else "built", claims
+    state = "missing" if not claims else "failed" if all(run.error for run in claims) else "built"
+    return item, subject, state, claims
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]], int]:
@@ -348,8 +350,7 @@ def _page(chapter: Chapter, about: str) -> str:
     exporter = HTMLExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True, filters=filters)
     facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error, "chapter": chapter}
     resources = {"metadata": {"name": run.title, "path": str(run.path.parent)}, "harmolab": facts}
-    page, _ = exporter.from_notebook_node(run.node, resources=resources)
-    return str(page)
+    return str(exporter.from_notebook_node(run.node, resources=resources)[0])
 
 
 class _MathRenderer(IPythonRenderer):
