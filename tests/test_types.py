@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from harmolab import evaluate, frechet_distance
 from harmolab.beats.audio import audio_beats, onset_envelope, with_clicks
 from harmolab.beats.meter import MeterUnit, describe_beats, meter_units, with_one
 from harmolab.beats.visual import visual_beats
@@ -61,8 +62,7 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("samples must be a non-empty mono array", Audio, ([], 8000)),
     (r"samples holds NaN or infinity \(first at index 1\)", Audio, ([0.0, np.nan], 8000)),
     ("samples are whole numbers; divide them by full scale", Audio, (np.array([0, 9], np.int16), 8000)),
-    ("sample_rate must be positive and finite, got 0", Audio, ([0.0], 0)),
-    ("sample_rate must be positive and finite", Audio, ([0.0], float("nan"))),
+    *((f"sample_rate must be positive and finite, got {n}", Audio, ([0.0], n)) for n in (0, np.nan)),
     ("sample_rate must be a number, got 'fast'", Audio, ([0.0], "fast")),
     ("samples must be an array of numbers", Audio, (["loud"], 8000)),
     ("no audio from -1.0 s for 1.0 s in a recording of 5.00 s", SILENCE.span, (-1.0, 1.0)),
@@ -109,8 +109,8 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("a harmolab.HarmonyParams is needed, got str", partial(score_harmony, params="paper"), MUSIC),
     ("n_rotations must be a whole number, not negative, got -1", partial(score_harmony, n_rotations=-1), MUSIC),
     ("seed must be a whole number, not negative, got 0.5", partial(score_motion, seed=0.5), (MUSIC[0], motion())),
-    *(("a harmolab.Motion is needed, got ndarray", each, (FRAMES,)) for each in (visual_beats, jerk, foot_skating)),
-    ("a harmolab.Motion is needed, got ndarray", likeness, (FRAMES,)),
+    *(("seed must be a whole .* got -1", partial(each, seed=-1), ([], [])) for each in (evaluate, frechet_distance)),
+    *(("a harmolab.Motion is needed, got ndarray", f, (FRAMES,)) for f in (visual_beats, jerk, foot_skating, likeness)),
     ("a harmolab.Motion is needed, got ndarray", save_motion, ("dance.npz", FRAMES)),
     *(("a harmolab.Audio is needed, got ndarray", each, (np.zeros(10),)) for each in (audio_beats, onset_envelope)),
     *(("a harmolab.BeatTrack is needed, got list", each, ([1.0],)) for each in (describe_beats, meter_units)),

@@ -26,6 +26,7 @@ from scipy.spatial.distance import pdist
 
 from harmolab.body.skeletons import Skeleton, named_joints
 from harmolab.metrics.quality import Sampled, sampled
+from harmolab.score import check_whole
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 # Kinetic features (Onuma et al. 2008)
@@ -262,6 +263,7 @@ def frechet_distance(
     >>> frechet_distance([[0.0], [2.0]], [[3.0], [5.0]], correct_bias=False).raw
     9.0
     """
+    check_whole(seed=seed)
     least = 4 if correct_bias else 2
     a, b = _checked(features_a, "features_a", least), _checked(features_b, "features_b", least)
     if a.shape[1] != b.shape[1]:

@@ -6,7 +6,6 @@ of them that follows from the notes, planted faults by name, the camera, and the
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from harmolab.musician import players
 from harmolab.musician.performances import Performance
 from harmolab.musician.similarities import Similarity
 from harmolab.readers.player_points import INSTRUMENTS, PLAYER_50, SIDES, hand_joints
+from harmolab.score import check_whole
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion, Notes
 
 # Faults of trackers, planted in short bursts, each kind by its name
@@ -208,8 +208,7 @@ def _check(instrument: str, seed: int, **numbers: float) -> None:
     """ValueError that names the setting which is out of range."""
     if instrument not in INSTRUMENTS:
         raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise ValueError(f"seed must be a whole number, not negative, got {seed!r}")
+    check_whole(seed=seed)
     for name, value in numbers.items():
         low, high, rule = RANGES[name]
         if not low <= value <= high:

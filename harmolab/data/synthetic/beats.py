@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harmolab.params import DANCES, check_kinds
+from harmolab.score import check_whole
 from harmolab.types import BoolArray, FloatArray, IntArray
 
 BARS_AROUND = 3  # bars of the piece that exist before and after the clip, so that its edges are like its middle
@@ -102,8 +102,7 @@ class ClipSettings:
     def __post_init__(self) -> None:
         if self.dance not in DANCES:
             raise ValueError(f"unknown dance {self.dance!r}; the seven are {', '.join(DANCES)}")
-        if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
-            raise ValueError(f"seed must be a whole number, not negative, got {self.seed!r}")
+        check_whole(seed=self.seed)
         check_kinds(self)
         for name, (low, high, rule) in RANGES.items():
             value = getattr(self, name)

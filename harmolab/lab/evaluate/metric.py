@@ -25,6 +25,7 @@ from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
 from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS, steady_skeleton
+from harmolab.score import check_whole
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
 
@@ -71,7 +72,7 @@ def evaluate(
     ------
     ValueError
         A motion has a gradient, no frame rate, a wrong shape, or no two frames at 15 a second, or beats are not on its
-        time line; names which.
+        time line; names which. Or `seed` is no whole number from 0 on.
 
     Examples
     --------
@@ -108,6 +109,7 @@ class DanceMetric:
         skeleton: Skeleton | None = None,
         seed: int = 0,
     ) -> None:
+        check_whole(seed=seed)
         self.fps, self.skeleton, self.seed = fps, skeleton, seed
         self.pose_net = measured.shipped_pose_net()
         self.reference = self._as_reference(reference)
@@ -133,16 +135,12 @@ class DanceMetric:
         """Measure the dances of a batch; parameters and errors as `evaluate`."""
         bodies = _motions(motions, self.fps, self.skeleton)
         tracks = _tracks(beats, bodies)
-        unnamed = [""] * len(bodies)
-        named = {
-            name: ["" if pd.isna(word) else str(word) for word in words]
-            if words is not None and len(words)
-            else unnamed
-            for name, words in {"songs": songs, "seeds": seeds, "dances": dances}.items()
-        }
-        for name, words in named.items():
-            if len(words) != len(bodies):
-                raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(words)}")
+        named: dict[str, list[str]] = {}
+        for name, words in {"songs": songs, "seeds": seeds, "dances": dances}.items():
+            each = words if words is not None and len(words) else [""] * len(bodies)
+            named[name] = ["" if pd.isna(word) else str(word) for word in each]
+            if len(each) != len(bodies):
+                raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(each)}")
         limits = None if self.reference is None else self.reference.limits
         rows = []
         for place, (motion, music, song, seed, dance) in enumerate(zip(bodies, tracks, *named.values(), strict=True)):
@@ -184,10 +182,8 @@ class DanceMetric:
         ordered = sorted(self.rows, key=lambda row: (row["seed"], row["song"], json.dumps(row)))
         collected = Collected()
         # A dance whose song has no name has one of its own, which no process could have given it.
-        places = [f"{place:09d}" for place in range(len(ordered))]
-        rows = zip(places, ordered, strict=True)
-        named = [{"key": place, **row, "song": row["song"] or f"dance {place}"} for place, row in rows]
-        collected.add(pd.DataFrame(named))
+        rows = ((f"{place:09d}", row) for place, row in enumerate(ordered))
+        collected.add(pd.DataFrame({"key": name, **row, "song": row["song"] or f"dance {name}"} for name, row in rows))
         return collected
 
     @property
