@@ -103,8 +103,7 @@ class Audio(Display):
             raise ValueError(f"samples must be a non-empty mono array (S,), got shape {samples.shape}")
         if np.asarray(self.samples).dtype.kind in "iu" and np.abs(samples).max() > 1:
             raise ValueError("samples are whole numbers; divide them by full scale, such as 32768 for 16 bits")
-        object.__setattr__(self, "samples", samples)
-        object.__setattr__(self, "sample_rate", _positive(self.sample_rate, "sample_rate"))
+        vars(self).update(samples=samples, sample_rate=_positive(self.sample_rate, "sample_rate"))
 
     def __repr__(self) -> str:
         return f"Audio({self.duration:.2f} s, {self.sample_rate:g} Hz)"
@@ -116,11 +115,10 @@ class Audio(Display):
 
     def span(self, start: float, duration: float) -> "Audio":
         """The part from `start`, `duration` seconds long (shorter at the end of the recording)."""
-        first = round(start * self.sample_rate)
-        last = round((start + duration) * self.sample_rate)
-        if first < 0 or first >= self.samples.size or last <= first:
+        first, last = np.round(np.array([start, start + duration]) * self.sample_rate).clip(max=self.samples.size)
+        if not 0 <= first < last:
             raise ValueError(f"no audio from {start} s for {duration} s in a recording of {self.duration:.2f} s")
-        return Audio(self.samples[first:last], self.sample_rate)
+        return Audio(self.samples[int(first) : int(last)], self.sample_rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +152,7 @@ class Motion(Display):
         valid = _frozen(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
-        object.__setattr__(self, "positions", positions)
-        object.__setattr__(self, "valid", valid)
-        object.__setattr__(self, "fps", _positive(self.fps, "fps"))
+        vars(self).update(positions=positions, valid=valid, fps=_positive(self.fps, "fps"))
 
     def __repr__(self) -> str:
         size = "{} joints in {}D".format(*self.positions.shape[1:])
@@ -175,10 +171,11 @@ class Motion(Display):
 
     def span(self, start: float, duration: float) -> "Motion":
         """The frames from `start`, `duration` seconds long (fewer at the end)."""
-        first, last = round(start * self.fps), round((start + duration) * self.fps)
-        if first < 0 or min(last, self.n_frames) - first < 2:
+        first, last = np.round(np.array([start, start + duration]) * self.fps).clip(max=self.n_frames)
+        if not 0 <= first <= last - 2:
             raise ValueError(f"no motion from {start} s for {duration} s in a motion of {self.duration:.2f} s")
-        return Motion(self.positions[first:last], self.fps, self.skeleton, self.valid[first:last])
+        part = slice(int(first), int(last))
+        return Motion(self.positions[part], self.fps, self.skeleton, self.valid[part])
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +206,8 @@ class BeatTrack(Display):
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "strengths", strengths)
-        object.__setattr__(self, "fps", _positive(self.fps, "fps"))
-        object.__setattr__(self, "duration", _positive(self.duration, "duration"))
+        fps, duration = _positive(self.fps, "fps"), _positive(self.duration, "duration")
+        vars(self).update(times=times, strengths=strengths, fps=fps, duration=duration)
         if times.ndim != 1 or times.shape != strengths.shape:
             raise ValueError(f"beat times {times.shape} and strengths {strengths.shape} must be two equal lists")
         if times.size and times.max() > self.duration + 1e-6:
@@ -227,10 +222,14 @@ class BeatTrack(Display):
             places = _frozen(self.bar_places, "bar_places", np.int64)
             if places.shape != times.shape:
                 raise ValueError(f"bar_places must have one entry per beat ({times.size}), got shape {places.shape}")
+            if (places < 0).any():
+                raise ValueError(f"bar_places must not be negative, got {places.min()}; 0 is the downbeat")
             object.__setattr__(self, "bar_places", places)
         if self.windows is not None:
-            object.__setattr__(self, "windows", _frozen(self.windows, "windows"))
-            object.__setattr__(self, "fit", float(self.windows[:, 1].mean()) if len(self.windows) else 0.0)
+            windows = _frozen(self.windows, "windows")
+            if windows.shape[1:] != (2,):
+                raise ValueError(f"windows must be (W, 2), moments and 0 or 1, got shape {windows.shape}")
+            vars(self).update(windows=windows, fit=float(windows[:, 1].mean()) if len(windows) else 0.0)
 
     def __repr__(self) -> str:
         tempo = f", {self.tempo:.1f} a minute" if len(self) > 1 else ""
@@ -259,6 +258,8 @@ class BeatTrack(Display):
 
     def span(self, start: float, duration: float) -> "BeatTrack":
         """The beats in [start, start + duration), counted from `start`."""
+        if not np.isfinite(start):
+            raise ValueError(f"no beats from {start} s on")
         part = self.select((self.times >= start) & (self.times < start + duration))
         if self.windows is not None:
             away = np.abs(self.windows[:, 0] - start - duration / 2)

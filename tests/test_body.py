@@ -305,13 +305,13 @@ def test_other_joints_make_no_pair(names: tuple[str, str]):
 def test_children_order_and_subtree_of_a_tree_whose_root_stands_in_the_middle():
     assert skeletons.children(TREE.parents) == [[], [0], [1, 3, 4], [], []]
     assert skeletons.tree_order(TREE.parents) == (2, 1, 0, 3, 4)
-    assert skeletons.subtree(TREE.parents, 1) == (0, 1)
-    assert skeletons.subtree(TREE.parents, 2) == (0, 1, 2, 3, 4)
+    assert [skeletons.subtree(TREE.parents, joint) for joint in (1, 2)] == [(0, 1), (0, 1, 2, 3, 4)]
 
 
 def test_several_roots_follow_one_another_and_a_ring_of_bones_has_no_order():
     assert skeletons.tree_order((-1, -1, 1, 0)) == (0, 3, 1, 2)
     refused(r"the skeleton's bones form a ring: \(-1, 2, 1\)", skeletons.tree_order, (-1, 2, 1))
+    refused("form a ring", skeletons.skeleton_part, skeletons.Skeleton(tuple("abcd"), (-1, 2, 1, 1)), [0, 3])
 
 
 def test_a_joint_left_out_hands_its_children_to_its_parent():

@@ -19,7 +19,7 @@ from harmolab.beats.meter import MeterUnit, describe_beats, meter_units, with_on
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.lab.harmonise import harmonise
-from harmolab.metrics.likeness import Likeness, likeness
+from harmolab.metrics.likeness import likeness
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.readers.beats import save_beats
@@ -48,10 +48,6 @@ def test_audio_keeps_single_precision_of_a_tensor_too():
         assert Audio(samples, 8000).samples.dtype == np.float32
 
 
-def held_at(frames: list[bool]) -> Likeness:
-    return likeness(motion(), held=np.array(frames))
-
-
 MUSIC = track([1.0]), track([1.0])
 SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
 
@@ -65,11 +61,11 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     *((f"sample_rate must be positive and finite, got {n}", Audio, ([0.0], n)) for n in (0, np.nan)),
     ("sample_rate must be a number, got 'fast'", Audio, ([0.0], "fast")),
     ("samples must be an array of numbers", Audio, (["loud"], 8000)),
-    ("no audio from -1.0 s for 1.0 s in a recording of 5.00 s", SILENCE.span, (-1.0, 1.0)),
-    ("no audio from 5.0 s for 1.0 s in a recording of 5.00 s", SILENCE.span, (5.0, 1.0)),
+    *((f"no audio from {n} s for 1.0 s in a recording of 5.00 s", SILENCE.span, (n, 1.0)) for n in (-1.0, 5.0, np.nan)),
     ("a skeleton needs one parent per joint, got 0 joints, 0 parents", Skeleton, ((), ())),
     ("got 1 joints, 2 parents", Skeleton, (("hip",), (-1, 0))),
-    ("parents must be -1 or the index of another joint", Skeleton, (("hip",), (0,))),
+    ("joints must be a list of names, got the text 'hip'", Skeleton, ("hip", (-1, 0, 1))),
+    *(("parents must be -1 or the index of another joint", Skeleton, (("hip",), (one,))) for one in (0, -1.5, "-1")),
     ("parents must be -1 or the index of another joint", Skeleton, (("hip", "knee"), (-1, 2))),
     (r"be \(frames, joints, 3\) or \(frames, joints, 2\), got \(4, 2\)", Motion, (np.zeros((4, 2)), 15.0, PAIR)),
     (r"got \(4, 2, 4\)", Motion, (np.zeros((4, 2, 4)), 15.0, PAIR)),
@@ -81,7 +77,8 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     (r"valid must have one entry per frame \(4\), got shape \(3,\)", Motion, (FRAMES, 15.0, PAIR, [True] * 3)),
     ("valid must be True or False", Motion, (FRAMES, 15.0, PAIR, [0.4, np.nan, 1.0, 1.0])),
     ("positions has masked entries; interpolate", Motion, (np.ma.masked_equal(FRAMES, 0.0), 15.0, PAIR)),
-    ("no motion from 1.5 s for 1 s in a motion of 2.00 s", motion(4, 2.0).span, (1.5, 1)),
+    *((f"no motion from {n} s for 1 s in a motion of 2.00 s", motion(4, 2.0).span, (n, 1)) for n in (1.5, np.nan)),
+    ("no beats from nan s on", MUSIC[0].span, (np.nan, 1)),
     ("beat times reach 5400 in a clip of 10 s; were these frames?", BeatTrack, ([0.0, 5400.0], [1, 1], 15.0, 10.0)),
     ("beat times start at -0.1 s; they must not be negative", BeatTrack, ([-0.1], [1], 15.0, 10.0)),
     ("times must increase strictly; sort them and remove doubles", BeatTrack, ([1.0, 1.0], [1, 1], 15.0, 10.0)),
@@ -91,10 +88,11 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     (r"beat times holds NaN or infinity \(first at index 0\)", BeatTrack, ([np.nan], [1], 15.0, 10.0)),
     (r"bar_places must .* per beat \(2\), got shape \(1,\)", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0])),
     ("bar_places must be whole numbers", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0.5, np.nan])),
+    ("bar_places must not be negative, got -1", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [-1, 0])),
+    (r"windows must be \(W, 2\)", partial(BeatTrack, windows=[1, 2]), ([1.0], [1], 15.0, 10.0)),
     ("a bar pattern needs whole beats, at least one beat, got 0", BarPattern, (0, (1.0,), (0.0,))),
     ("a bar pattern needs whole beats, at least one beat, got 1.5", BarPattern, (1.5, (1.0,), (0.0,))),
-    ("cosines and sines must be two equal lists", BarPattern, (1, (), ())),
-    ("cosines and sines must be two equal lists", BarPattern, (1, (1.0,), (0.0, 1.0))),
+    *(("cosines and sines must be two equal lists", BarPattern, (1, (1.0,) * n, (1.0,) * 2 * n)) for n in (0, 1)),
     ("coefficients must be finite", BarPattern, (1, (float("nan"),), (0.0,))),
     (r"a meter unit must end after it starts, got 2\.0 to 1\.0 s", MeterUnit, (2.0, 1.0, [True], "4/4")),
     ("waltz: motion starting at 9.00 s does not overlap audio of 5.00 s", Clip, ("waltz", SILENCE, motion(), 9.0)),
@@ -119,7 +117,7 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
         for each in ((with_clicks, (SILENCE, [1.0])), (with_one, ([1.0], 0, 4)), (harmonise, (motion(), [1.0])))
     ),
     ("a harmolab.BeatTrack is needed, got list", save_beats, ("song.beats", [1.0])),
-    (r"held must have one entry per frame \(4\), got shape \(1,\)", held_at, ([True],)),
+    (r"held must have one entry per frame \(4\), got shape \(1,\)", partial(likeness, motion(), held=np.ones(1)), ()),
     ("offset must be finite, got nan", Clip, ("waltz", SILENCE, None, float("nan"))),
 )
 def test_what_is_no_record_is_refused_by_name(message, record, values):

@@ -48,13 +48,15 @@ class Skeleton:
     parents: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(map(str, self.joints)))
-        object.__setattr__(self, "parents", tuple(map(int, self.parents)))
-        count = len(self.joints)
-        if count == 0 or len(self.parents) != count:
-            raise ValueError(f"a skeleton needs one parent per joint, got {count} joints, {len(self.parents)} parents")
-        if not all(-1 <= parent < count and parent != joint for joint, parent in enumerate(self.parents)):
-            raise ValueError(f"parents must be -1 or the index of another joint (0..{count - 1}): {self.parents}")
+        joints, parents = tuple(map(str, self.joints)), tuple(np.asarray(self.parents).tolist())
+        count = len(joints)
+        if isinstance(self.joints, str):
+            raise ValueError(f"joints must be a list of names, got the text {self.joints!r}")
+        if count == 0 or len(parents) != count:
+            raise ValueError(f"a skeleton needs one parent per joint, got {count} joints, {len(parents)} parents")
+        if not all(parent in range(-1, count) and parent != joint for joint, parent in enumerate(parents)):
+            raise ValueError(f"parents must be -1 or the index of another joint (0..{count - 1}): {parents}")
+        vars(self).update(joints=joints, parents=tuple(map(int, parents)))
 
     @property
     def bones(self) -> tuple[tuple[int, int], ...]:
@@ -214,7 +216,8 @@ def joint_indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
 
 
 def skeleton_part(skeleton: Skeleton, keep: Sequence[int]) -> Skeleton:
-    """The skeleton of the joints `keep`; each hangs on its nearest ancestor that is kept."""
+    """The skeleton of the joints `keep`; each hangs on its nearest ancestor that is kept. Errors of `tree_order`."""
+    tree_order(skeleton.parents)  # in a ring of joints that are left out the way up would never end
     parents = []
     for joint in keep:
         parent = skeleton.parents[joint]
