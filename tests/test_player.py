@@ -28,6 +28,7 @@ from harmolab.readers.motion import save_motion
 from harmolab.score import score_harmony
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import score_clip
+from harmolab.verdict.sentences import of_dance
 from tests.builders import cases, complaint, done, planted_dance, refused, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
@@ -311,9 +312,9 @@ def test_page_says_level_and_verdict_beside_the_number(long_files: Path, tmp_pat
     page = played(long_files, tmp_path / "x.html")
     scored = done(app, "score", long_files / "song.wav", long_files / "dance.npz", "--json").stdout
     score = json.loads(scored)["recommended"]
-    number = {name: score[name] for name in ("harmony_above_chance", "level", "verdict")}
+    number = {name: score[name] for name in ("harmony_above_chance", "level")} | {"verdict": of_dance(score["verdict"])}
     assert data_of(page)["dancers"][0]["number"] == number
-    assert f"<td>4 of 4: {score['verdict']}" in page
+    assert f"<td>4 of 4: {number['verdict']}" in page and number["verdict"].startswith("The dance is on the beat")
     assert f"<td>{score['harmony_above_chance']:.3f} (p in time = {score['p_time']:.3f})</td>" in page
 
 
@@ -323,7 +324,7 @@ def test_page_of_a_part_has_the_number_of_the_whole_dance(long_files: Path, tmp_
     assert data_of(page)["duration"] == pytest.approx(6.0)
     assert "the whole dance, of which this is a part" in page
     assert "of which this is a part" not in played(long_files, tmp_path / "y.html")
-    assert data_of(page)["dancers"][0]["number"]["verdict"] == whole.judgement.verdict
+    assert data_of(page)["dancers"][0]["number"]["verdict"] == of_dance(whole.judgement.verdict)
     assert number_of(data_of(page)["dancers"][0]) == pytest.approx(whole.harmony_above_chance, abs=1e-9)
 
 

@@ -22,6 +22,7 @@ from harmolab.readers.player_points import PLAYER_50
 from harmolab.readers.smpl import SMPL_24
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
+from harmolab.verdict.sentences import of_dance
 from tests.builders import planted_dance, track
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed, picture
 from tests.test_player import delay_of
@@ -387,7 +388,7 @@ def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromi
         page = opened(chromium, tmp_path / "x.html")
         captions.append(page.text_content("figcaption").splitlines()[0])
         closed(page)
-    assert captions[0] == f"one: {judged.score.judgement.verdict}"
+    assert captions[0] == f"one: {of_dance(judged.score.judgement.verdict)}"
     assert captions[1].endswith("beats met")
 
 

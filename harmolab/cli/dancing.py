@@ -167,14 +167,14 @@ class DanceReport:
         if self.choreography is not None:
             sentences += self.choreography.warnings
             sentences += [f"heard: {form}"] if (form := self.choreography.form) else []
-        return tuple(map(sentence, sentences))
+        return _of_dance(sentences)
 
     @cached_property
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
         judgement = self.score.judgement if self.has_harmony and len(self.music) else None
         harmony = () if judgement is None else (judgement.verdict if judgement.beats.is_sure else UNSURE,)
-        return tuple(map(sentence, (self.likeness.verdict, *harmony)))
+        return _of_dance((self.likeness.verdict, *harmony))
 
     @cached_property
     def facts(self) -> dict[str, str]:
@@ -214,6 +214,13 @@ class DanceReport:
             "dance_probabilities": self.dance_probabilities,
             **{name: getattr(self.choreography, name) for name in joined},
         }
+
+
+def _of_dance(words: Iterable[str]) -> tuple[str, ...]:
+    """Sentences on the dance, said of it."""
+    from harmolab.verdict.sentences import of_dance
+
+    return tuple(map(sentence, map(of_dance, words)))
 
 
 def sentence(text: str) -> str:

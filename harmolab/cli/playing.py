@@ -55,6 +55,7 @@ def render(
     """Write the video, and print the verdict on the whole dance, of which it may show a part."""
     from harmolab.lab.explain.filmed import points_in_video
     from harmolab.lab.render.video import load_points, write_dance
+    from harmolab.verdict.sentences import of_dance
 
     is_gif, over = out.suffix.lower() == GIF, video.over or (files.motion if files.is_video else None)
     if over is not None and (is_gif or part.start is not None):
@@ -73,7 +74,7 @@ def render(
     write_dance(
         out, excerpt, over=over, points=in_video, marks=video.marks, rate=video.rate or (GIF_RATE if is_gif else None),
         height=video.height or (GIF_HEIGHT if is_gif else HEIGHT), follow=video.follow, score=score, begin=begin,
-        verdict=judgement.verdict if judgement and video.verdict else "", progress=progress,
+        verdict=of_dance(judgement.verdict) if judgement and video.verdict else "", progress=progress,
     )  # fmt: skip
     common.print_verdict(judgement)
     if score is not None:
@@ -224,13 +225,14 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
     common.check_out(out, "the page", common.PAGES)
     with waiting("making the page"):
         from harmolab.lab import player_page
+        from harmolab.verdict.sentences import of_dance
 
         page = player_page.demo()
         page.player.save(out)
     typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):
         met = f"{int((score.pairs >= 0).sum())} of {score.n_audio} beats met"
-        verdict = "" if score.judgement is None else score.judgement.verdict
+        verdict = "" if score.judgement is None else of_dance(score.judgement.verdict)
         typer.echo(f"  {name}: {met}, harmony above chance {score.above_chance:.2f}. {verdict}")
     typer.echo("Press play on the page; the lamps flash on the beats of the music and of the dancer.")
     wrote(out)

@@ -33,6 +33,7 @@ from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
+from harmolab.verdict.sentences import of_dance
 
 # Movement of one dancer, as the page holds it
 
@@ -408,7 +409,8 @@ def _facts(dancer: Dancer) -> dict[str, str]:
     facts = {f"{dancer.name}: harmony above chance": number}
     if score.judgement is None:
         return facts
-    level = f"{score.judgement.level} of 4: {' '.join([score.judgement.verdict, *score.judgement.remarks])}"
+    words = of_dance(" ".join([score.judgement.verdict, *score.judgement.remarks]))
+    level = f"{score.judgement.level} of 4: {words}"
     if dancer.instead:
         return {f"{dancer.name}: level": dancer.instead}
     return {f"{dancer.name}: level": level} | facts
@@ -479,7 +481,8 @@ def _dancer(dancer: Dancer, wall: FloatArray | None) -> dict[str, Any]:
 def _number(score: HarmonyScore) -> dict[str, float | str | None]:
     """The number of a dance as `harmolab score` gives it, and the verdict on it where there is one."""
     plain = score.to_dict()
-    return {name: plain.get(name) for name in ("harmony_above_chance", "level", "verdict")}
+    verdict = of_dance(score.judgement.verdict) if score.judgement else None
+    return {"harmony_above_chance": plain["harmony_above_chance"], "level": plain.get("level"), "verdict": verdict}
 
 
 def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
