@@ -491,6 +491,11 @@ def test_marks_light_up_on_their_beats() -> None:
     assert [n for n, frame in enumerate(frames) if (frame[10, 10] == (0, 114, 178)).all()] == [5, 6]
 
 
+def test_mark_lights_up_in_the_picture_nearest_to_its_beat_and_not_later() -> None:
+    frames = overlay_skeleton(plain(20), 10.0, pole([200] * 20), score=score(track([0.53, 1.27]), track([])))
+    assert [n for n, frame in enumerate(frames) if (frame[10, 10] == (0, 114, 178)).all()] == [5, 6, 13, 14]
+
+
 def test_pixels_of_the_source_are_scaled_to_the_frames_and_points_of_another_picture_are_refused(video) -> None:
     np.testing.assert_allclose(points_in_picture(pole([400, 400]), video).positions[0], [[200, 30], [200, 90]])
     fault = r"take\.mp4: 100% of the points lie outside its pictures of 640 x 480 pixels"

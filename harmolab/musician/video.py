@@ -140,7 +140,7 @@ def _finished(frames: Iterable[Frame], marks: BeatMarks, text: str) -> Iterator[
     """The pictures with marks of notes, movement and hits in the corner, and a line of text in a strip below them."""
     strip: Frame | None = None
     for number, frame in enumerate(frames):
-        marks.draw(frame, number / DANCE_RATE)
+        marks.draw(frame, number, DANCE_RATE)
         strip = _strip(text, *frame.shape[:2]) if strip is None else strip
         yield np.concatenate([frame, strip])
 

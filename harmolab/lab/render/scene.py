@@ -86,7 +86,7 @@ def _frames(stage: Stage, fps: float, height: int, width: int, marks: BeatMarks)
                 _draw_grid(frame, grid)
                 cv2.fillPoly(frame, [shadow], SHADOW, cv2.LINE_AA, FRACTION_BITS)
             draw_shapes(frame, person)
-            marks.draw(frame, index / fps)
+            marks.draw(frame, index, fps)
             yield frame
 
 

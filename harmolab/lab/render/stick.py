@@ -174,12 +174,12 @@ class BeatMarks:
         states = product((False, True), repeat=len(self.times))
         self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True)), words) for lit in states}
 
-    def draw(self, frame: Frame, seconds: float) -> None:
-        """Put the marks into the upper left corner of `frame` (H, W, 3), lit as they are at that moment."""
+    def draw(self, frame: Frame, index: int, fps: float) -> None:
+        """Put the marks into the upper left corner of `frame` (H, W, 3), lit from the picture nearest to each beat."""
         if not self.times:
             return
-        since = {name: seconds - times for name, times in self.times.items()}
-        plate = self.plates[tuple(bool(((past >= 0) & (past < FLASH)).any()) for past in since.values())]
+        since = [index / fps - times for times in self.times.values()]
+        plate = self.plates[tuple(bool(((past > -0.5 / fps) & (past < FLASH)).any()) for past in since)]
         rows, columns = np.minimum(plate.shape[:2], frame.shape[:2])
         frame[:rows, :columns] = plate[:rows, :columns]
 

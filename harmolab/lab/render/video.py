@@ -139,7 +139,7 @@ def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | Non
         drawn = frame.copy()
         if is_valid:
             stick.draw_strokes(drawn, _strokes(stick.fixed(places).tolist(), limbs, widths, len(frame)))
-        marks.draw(drawn, index / motion.fps)
+        marks.draw(drawn, index, motion.fps)
         yield drawn
 
 
