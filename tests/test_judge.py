@@ -16,6 +16,7 @@ from scipy.stats import rankdata
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_motion
+from harmolab.lab.player_page import of_dance
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
@@ -111,7 +112,7 @@ def test_each_dancer_is_told_what_was_seen(judgement: Callable[[], Judgement], l
     assert level > 2 or not MILLISECONDS.search(words)
     assert level > 0 or (np.isnan(one.harmony_above_chance) and np.isnan(one.p_time))
     assert (not one.beats.is_sure and level > 0) == ("unsure" in " ".join([*one.remarks, *one.details]))
-    assert not re.search(r"\b[Yy]ou\b(?! meant)", sentences.of_dance(one.verdict))
+    assert not re.search(r"\b[Yy]ou\b(?! meant)", of_dance(one.verdict))
 
 
 @cases("first, last, count", (12.5, 24.0, 22), (0.0, 12.5, 24), (6.5, 18.5, 24))

@@ -21,14 +21,13 @@ from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import resample_motion
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.lab.player_page import HEIGHT, Dancer, Player, blind_page, coded_sound, player_of
+from harmolab.lab.player_page import HEIGHT, Dancer, Player, blind_page, coded_sound, of_dance, player_of
 from harmolab.lab.report.templates import framed
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import save_motion
 from harmolab.score import score_harmony
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import score_clip
-from harmolab.verdict.sentences import of_dance
 from tests.builders import cases, complaint, done, planted_dance, refused, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()

@@ -13,7 +13,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.lab.person import hulls, person_discs, shadow_outline, stage_of
-from harmolab.lab.player_page import Dancer, Player, page_motion
+from harmolab.lab.player_page import Dancer, Player, of_dance, page_motion
 from harmolab.lab.report.pages import NotebookRun, write_pages
 from harmolab.musician.avatar import avatar
 from harmolab.params import HarmonyParams
@@ -22,7 +22,6 @@ from harmolab.readers.player_points import PLAYER_50
 from harmolab.readers.smpl import SMPL_24
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
-from harmolab.verdict.sentences import of_dance
 from tests.builders import planted_dance, track
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed, picture
 from tests.test_player import delay_of

@@ -7,6 +7,7 @@ musician's hands. `demo` is a page to begin with, made of what comes with harmol
 import base64
 import io
 import math
+import re
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +34,6 @@ from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
-from harmolab.verdict.sentences import of_dance
 
 # Movement of one dancer, as the page holds it
 
@@ -399,6 +399,29 @@ def _with_frame_at(clip: Clip, time: float) -> Clip:
     positions = motion.positions[:-1] + part * np.diff(motion.positions, axis=0)
     motion = replace(motion, positions=positions, valid=motion.valid[:-1] & motion.valid[1:])
     return replace(clip, motion=motion, offset=clip.offset + part / motion.fps)
+
+
+OF_DANCE = {
+    "you are": "it is", "you keep": "it keeps", "you move": "it moves", "you rest": "it rests", "you hit": "it hits",
+    "you dance": "it dances", "you follow": "it follows", "you stand still or move": "it stands still or moves",
+    "you only": "it only", "you mostly": "it mostly", "turn and travel": "turns and travels", "your own": "its own",
+    "your place": "its place", "your mean place": "its mean place", "your movement": "its movement",
+    "points of you are": "points of it are",
+}  # fmt: skip
+
+
+def of_dance(words: str) -> str:
+    """Words of a verdict said of the dance, where whoever reads them may not be the dancer.
+
+    >>> of_dance("You are on the beat: you rest on it. Your own tempo is 120.0 bpm.")
+    'The dance is on the beat: it rests on it. Its own tempo is 120.0 bpm.'
+    """
+    return re.sub("|".join(OF_DANCE), _of_dance, words, flags=re.IGNORECASE)
+
+
+def _of_dance(match: re.Match[str]) -> str:
+    words = OF_DANCE[match[0].lower()]
+    return words if match[0].islower() else words.capitalize().replace("It ", "The dance ")
 
 
 def _facts(dancer: Dancer) -> dict[str, str]:

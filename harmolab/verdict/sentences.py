@@ -4,7 +4,6 @@ Sentences are made from the fields of an `Evidence`. Late and early are said onl
 an arrival, a hit and a rest are places of their own, and what is said is when the body is fastest and stillest.
 """
 
-import re
 from fractions import Fraction
 from typing import Literal
 
@@ -24,13 +23,6 @@ RATES = {
     Fraction(2): "twice a beat (double time, or to and fro once a beat)",
 }
 NAMED = (Fraction(1, 2), Fraction(2))  # rates at which one may be on the beat, and that are named with it
-OF_DANCE = {
-    "you are": "it is", "you keep": "it keeps", "you move": "it moves", "you rest": "it rests", "you hit": "it hits",
-    "you dance": "it dances", "you follow": "it follows", "you stand still or move": "it stands still or moves",
-    "you only": "it only", "you mostly": "it mostly", "turn and travel": "turns and travels", "your own": "its own",
-    "your place": "its place", "your mean place": "its mean place", "your movement": "its movement",
-    "points of you are": "points of it are",
-}  # fmt: skip
 UNPLACED = (
     "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
     "the dance begins (--offset), or film with the song playing."
@@ -48,20 +40,6 @@ def verdict(evidence: Evidence, *, has_start: bool = True) -> str:
         return _cannot_tell(evidence)
     words = (_no_sign, _no_place, _in_time, _on_the_beat)[level - 1]
     return (UNPLACED if level == 3 and not has_start else words(evidence)) + elsewhere(evidence) + stillness(evidence)
-
-
-def of_dance(words: str) -> str:
-    """Words of a verdict said of the dance, where whoever reads them may not be the dancer.
-
-    >>> of_dance("You are on the beat: you rest on it. Your own tempo is 120.0 bpm.")
-    'The dance is on the beat: it rests on it. Its own tempo is 120.0 bpm.'
-    """
-    return re.sub("|".join(OF_DANCE), _of_dance, words, flags=re.IGNORECASE)
-
-
-def _of_dance(match: re.Match[str]) -> str:
-    words = OF_DANCE[match[0].lower()]
-    return words if match[0].islower() else words.capitalize().replace("It ", "The dance ")
 
 
 def elsewhere(evidence: Evidence) -> str:
