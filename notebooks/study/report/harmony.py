@@ -127,7 +127,7 @@ HARMONY = (
     ),
     Claim(
         "Fig. 8", "the same, under each reading that the paper leaves open", "",
-        lambda tables: f"AUC {_readings(tables)}, recordings of Tang et al.",
+        lambda tables: f"own above late music in {_readings(tables)}, recordings of Tang et al.",
         lambda tables: "coin .5; intervals in `figures/table08j_readings.csv`",
         "refuted", lambda tables: bool((tables["table08j_readings"]["AUC low"] <= 0.5).all()),
         "05_right_from_wrong", "test_notebook_05.py",
