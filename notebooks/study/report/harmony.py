@@ -30,7 +30,7 @@ def _both(tables: RunTables, column: str, *systems: str) -> str:
         f"{system} {_system(tables, column, system, SYNTHETIC):.3f} / {_system(tables, column, system, RECORDED):.3f}"
         for system in systems
     )
-    return "; ".join(each) + " (synthetic / recorded songs)"
+    return "; ".join(each) + " (synthetic songs / recorded ones, heard in training)"
 
 
 def _ratio(tables: RunTables, column: str, music: str) -> float:
