@@ -66,7 +66,7 @@ def clip_scores(task: PlantedClip) -> dict[str, Any]:
         **task.columns,
         "harmony": score.harmony_above_chance,
         "p_value": score.p_value,
-        "late": score_motion(later(music, 0.5), motion, n_rotations=0).harmony_above_chance,
+        "late": score_motion(later(music, 0.5), motion, n_rotations=0).place_harmony,
         "paper_harmony": score_motion(music, motion, params=HarmonyParams.paper(), n_rotations=0).harmony,
         "jerk": jerk(motion),
         "foot_skating": foot_skating(motion),
