@@ -21,10 +21,13 @@ const clicksOf = (music, dance, lag) => [...music.map(time => ({ time, kind: "mu
 // A mode's own values of the controls.
 const ownValues = (data, mode) => Object.fromEntries(data.controls.filter(({ name }) => name in data.modes[mode]).map(({ name }) => [name, data.modes[mode][name]]));
 
-export function mount(parent, data, { changed = () => {}, play = null } = {}) {
+export function mount(parent, data, { changed = () => {}, play = null, heading = "h2" } = {}) {
   const state = { settings: { ...data.start }, selected: null, sound: null, numbers: null, picture: null };
-  const view = panel(data, { set, choose });
-  parent.append(view.root);
+  const view = panel(data, { set, choose, heading });
+  parent.replaceChildren(view.root);  // a page that a browser saved holds its lab already
+  // Of labs and players in frames of one page, or in other tabs, only the last one started sounds.
+  const others = new BroadcastChannel("harmolab players");
+  others.onmessage = stop;
 
   function set(values) {
     const own = "mode" in values ? ownValues(data, values.mode) : {}, moves = { ...state.settings.moves };
@@ -78,6 +81,7 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
     const before = state.sound;
     stop();
     if (before) return;
+    others.postMessage("play");
     state.sound = playClicks(clicks, from, to);
     const step = () => {
       if (!state.sound) return;
@@ -158,7 +162,8 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
   for (const node of view.root.querySelectorAll("input, select, button, canvas")) node.setAttribute("data-lm-suppress-shortcuts", "true");
   new ResizeObserver(draw).observe(view.canvas);
   return {
-    set, update, state, below: view.below, stop,
+    set, update, state, below: view.below,
+    close: () => { stop(); others.close(); },
   };
 }
 
@@ -174,6 +179,6 @@ function render({ model, el }) {
   const open = () => { lab.below.innerHTML = model.get("player"); };
   model.on("change:settings", follow); model.on("change:player", open);
   open();
-  return () => { clearTimeout(timer); lab.stop(); model.off("change:settings", follow); model.off("change:player", open); };
+  return () => { clearTimeout(timer); lab.close(); model.off("change:settings", follow); model.off("change:player", open); };
 }
 export default { render };

@@ -54,14 +54,14 @@ function menuRow(control, set) {
 }
 
 // The panel of a lab; `set(values)` and `choose(preset)` are called when the reader acts.
-function panel(data, { set, choose }) {
+function panel(data, { set, choose, heading }) {
   const sentence = element("p", { class: "sentence", role: "status", "aria-live": "polite" }), note = element("p", { class: "note", role: "status" });
   const canvas = element("canvas", { tabindex: 0, role: "img" }), board = element("dl", { class: "board" }), code = element("code", { title: "settings for Python" });
   const buttons = data.presets.map(preset => element("button", { type: "button", onclick: () => choose(preset) }, preset.label));
   const rows = data.controls.map(control => [control.name, control.options ? menuRow(control, set) : sliderRow(data, control, set)]);
   const legend = element("ul", { class: "legend", "aria-label": "Legend" }, ...LEGENDS[data.kind].filter(([, , needed]) => !needed || data.evidence[needed]).map(([mark, words]) => element("li", {}, element("i", { class: mark, "aria-hidden": "true" }), words)));
   const sounds = element("div", { class: "sounds", role: "group", "aria-label": "Sound" }), below = element("div", { class: "player" });
-  const root = element("section", { class: "harmolab-lab", "aria-label": data.title }, element("h2", {}, data.title), element("p", { class: "about" }, data.about),
+  const root = element("section", { class: "harmolab-lab", "aria-label": data.title }, element(heading, {}, data.title), element("p", { class: "about" }, data.about),
     element("div", { class: "presets", role: "group", "aria-label": "Try" }, ...buttons), note, sentence, canvas, legend,
     element("div", { class: "controls" }, ...rows.map(([, { row }]) => row)), sounds, board, element("p", { class: "line" }, "For Python: ", code), below);
   return { root, sentence, note, canvas, board, code, buttons, rows: Object.fromEntries(rows), sounds, below };
