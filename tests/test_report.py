@@ -113,12 +113,9 @@ def test_report_with_a_failing_notebook_publishes_the_good_one_and_its_pages_loa
     code, out, figures = built
     assert sorted(file.name for file in figures.iterdir()) == ["fig01.png", "manifest.json", "table1.csv"]
     pages = {path.stem: path.read_text() for path in out.glob("*.html")}
-    assert code == 1
-    assert {stem for stem, page in pages.items() if "This notebook failed" in page} == {"01_bad"}
-    for page in pages.values():
-        assert re.findall(r"""(?:src|href)=["'](?:https?:)?//[^"']+""", page) == []
-        assert re.findall(r"""(?:@import|url\()\s*["']?(?:https?:)?//""", page) == []
-        assert re.findall(r"<script[^>]*src=", page) == []
+    assert code == 1 and {stem for stem, page in pages.items() if "This notebook failed" in page} == {"01_bad"}
+    elsewhere = r"""(?:(?:src|href)=["']|(?:@import|url\()\s*["']?)(?:https?:)?//|<script[^>]*src="""
+    assert [name for name, page in pages.items() if re.search(elsewhere, page)] == []
     # Figures are pictures, the lab is a page in the page, and equations need no script.
     page = pages["00_good"]
     assert len(re.findall(r'<img[^>]* src="data:image/png;base64,', page)) == 3
@@ -133,9 +130,7 @@ def test_index_names_faults_figures_tables_their_data_and_the_state_of_every_ite
     assert "1 of 2 notebooks failed" in index
     assert "code cell 2: KeyError: &#39;planted fault&#39;" in index
     assert '<img src="figures/fig01.png" alt="A &lt;planted&gt; title" loading="lazy">' in index
-    assert "<td>0.875</td>" in index
-    assert "data: planted recordings, synthetic" in index
-    assert "quick profile" in index
+    assert "<td>0.875</td>" in index and "data: planted recordings, synthetic" in index and "quick profile" in index
     assert (out / "figures" / "fig01.png").is_file()
     states = dict(re.findall(r"<td>((?:Fig\.|Table) \d+)</td><td>[^<]*</td>\s*<td><span class=\"(\w+)\"", index))
     assert list(states) == [f"Fig. {n}" for n in range(1, 15)] + ["Table 1", "Table 2"]
@@ -257,8 +252,7 @@ def test_where_there_is_no_git_no_commit_is_told_and_nothing_is_left_out(project
 def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
     write_notebook(tmp_path / "00_slow.ipynb", "# Slow", "1", "import time", "time.sleep(600)")
     run = report.run_notebook(tmp_path / "00_slow.ipynb", timeout=1)
-    assert run.error == "code cell 3: still running after 1 s"
-    assert run.seconds < 60
+    assert run.error == "code cell 3: still running after 1 s" and run.seconds < 60
 
 
 @cases("arguments, seconds", ((), 900), (("--profile", "full"), 21600), (("--timeout", "30"), 30))
@@ -315,8 +309,7 @@ def test_picture_of_a_quick_run_stands_beside_the_committed_one_with_both_labels
         ("The &lt;a&gt; (this run, synthetic data)", shown[1][1], "400"),
         ("The &lt;a&gt; (full run, recordings)", "figures/full/a.png", "600"),
     ]
-    assert shown[1][1].startswith("data:image/png;base64,")
-    assert "saved a.png" not in page
+    assert shown[1][1].startswith("data:image/png;base64,") and "saved a.png" not in page
     copy = tmp_path / "out" / "figures" / "full" / "a.png"
     assert copy.read_bytes() == (tmp_path / "committed" / "a.png").read_bytes()
 
@@ -325,8 +318,7 @@ def test_report_of_the_full_profile_has_its_own_pictures_alone(tmp_path: Path):
     png = write_picture(tmp_path / "out" / "figures", "a", source="beatlocked", profile="full")
     write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
     page = page_of(tmp_path / "out", "# 03 Beats", cell_with(png, saved=("a.png",)), profile="full", picture="a.png")
-    assert 'for="picture-' not in page
-    assert not (tmp_path / "out" / "figures" / "full").exists()
+    assert 'for="picture-' not in page and not (tmp_path / "out" / "figures" / "full").exists()
 
 
 def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp_path: Path):
@@ -487,15 +479,13 @@ def test_code_and_full_run_are_switched_without_a_network(tmp_path: Path, chromi
 @pytest.mark.browser
 @pytest.mark.slow
 def test_report_opens_offline_with_every_picture_in_place(built, chromium):
-    _, out, _ = built
     tab, asked = chromium.new_context(offline=True).new_page(), []
     tab.on("request", lambda request: asked.append(request.url))
-    for page in sorted(out.glob("*.html")):
+    for page in sorted(built[1].glob("*.html")):
         tab.goto(page.as_uri())
         tab.eval_on_selector_all("details", "folds => folds.forEach(fold => { fold.open = true; })")
         tab.eval_on_selector_all("img", "pictures => Promise.all(pictures.map(picture => picture.decode()))")
-        widths = tab.eval_on_selector_all("img", "pictures => pictures.map(picture => picture.naturalWidth)")
-        assert all(width > 100 for width in widths), page.name
+        assert tab.eval_on_selector_all("img", "all => all.every(one => one.naturalWidth > 100)"), page.name
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
     assert any(url.endswith("fig01.png") for url in asked)
 
@@ -675,11 +665,23 @@ def site(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_fetches_nothing(site: Path):
     pages = [*site.rglob("*.html")]
-    assert len(pages) > 60
-    assert dead_links(site.resolve()) == set()
+    assert len(pages) > 60 and dead_links(site.resolve()) == set()
     assert (site / ".nojekyll").is_file() and 'href="/index.html"' in (site / "404.html").read_text("utf-8")
     returned = (site / "generated" / "api" / "harmolab.score.html").read_text("utf-8").partition(">Returns</p>")[2]
     assert returned.lstrip().startswith("<p>")  # a text, and no list of its lines
-    for page in pages:
-        sources = re.findall(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"([^\"]+)\"", page.read_text("utf-8"))
-        assert [source for source in sources if re.match(r"(?:https?:)?//", source)] == [], page.name
+    elsewhere = r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"(?:https?:)?//"
+    assert [page.name for page in pages if re.search(elsewhere, page.read_text("utf-8"))] == []
+
+
+@pytest.mark.browser
+def test_the_site_is_searched_on_a_phone_and_printed_whole(site: Path, chromium):
+    page = chromium.new_page(viewport={"width": 700, "height": 900})
+    page.goto(f"{site.as_uri()}/search.html")
+    page.get_by_label("Words to look for").press_sequentially("waltz\n")
+    page.locator("#search-results li").first.wait_for()
+    page.goto(f"{site.as_uri()}/report.html")
+    assert page.locator("article p > img").first.bounding_box()["width"] >= 704
+    page.goto(f"{site.as_uri()}/claims.html")
+    page.emulate_media(media="print")
+    assert page.locator(".skip-to-content").is_hidden()
+    assert page.eval_on_selector_all(".table-wrapper", "all => all.every(e => e.scrollWidth <= e.clientWidth)")
