@@ -575,7 +575,9 @@ def test_every_public_name_is_on_one_page_of_the_reference(extension):
 
 
 def test_every_notebook_has_a_card_with_its_finding_and_a_picture(extension):
-    cards = extension("gallery_pages").gallery()["cards.inc"]
+    pages = extension("gallery_pages").gallery()
+    cards, players = pages["cards.inc"], pages["gallery/20_players_and_avatars.md"]
+    assert players.count("grey dots are movements without a note") == 1  # for two pictures, of a name that is filled in
     for path in (ROOT / "notebooks").glob("[0-9]*.ipynb"):
         text = cards.partition(f":link: generated/gallery/{path.stem}\n")[2].partition("\n:::\n")[0]
         assert f":img-top: generated/gallery/{path.stem}.png" in text and re.search(r":img-alt: \w.{15,}", text)

@@ -78,21 +78,28 @@ def card(path: Path, title: str, said: str, subject: str) -> str:
 """
 
 
-def page(path: Path, title: str, said: str, entries: dict[str, Any]) -> Iterator[str]:
-    """Markdown lines of one notebook's page: what it says, then each figure under its title."""
+def caption(notebook: dict[str, Any], name: str) -> str:
+    """The notebook's words above the cell that saves a picture, without their heading; "" where no cell names it."""
+    words, stem = "", Path(name).stem
+    for cell in notebook["cells"]:
+        text = "".join(cell["source"])
+        saved = re.findall(r'"(\w{8,})(\{?)', text) if "save_figure(" in text else []
+        if cell["cell_type"] == "markdown":
+            words = re.sub(r"\$([^$]+)\$", r"`\1`", re.sub(r"^#+ .*\n*", "", text)).strip()
+        elif any(stem == one or (end and stem.startswith(one)) for one, end in saved):  # the cell may fill in its end
+            return words
+    return ""
+
+
+def page(path: Path, title: str, said: str, notebook: dict[str, Any], manifest: dict[str, Any]) -> Iterator[str]:
+    """Markdown lines of one notebook's page: what it says, then each figure under its title, with its words once."""
     yield from (f"# {title}", "", said, "", f"Notebook: {{download}}`{path.name} <../../../notebooks/{path.name}>`", "")
-    for name, entry in entries.items():
-        heading = entry["title"].replace("[", "(").replace("]", ")")
-        yield from (
-            f"## {heading}",
-            "",
-            f"Data: {source(entry)}.",
-            "",
-            "::::{div} figure",
-            f"![{heading}. Data: {source(entry)}](../../../figures/{name})",
-            "::::",
-            "",
-        )
+    above = ""
+    for name in figures(path, notebook, manifest):
+        heading, words = manifest[name]["title"].replace("[", "(").replace("]", ")"), caption(notebook, name)
+        yield from (f"## {heading}", "", f"Data: {source(manifest[name])}.", "", words if words != above else "", "")
+        yield from (f"![{heading}](../../../figures/{name})", "")
+        above = words
 
 
 def gallery() -> dict[str, str]:
@@ -103,9 +110,7 @@ def gallery() -> dict[str, str]:
         notebook = json.loads(path.read_text("utf-8"))
         title, said = finding(path, notebook)
         pictures = figures(path, notebook, manifest)
-        pages[f"gallery/{path.stem}.md"] = "\n".join(
-            page(path, title, said, {name: manifest[name] for name in pictures})
-        )
+        pages[f"gallery/{path.stem}.md"] = "\n".join(page(path, title, said, notebook, manifest))
         cards.append(card(path, title, said, manifest[pictures[0]]["title"]))
         names.append(f"generated/gallery/{path.stem}")
     grid = [
