@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.lab.figures.beats import MARK_LOOKS, draw_hits, name_heights
+from harmolab.lab.figures.beats import MARK_LOOKS, SPARE_LOOK, draw_hits, name_heights
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.readers.player_points import joint_widths
 from harmolab.score import HarmonyScore
@@ -25,7 +25,10 @@ BROAD, NARROW = 5.0, 2.0  # points, of a limb that is tracked, and predicted
 FINGER = 0.5  # of a limb's width, as of the lines from shoulders to hips
 HEAD, NECK = 0.2, 0.4  # radius of a drawn head, and its height above the shoulders, in shoulder widths
 BODY = "#E4E4E4"
-MARKED = ("together", "a note without a movement, or a movement without a note")
+LOOKS = {
+    "together": MARK_LOOKS["hit"], "a note without a movement": MARK_LOOKS["miss"],
+    "a movement without a note": SPARE_LOOK,
+}  # fmt: skip
 MARGIN = 0.06  # of the picture, around the points
 WIDTH = 10.6  # inches
 
@@ -157,7 +160,7 @@ def onsets_figure(scores: Mapping[str, HarmonyScore], *, title: str, event: str,
             words = f"{score.hits.sum()} of {score.n_audio} onsets hit, {score.chance:.0%} by chance"
             ax.set_title(f"{name}: {words}; {score.harmony_above_chance:+.2f} above chance (p = {score.p_value:.3f})")
         axes[-1].set_xlabel("time (s)")
-        marks = [Line2D([], [], **look, label=label) for look, label in zip(MARK_LOOKS.values(), MARKED, strict=True)]
-        figure.legend(handles=marks, loc="outside lower left", ncols=2)
+        marks = [Line2D([], [], **look, label=label) for label, look in LOOKS.items()]
+        figure.legend(handles=marks, loc="outside lower left", ncols=3)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
