@@ -317,6 +317,8 @@ class Notes(Record):
 
     def span(self, start: float, duration: float) -> "Notes":
         """The notes that begin in [start, start + duration), counted from `start`."""
+        if not np.isfinite(start) or np.isnan(duration):
+            raise ValueError(f"no notes from {start} s for {duration} s")
         part = self.select((self.onsets >= start) & (self.onsets < start + duration))
         return replace(part, onsets=part.onsets - start, offsets=part.offsets - start)
 

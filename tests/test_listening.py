@@ -543,7 +543,7 @@ def test_simulated_rater_is_called_so_in_everything_it_writes():
     refused("was given trials of Ada", rater.answers, replace(trials, rater="Ada"), key)
 
 
-@pytest.mark.parametrize(("skill", "seed", "name"), [(1.1, 0, "skill"), (NAN, 0, "skill"), (0.5, -1, "seed")])
+@cases("skill, seed, name", (1.1, 0, "skill"), (NAN, 0, "skill"), (0.5, -1, "seed"), (0.5, 0.5, "seed"))
 def test_impossible_rater_is_refused(skill: float, seed: int, name: str):
     refused(f"{name} must", SimulatedRater, skill, seed)
 
@@ -781,7 +781,7 @@ def test_two_dances_show_one_moment_of_the_music_wherever_files_begin(clips: lis
     "change, message",
     ({"seconds": 1.0}, "seconds must be between 2 and 60"),
     ({"seconds": float("nan")}, "seconds must be between 2 and 60"),
-    ({"seed": -1}, "seed must not be negative"),
+    *(({"seed": seed}, "seed must be a whole number, not negative") for seed in (-1, 0.5)),
 )
 def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, float], message: str):
     settings = {"seconds": SECONDS, "seed": 1, **change}

@@ -43,6 +43,7 @@ from harmolab.lab.listening.trials import (
     TrialSet,
     is_answer,
 )
+from harmolab.score import check_whole
 
 SIMULATED = "simulated-"
 START = b'{"study"'  # of every line
@@ -447,8 +448,7 @@ class SimulatedRater:
     def __post_init__(self) -> None:
         if not 0.0 <= self.skill <= 1.0:
             raise ValueError(f"skill must be between 0 and 1, got {self.skill}")
-        if self.seed < 0:
-            raise ValueError(f"seed must not be negative, got {self.seed}")
+        check_whole(seed=self.seed)
 
     @property
     def name(self) -> str:

@@ -23,6 +23,7 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
 from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
+from harmolab.score import check_whole
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion, score_clip
 
@@ -251,8 +252,7 @@ def _pieces(clips: Iterable[tuple[Clip, Callable[[Motion, BeatTrack], Dances]]],
     """
     if not SHORTEST <= seconds <= LONGEST:
         raise ValueError(f"seconds must be between {SHORTEST:g} and {LONGEST:g}, got {seconds:g}")
-    if seed < 0:
-        raise ValueError(f"seed must not be negative, got {seed}")
+    check_whole(seed=seed)
     pieces, left_out = [], []
     for clip, dances in clips:
         try:
@@ -298,8 +298,7 @@ def _faded(audio: Audio) -> Audio:
 
 def _sounds(audio: Audio) -> bool:
     """True if the beginning is not silent."""
-    beginning = audio.samples[: round(ONSET * audio.sample_rate)]
-    return bool(_loudness(beginning) > QUIET * _loudness(audio.samples) > 0)
+    return bool(_loudness(audio.samples[: round(ONSET * audio.sample_rate)]) > QUIET * _loudness(audio.samples) > 0)
 
 
 def _equally_loud(pieces: list[StudyPiece]) -> tuple[StudyPiece, ...]:

@@ -20,6 +20,8 @@ from typing import Literal
 import numpy as np
 from numpy.random import Generator as Rng
 
+from harmolab.score import check_whole
+
 Kind = Literal["pick", "choice", "rate"]
 
 CHOICES = MappingProxyType({"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")})
@@ -304,8 +306,7 @@ def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:
 
 
 def _rng(seed: int, *stream: int) -> Rng:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"seed must be a whole number, not negative, got {seed!r}")
+    check_whole(seed=seed)
     return np.random.default_rng([int(seed), *stream])
 
 
