@@ -294,6 +294,17 @@ def test_all_of_the_tracker_is_compiled_once_for_all_processes() -> None:
     assert numba.guvectorize.__module__ == "numba.np.ufunc.decorators"
 
 
+def test_librosa_is_there_where_numba_finds_no_folder_to_keep_it_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    def imported(name: str) -> object:
+        if not numba.config.CACHE_DIR:
+            raise RuntimeError("cannot cache function '__o_fold': no locator available for file 'notation.py'")
+        return sys.modules[name]
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(listening, "import_module", imported)
+    assert listening.import_librosa() is librosa and Path(numba.config.CACHE_DIR).is_dir()
+
+
 @cases("is_compiled, options, times", (False, (), 1), (True, (), 0), (False, ("-q",), 0))
 def test_command_says_once_that_it_compiles_and_only_then(is_compiled, options, times, song, monkeypatch) -> None:
     monkeypatch.setattr(listening, "is_tracker_compiled", lambda: is_compiled)

@@ -5,14 +5,17 @@ else they follow it; see `harmolab.beats.tempo`. Analysis is cached on disk unde
 listened to once; see `harmolab.files`.
 """
 
+import atexit
 import hashlib
 import logging
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -266,10 +269,22 @@ def compile_tracker() -> None:
         if not is_tracker_compiled():
             LOG.info(COMPILING)
         with _numba_keeps_all():
+            import_librosa()
             import librosa.beat
 
         _analyse(Audio(samples, 22050.0), None)
         librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
+
+
+def import_librosa() -> Any:
+    """librosa; its numba functions are kept for this process alone where neither of numba's folders can be written."""
+    try:
+        import_module("librosa.core.notation")
+    except RuntimeError:  # of numba, which finds no folder
+        sys.modules["numba"].config.CACHE_DIR = folder = tempfile.mkdtemp(prefix="harmolab_numba_")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        import_module("librosa.core.notation")
+    return import_module("librosa")
 
 
 @contextmanager

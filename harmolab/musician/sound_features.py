@@ -10,7 +10,7 @@ import soxr
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from harmolab.beats.audio import single_samples
+from harmolab.beats.audio import import_librosa, single_samples
 from harmolab.musician.params import HIGH_TONE, KEYS, LOW_TONE, LOWEST_KEY, Audio2BodyParams
 from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, FloatArray, Notes
@@ -118,7 +118,7 @@ def _power(frames: SingleArray, size: int) -> SingleArray:
 @cache
 def _mel_bands(size: int, mels: int) -> SingleArray:
     """(size / 2 + 1, mels) shares of each frequency in each band."""
-    import librosa
+    librosa = import_librosa()
 
     bands: SingleArray = librosa.filters.mel(sr=RATE, n_fft=size, n_mels=mels, norm=None).T.astype(np.float32)
     return bands
@@ -185,7 +185,7 @@ def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
     Boeck and Widmer 2013): a note that trembles in pitch stays within its neighbours. Sample i belongs to second
     i / rate, the middle of its window.
     """
-    import librosa
+    librosa = import_librosa()
 
     hop = max(round(audio.sample_rate / NOTE_RATE), 1)
     window = 2 * max(round(NOTE_WINDOW * audio.sample_rate / 2), 8)

@@ -7,7 +7,7 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, LATENESS, audio_beats
+from harmolab.beats.audio import HOP, LATENESS, audio_beats, import_librosa
 from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, BeatTrack, FloatArray
 
@@ -92,7 +92,7 @@ def _samples(audio: Audio) -> FloatArray:
 
 def _listen(samples: FloatArray, cells: int, rate: float) -> FloatArray:
     """Onset, the largest in each moment's share of time, and mean chroma there: (cells, 13)."""
-    import librosa
+    librosa = import_librosa()
 
     if not samples.any():
         return np.zeros((cells, 13))
@@ -104,7 +104,7 @@ def _listen(samples: FloatArray, cells: int, rate: float) -> FloatArray:
 
 
 def _mel(samples: FloatArray, cells: int, rate: float, bands: int) -> FloatArray:
-    import librosa
+    librosa = import_librosa()
 
     if not samples.any():
         return np.full((cells, bands), FLOOR_DB)

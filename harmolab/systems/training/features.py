@@ -10,7 +10,7 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, onset_envelope
+from harmolab.beats.audio import HOP, import_librosa, onset_envelope
 from harmolab.files import cached_arrays, keep_arrays
 from harmolab.params import KINDS, check_kinds
 from harmolab.systems.training.motion_code import frames_at
@@ -198,7 +198,7 @@ def cached_table(audio: Audio, words: str, columns: int, analyse: Callable[[], N
 
 def _analyse(audio: Audio, count: int) -> SingleArray:
     """The analysis itself, by librosa."""
-    import librosa
+    librosa = import_librosa()
 
     samples = audio.samples
     if audio.sample_rate != RATE:
