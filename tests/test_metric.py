@@ -192,6 +192,8 @@ def test_a_damaged_reference_is_an_error_that_names_the_file(tmp_path: Path, cha
 def test_another_file_is_no_reference(tmp_path: Path):
     np.savez(tmp_path / "x.npz", positions=np.zeros((3, 2)))
     refused(r"x\.npz: is no reference", load_reference, tmp_path / "x.npz")
+    (tmp_path / "demo.tar").write_bytes(b"recorded")
+    refused(r"demo\.tar: cannot be read as a folder of recorded dances or", load_reference, tmp_path / "demo.tar")
     missing("nowhere", load_reference, tmp_path / "nowhere.npz")
 
 

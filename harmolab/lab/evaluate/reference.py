@@ -131,7 +131,7 @@ def load_reference(path: PathLike) -> Reference:
     """
     if str(path) == SYNTHETIC and is_saved(path):
         return _shipped()
-    with reading(path, "a saved reference (`harmolab evaluate --save-reference`)") as file:
+    with reading(path, "a folder of recorded dances or a file of `harmolab evaluate --save-reference`") as file:
         arrays = read_npz(file, _KINDS)
         if arrays.keys() != _KINDS.keys():
             raise ValueError("is no reference that `harmolab evaluate --save-reference` wrote")
