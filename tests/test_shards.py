@@ -141,6 +141,9 @@ def test_a_run_that_is_refused_leaves_the_settings_of_the_one_that_is_there(shar
     other = settings(sharded, protocols=[])
     refused("was begun otherwise", measure_shard, other, shard, Shard(1, COUNT), resume=True)
     refused("was begun otherwise", evaluate_dances, other, table, resume=True)
+    unread = settings(sharded, reference=tmp_path / "nowhere")
+    refused("shard was 1/4 and is 2/4", measure_shard, unread, shard, Shard(2, COUNT), resume=True)
+    refused("shard was 1/4 and is None", evaluate_dances, unread, shard, resume=True)
     assert [(folder / "evaluation.json").read_bytes() for folder in (shard, table)] == before
 
 

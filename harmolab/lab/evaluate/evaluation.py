@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from harmolab import files
 from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.lab.evaluate import engine, pairing, summary
 from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net, weights_digest
@@ -271,7 +272,10 @@ def begun(
     """
     check_table_folder(out, settings, force=force)
     engine.check_free(out / ROWS)
-    if (out / ROWS / engine.MANIFEST).is_file() and not (resume or force):
+    is_run = (out / ROWS / engine.MANIFEST).is_file()
+    if is_run and resume:
+        _check_shard(out, mark.get("shard"))
+    elif is_run and not force:
         engine.read_rows(out / ROWS)  # an error where it was cut off: what it measured is not thrown away unasked
     plan = planned(settings, keep=keep, progress=progress)
     if resume:
@@ -279,6 +283,14 @@ def begun(
         engine.check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
     write_mark(out, settings, rows=None, **mark)
     return plan
+
+
+def _check_shard(out: Path, shard: str | None) -> None:
+    """ValueError where the run in a folder is of another shard, before its dances are read."""
+    with files.reading(out / MARK, "the settings of an evaluation") as file:
+        former = files.read_json(file).get("shard")
+    if former != shard:
+        raise ValueError(f"{out}: the run was begun otherwise: shard was {former} and is {shard}; name another folder")
 
 
 def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
