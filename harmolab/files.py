@@ -135,6 +135,8 @@ def _message(path: str, what: str, error: Exception) -> str:
         return path + text
     if type(error) in (ValueError, MissingFrameRate):
         return f"{path}: {text}"
+    if isinstance(error, PermissionError):
+        return f"{path}: {error.strerror}"
     if isinstance(error, UnicodeDecodeError):
         text = "no text in UTF-8: if it is text, save it in that encoding"
     return f"{path}: cannot be read as {what} ({text or type(error).__name__})"

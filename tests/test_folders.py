@@ -1,8 +1,11 @@
 """Folders of sequences, what `check` finds in files and corpora, and the way from files to clips."""
 
+import errno
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +80,7 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()
     motion, song, _ = (own(tmp_path / name) / "motion.npz" for name in ("a", "b", "good"))
     other = motion.rename(motion.with_name("dance.npz"))
+    motion.symlink_to(motion)
     song.with_name("audio.wav").rename(song.with_name("song.WAV"))
     recordings = find_recordings(tmp_path)
     assert [folder.name for folder in recordings.folders] == ["good"]
@@ -84,6 +88,18 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     cures = f"; harmolab data convert {other} {motion} writes it", "; rename song.WAV to audio.wav"
     lacking = sound, "has no config.json", f"has no motion.npz{cures[0]}", sound + cures[1]
     assert [fault.split(": ")[1] for fault in faults] == [*lacking]
+
+
+def test_a_folder_that_cannot_be_read_is_a_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    closed, scanned = own(tmp_path / "closed"), os.scandir
+
+    def scandir(path: str) -> Any:
+        if Path(path).name == "closed":
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+        return scanned(path)
+
+    monkeypatch.setattr("os.scandir", scandir)
+    assert find_recordings(tmp_path).problems == ((closed, f"{closed}: Permission denied"),)
 
 
 def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):

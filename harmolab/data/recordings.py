@@ -303,16 +303,16 @@ def find_recordings(root: PathLike) -> RecordingFolders:
         raise FileNotFoundError(f"{root}: no such folder")
     if not root.is_dir():
         raise ValueError(f"{root}: is a file; a folder of sequences is needed")
-    missing = {folder: missing_parts(folder) for folder in _folders_with_parts(root)}
-    return RecordingFolders(
-        tuple(folder for folder, parts in missing.items() if not parts),
-        tuple(Problem(folder, _lacks(folder, parts)) for folder, parts in missing.items() if parts),
-    )
+    closed: list[OSError] = []
+    missing = {folder: missing_parts(folder) for folder in _folders_with_parts(root, closed.append)}
+    problems = [Problem(folder, _lacks(folder, parts)) for folder, parts in missing.items() if parts]
+    problems += [Problem(Path(one.filename), f"{one.filename}: {one.strerror}") for one in closed]
+    return RecordingFolders(tuple(folder for folder, parts in missing.items() if not parts), tuple(problems))
 
 
 def _lacks(folder: Path, parts: list[str]) -> str:
     """The sentence that a folder has no such parts, and what makes them of files of other names."""
-    files, cures = {path.suffix.lower(): path for path in sorted(folder.glob("*"))}, ""
+    files, cures = {path.suffix.lower(): path for path in sorted(folder.glob("*")) if path.is_file()}, ""
     if "motion.npz" in parts and (motion := next((files[end] for end in _OTHER_MOTIONS if end in files), None)):
         paths = shlex.join([str(motion), str(folder / "motion.npz")])
         cures = f"; harmolab data convert {paths} writes it"
@@ -321,10 +321,13 @@ def _lacks(folder: Path, parts: list[str]) -> str:
     return f"{folder}: has no {' and no '.join(parts)}{cures}"
 
 
-def _folders_with_parts(root: Path) -> list[Path]:
-    """Folders at or below `root` with a part of a recording, or its sound and another motion; DANCE_2 before _10."""
+def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list[Path]:
+    """Folders at or below `root` with a part of a recording, or its sound and another motion; DANCE_2 before _10.
+
+    `closed` is called with the error of each folder that cannot be read.
+    """
     folders = []
-    for name, below, files in os.walk(root):
+    for name, below, files in os.walk(root, onerror=closed):
         depth = len(Path(name).relative_to(root).parts)
         below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
         moves = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)

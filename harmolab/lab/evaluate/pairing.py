@@ -15,6 +15,7 @@ The published codes name their dances so, and the rules above pair them:
 import filecmp
 import hashlib
 import math
+import os
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -34,6 +35,7 @@ _SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a 
 _SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
 COLUMNS = ("motion", "music", "system", "seed", "offset")  # of a list of pairs; the first two must be there
 NO_MOTION = "is no motion file"
+CLOSED = "cannot be opened: permission denied"
 TOO_DEEP = "holds dances a folder deeper than a seed's; name the folder that holds it as the system's"
 LISTED, SLICED = "listed", "slice"  # where the start of a dance is from: a list, the number of its slice
 MOST_SECONDS = 36_000.0  # ten hours: no dance begins later in its song
@@ -238,20 +240,25 @@ def _motions(folder: Path, unpaired: list[Unpaired], system: str = "") -> Iterat
             unpaired.append(Unpaired(path, reason, system))
         elif is_motion(path):
             yield "", path
-        elif path.is_dir():
+        elif _is_open(path):
             inside = _entries(path)
             yield from ((path.name, motion) for motion in inside if is_motion(motion))
-            others = [one for one in inside if not is_motion(one)]
-            unpaired += [
-                Unpaired(one, TOO_DEEP, system) if _holds_motions(one) else Unpaired(one, NO_MOTION) for one in others
-            ]
+            unpaired += [_no_motion(one, system) for one in inside if not is_motion(one)]
         else:
-            unpaired.append(Unpaired(path, NO_MOTION))
+            unpaired.append(_no_motion(path, system))
 
 
-def _holds_motions(path: Path) -> bool:
-    """True for a folder with motions in it."""
-    return path.is_dir() and any(map(is_motion, _entries(path)))
+def _is_open(path: Path) -> bool:
+    """True for a folder whose content may be read."""
+    return path.is_dir() and os.access(path, os.R_OK | os.X_OK)
+
+
+def _no_motion(path: Path, system: str) -> Unpaired:
+    """A file or folder that is no motion, and what it is."""
+    if path.is_dir() and not _is_open(path):
+        return Unpaired(path, CLOSED, system)
+    is_deep = path.is_dir() and any(map(is_motion, _entries(path)))
+    return Unpaired(path, TOO_DEEP, system) if is_deep else Unpaired(path, NO_MOTION)
 
 
 def _useless_link(path: Path) -> str:
@@ -280,7 +287,7 @@ def _is_dance(path: Path) -> bool:
 
 def is_motion(path: Path) -> bool:
     """True for a file whose suffix is that of a motion, and for the folder of a recording or of frames."""
-    if path.is_dir():
+    if _is_open(path):
         is_recording = any((path / part).is_file() for part in ("motion.npz", "skeletons.json"))
         return is_recording or any(one.name.endswith(FRAME_ENDS) for one in path.iterdir())
     return path.suffix.lower() in MOTIONS
@@ -442,7 +449,9 @@ def _entries(folder: PathLike) -> list[Path]:
 
 
 def _own_sound(folder: Path) -> list[Path]:
-    """The sound of a recording's folder; none where it holds none."""
+    """The sound of a recording's folder; none where it holds none, and one that cannot be read where it is closed."""
+    if not _is_open(folder):
+        return [folder / "audio.wav"]
     try:
         return [find_audio(folder)]
     except FileNotFoundError:
