@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import librosa
 import mir_eval
@@ -295,13 +296,9 @@ def test_all_of_the_tracker_is_compiled_once_for_all_processes() -> None:
 
 
 def test_librosa_is_there_where_numba_finds_no_folder_to_keep_it_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    def imported(name: str) -> object:
-        if not numba.config.CACHE_DIR:
-            raise RuntimeError("cannot cache function '__o_fold': no locator available for file 'notation.py'")
-        return sys.modules[name]
-
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    monkeypatch.setattr(listening, "import_module", imported)
+    refusal = RuntimeError("cannot cache function '__o_fold': no locator available for file 'notation.py'")
+    monkeypatch.setattr(listening, "import_module", Mock(side_effect=[refusal, None, librosa]))
     assert listening.import_librosa() is librosa and Path(numba.config.CACHE_DIR).is_dir()
 
 

@@ -1,11 +1,9 @@
 """Folders of sequences, what `check` finds in files and corpora, and the way from files to clips."""
 
-import errno
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -90,16 +88,9 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     assert [fault.split(": ")[1] for fault in faults] == [*lacking]
 
 
-def test_a_folder_that_cannot_be_read_is_a_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    closed, scanned = own(tmp_path / "closed"), os.scandir
-
-    def scandir(path: str) -> Any:
-        if Path(path).name == "closed":
-            raise PermissionError(errno.EACCES, "Permission denied", path)
-        return scanned(path)
-
-    monkeypatch.setattr("os.scandir", scandir)
-    assert find_recordings(tmp_path).problems == ((closed, f"{closed}: Permission denied"),)
+def test_a_folder_that_cannot_be_read_is_a_problem(tmp_path: Path):
+    with patch("os.scandir", side_effect=PermissionError(13, "Permission denied", "closed")):
+        assert find_recordings(tmp_path).problems == ((Path("closed"), "closed: Permission denied"),)
 
 
 def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):

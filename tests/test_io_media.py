@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from unittest.mock import Mock
+from unittest.mock import patch
 
 import av
 import cv2
@@ -177,16 +177,14 @@ def test_impossible_span_is_refused(tmp_path: Path, options: dict[str, float], f
     refused(rf"ramp\.wav: .*{fault}", load_audio, tmp_path / "ramp.wav", **options)
 
 
-def test_another_format_a_missing_file_a_folder_and_a_pipe_are_told_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_another_format_a_missing_file_a_folder_and_a_pipe_are_told_apart(tmp_path: Path):
     soundfile.write(tmp_path / "tone.aiff", ramp(), RATE)
     refused(r"tone\.aiff: is a AIFF file", load_audio, tmp_path / "tone.aiff")
     missing(r"none\.wav: no such file", load_audio, tmp_path / "none.wav")
     refused("is a folder", audio_info, tmp_path)
     refused("is a device or a pipe", load_audio, "/dev/zero")
-    monkeypatch.setattr(Path, "stat", Mock(side_effect=PermissionError(13, "Permission denied")))
-    refused(r"closed\.wav: Permission denied$", load_audio, tmp_path / "closed.wav")
+    with patch.object(Path, "stat", side_effect=PermissionError(13, "Permission denied")):
+        refused(r"closed\.wav: Permission denied$", load_audio, tmp_path / "closed.wav")
 
 
 @pytest.mark.data

@@ -278,7 +278,7 @@ def begun(
     elif is_run and not force:
         engine.read_rows(out / ROWS)  # an error where it was cut off: what it measured is not thrown away unasked
     plan = planned(settings, keep=keep, progress=progress)
-    if resume:
+    if is_run and resume:
         _check_limits(out / ROWS, settings, plan.options)
         engine.check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
     write_mark(out, settings, rows=None, **mark)
@@ -361,8 +361,6 @@ def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> No
 
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
     """ValueError where a run was begun with other recorded dances, from the limits of which all of its rows follow."""
-    if not (rows / engine.MANIFEST).is_file():
-        return
     former, now = engine.read_manifest(rows).get("settings"), plain(options.to_dict())
     if isinstance(former, dict) and former != now and {**former, "limits": None} == {**now, "limits": None}:
         raise ValueError(

@@ -278,10 +278,8 @@ def _is_dance(path: Path) -> bool:
         return True
     try:
         read_any_motion(path)
-    except MissingFrameRate:
-        return True
-    except (ValueError, OSError):
-        return False
+    except (ValueError, OSError) as error:
+        return isinstance(error, MissingFrameRate)
     return True
 
 
