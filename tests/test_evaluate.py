@@ -1020,12 +1020,14 @@ def test_the_command_writes_the_table_and_says_where(few: Path, tmp_path: Path) 
     (("--system", "ours={planted}/on", "--system", "ours={planted}/off"), "there is a system 'ours' already"),
     ((), "there is nothing to evaluate"),
     (("--system", "ours={planted}/nowhere"), "nowhere: no such folder"),
+    (("--system", "ours={tmp}/loop"), "/loop"),
     (("--system", "ours={planted}/on", "--fps", "nan"), "--fps must be a finite number"),
     (("--system", "ours={planted}/on", "--protocol", "nobody"), "no protocol is called 'nobody'"),
 )
 def test_what_cannot_be_is_one_line(planted: Path, tmp_path: Path, options: tuple[str, ...], fault: str) -> None:
     inputs = ("--music", planted / "recorded", "--reference", planted / "recorded", "--out", tmp_path / "table")
-    result = run("evaluate", *(option.format(planted=planted) for option in options), *inputs)
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    result = run("evaluate", *(option.format(planted=planted, tmp=tmp_path) for option in options), *inputs)
     assert result.exit_code == 2
     assert fault in result.stderr and len(result.stderr.splitlines()) == 1
     assert not (tmp_path / "table").exists()

@@ -113,7 +113,9 @@ def plain_errors() -> Iterator[None]:
         yield
     except BrokenPipeError:  # of who reads what is printed, and has read enough
         raise
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and not str(error).startswith("Symlink loop"):  # before Python 3.13
+            raise
         if is_verbose():
             typer.echo(traceback.format_exc(), err=True)
         # A file that meets a full disk is named where it is written.
