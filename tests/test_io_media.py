@@ -157,6 +157,17 @@ def test_half_of_a_packed_file_is_refused_but_what_is_there_can_be_read(tmp_path
     np.testing.assert_allclose(load_audio(path, duration=0.5, sample_rate=None).samples, whole[:8000], atol=1e-6)
 
 
+def test_an_ogg_with_a_damaged_page_is_refused_since_the_sound_after_it_would_come_too_early(tmp_path: Path):
+    path = tmp_path / "damaged.ogg"
+    soundfile.write(path, np.random.default_rng(1).uniform(-0.5, 0.5, 4 * 16000), 16000)
+    whole = path.read_bytes()
+    last = whole.rfind(b"OggS")
+    path.write_bytes(whole[: last - 9] + bytes([whole[last - 9] ^ 1]) + whole[last - 8 :])
+    refused(r"damaged\.ogg: is damaged: a page of it fails its check sum", load_audio, path)
+    path.write_bytes(whole[:last] + b"more" + whole[last:])
+    refused(r"damaged\.ogg: is damaged: between its pages lies something else", load_audio, path)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
 def test_sample_that_is_no_sound_is_refused(tmp_path: Path, value: float):
     samples = np.where(np.arange(RATE) == 4321, value, ramp())
@@ -621,6 +632,11 @@ def test_a_video_cut_off_says_how_much_is_there_and_without_its_index_that_it_ca
     refused(r"sample\.mp4: (is cut off or damaged: \d+ of 30 frames|cannot be read)", list, video_frames(sample))
     sample.write_bytes(content[:300])
     refused(r"sample\.mp4: (cannot be read as video|holds no video)", video_frames, sample)
+    webm = sample.with_suffix(".webm")
+    write_video(webm, grey_levels(100, 1), 25.0, audio=Audio(np.random.default_rng(0).uniform(-0.5, 0.5, 80000), 20000))
+    webm.write_bytes(webm.read_bytes()[: webm.stat().st_size // 2])
+    refused(r"sample\.webm: is cut off or damaged: \d+ of 100 frames", list, video_frames(webm))
+    refused(r"sample\.webm: is cut off or damaged: .* of 4\.0 s of sound are there", video_sound, webm)
 
 
 def test_more_frames_than_allowed_are_refused_at_once_or_where_the_limit_is_reached(sample: Path, tmp_path: Path):

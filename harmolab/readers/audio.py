@@ -7,10 +7,11 @@ says, and a span is sought, not read through.
 import io
 import itertools
 import math
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import av
 import numpy as np
@@ -19,7 +20,7 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.files import WRITTEN_BY, PathLike, atomic_write, reading
-from harmolab.readers.video import is_video, opened_container
+from harmolab.readers.video import is_video, opened_container, tagged_seconds
 from harmolab.types import Audio
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
@@ -31,6 +32,7 @@ MAX_AMPLITUDE = 1e10
 _WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
 _OGG_PAGE = 65_307
+_TURNED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # bits in the other order
 
 
 class AudioInfo(NamedTuple):
@@ -50,7 +52,7 @@ def audio_info(path: PathLike) -> AudioInfo:
     FileNotFoundError, ValueError
         Both name the file.
     """
-    if _is_m4a(path):
+    if Path(path).suffix.lower() == ".m4a":  # in the container of mp4, which libsndfile does not read
         with _sound_stream(path) as (container, stream):
             seconds, channels = (container.duration or 0) / av.time_base, stream.codec_context.layout.nb_channels
             return AudioInfo(stream.codec_context.sample_rate, seconds, channels, "M4A")
@@ -89,7 +91,7 @@ def load_audio(
     FileNotFoundError, ValueError
         Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read.
     """
-    if _is_m4a(path):
+    if Path(path).suffix.lower() == ".m4a":
         return _span(path, start, duration, sample_rate, max_seconds)
     with reading(path, _WHAT, max_bytes=None) as file:
         if duration is None:
@@ -116,26 +118,32 @@ def _check_header(sound: soundfile.SoundFile, size: int) -> None:
 
 
 def _check_whole(path: Path) -> None:
-    """ValueError when a WAV or OGG file is cut off, which libsndfile does not notice."""
+    """ValueError when a WAV or OGG file is cut off, or a page of an OGG damaged, which libsndfile does not tell."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         head = stream.read(12)
-        stream.seek(max(0, size - 2 * _OGG_PAGE))
-        tail = stream.read(2 * _OGG_PAGE)
-    if head[:4] == b"RIFF" and head[8:] == b"WAVE":
-        promised = int.from_bytes(head[4:8], "little") + 8
-        # Programs that write to a pipe do not know the length and put a huge number there.
-        if promised < 0x7FFFF000 and promised - size > max(1024, promised // 100):
-            raise ValueError(f"is cut off: {size} of {promised} bytes are there")
-    if head[:4] == b"OggS" and not _ends_with_a_page(tail):
-        raise ValueError("is cut off: it ends in the middle of a page")
+        if head[:4] == b"OggS":
+            stream.seek(0)
+            _check_pages(stream)
+    promised = int.from_bytes(head[4:8], "little") + 8 if head[:4] == b"RIFF" and head[8:] == b"WAVE" else 0
+    # Programs that write to a pipe do not know the length and put a huge number there.
+    if promised < 0x7FFFF000 and promised - size > max(1024, promised // 100):
+        raise ValueError(f"is cut off: {size} of {promised} bytes are there")
 
 
-def _ends_with_a_page(tail: bytes) -> bool:
-    """True if the last OGG page in the last bytes of a file is complete."""
-    page = tail[tail.rfind(b"OggS") :]
-    lengths = page[27 : 27 + page[26]] if len(page) > 26 else b""
-    return len(page) > 26 and len(lengths) == page[26] and len(page) >= 27 + len(lengths) + sum(lengths)
+def _check_pages(stream: BinaryIO) -> None:
+    """ValueError unless each OGG page is whole: without a damaged one, a second of sound, the rest comes too early."""
+    while (head := stream.read(27))[:4] == b"OggS":
+        lengths = stream.read(head[-1])
+        page = head[:22] + bytes(4) + head[26:] + lengths + stream.read(sum(lengths))
+        if len(page) < 27 + head[-1] + sum(lengths):
+            raise ValueError("is cut off: it ends in the middle of a page")
+        # The sum over bits in the other order is that of zlib, without what that adds at begin and end.
+        total = zlib.crc32(page.translate(_TURNED), 0xFFFFFFFF) ^ 0xFFFFFFFF
+        if total.to_bytes(4).translate(_TURNED) != head[22:26]:
+            raise ValueError("is damaged: a page of it fails its check sum; get the file again")
+    if b"OggS" in head + stream.read(_OGG_PAGE):
+        raise ValueError("is damaged: between its pages lies something else; get the file again")
 
 
 def _span_frames(frames: int, rate: int, start: float, duration: float | None, max_seconds: float) -> tuple[int, int]:
@@ -237,11 +245,6 @@ def load_sound(
     return _span(path, start, duration, sample_rate)
 
 
-def _is_m4a(path: PathLike) -> bool:
-    """True for sound in the container of mp4, which libsndfile does not read, by its suffix."""
-    return Path(path).suffix.lower() == ".m4a"
-
-
 def _span(
     path: PathLike, start: float, duration: float | None, sample_rate: float | None, max_seconds: float = 3600.0
 ) -> Audio:
@@ -306,8 +309,8 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
             if not (math.isfinite(late) and abs(late) <= MAX_LATE):
                 raise ValueError(f"starts its sound {late:.0f} s from its pictures; its time stamps are damaged")
-            skip = max(0, -round(late * rate))
-            yield np.zeros((max(0, round(late * rate)), channels), np.float32)
+            skip, count = max(0, -round(late * rate)), max(0, round(late * rate))
+            yield np.zeros((count, channels), np.float32)
         gap = 0.0 if block is None or block.time is None or due is None else block.time - due
         frames = resampler.resample(None if gap > GAP else block)
         parts = [frame.to_ndarray().reshape(-1, channels) for frame in frames]
@@ -324,3 +327,6 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
             yield samples
+    stated = tagged_seconds(stream) or (float(stream.duration * stream.time_base) if stream.frames else 0.0)
+    if count < (0.95 * stated - 1) * rate:
+        raise ValueError(f"is cut off or damaged: {count / rate:.1f} of {stated:.1f} s of sound are there")

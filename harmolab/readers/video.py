@@ -6,6 +6,7 @@ pictures are opened (no playlists, no network), and reading stops at a number of
 
 import itertools
 import os
+import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -186,8 +187,8 @@ def opened_container(path: Path) -> Iterator[Any]:
             with av.open(f"file:{file}", container_options=only, **READ_TAGS) as container:
                 yield container
         except av.FFmpegError as error:
-            fault = f"damaged, cut off or something else ({error.strerror})"
-            raise ValueError(f"cannot be read as {what}: {fault}") from error
+            fault = f"cannot be read as {what}: damaged, cut off or something else ({error.strerror})"
+            raise ValueError(fault) from error
 
 
 @contextmanager
@@ -245,8 +246,16 @@ def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.
     stated = stream.frames
     if stream.duration and stream.time_base:  # a cut without new coding keeps hidden frames before its start
         stated = min(stated, round(float(stream.duration * stream.time_base) * fps))
+    if seconds := tagged_seconds(stream):
+        count, stated = round(((last or origin) - origin) * fps) + 1, round(seconds * fps)
     if count < 0.95 * stated - 2:
         raise ValueError(f"is cut off or damaged: {count} of {stated} frames are there")
+
+
+def tagged_seconds(stream: Any) -> float:
+    """Seconds from the start of a WebM or Matroska file to the end of a stream, by its tag; 0 without one."""
+    parts = re.fullmatch(r"(\d+):(\d\d):(\d\d\.\d+)", stream.metadata.get("DURATION", ""))
+    return sum(float(part) * unit for part, unit in zip(parts.groups(), (3600, 60, 1), strict=True)) if parts else 0.0
 
 
 def _upright(picture: av.VideoFrame, height: int) -> tuple[int, int]:
