@@ -56,6 +56,9 @@ def work() -> Work:
     return work
 
 
+LONGEST = 600.0  # seconds: five minutes take one, half an hour of them had no end
+
+
 @common.with_options
 def lab(
     context: typer.Context,
@@ -94,8 +97,8 @@ def lab(
     clip = clip_of(files, offset=part.offset, **read.keywords)
     begin = max(clip.offset, 0.0) if part.start is None else part.start
     length = common.OF_LAB if part.seconds is None else part.seconds
-    if length <= 0:
-        raise ValueError(f"--seconds must be positive, got {length:g}")
+    if not 0 < length <= LONGEST:
+        raise ValueError(f"--seconds must be positive, got {length:g}; a lab shows {LONGEST:g} at most")
     if begin >= clip.audio.duration:
         raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
     clip = clip.span(begin, min(length, clip.audio.duration - begin))
