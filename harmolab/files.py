@@ -137,6 +137,8 @@ def _message(path: str, what: str, error: Exception) -> str:
         return f"{path}: {text}"
     if isinstance(error, PermissionError):
         return f"{path}: {error.strerror}"
+    if text.startswith("File does not exist"):  # so libsndfile calls an MP3 without a whole frame
+        text = "damaged or cut off"
     if isinstance(error, UnicodeDecodeError):
         text = "no text in UTF-8: if it is text, save it in that encoding"
     return f"{path}: cannot be read as {what} ({text or type(error).__name__})"

@@ -209,15 +209,15 @@ def test_a_damaged_cache_file_is_built_again(counted: list[Audio], cache: Path):
     assert file.read_bytes() == whole
 
 
-SOUND = {"envelope": np.ones(5), "beats": np.array([1]), "quality": np.array(1.0), "fit": np.array(1.0)}
+SOUND = {"envelope": np.ones(5), "beats": np.array([1]), "quality": np.array(1.0), "windows": np.ones((2, 2))}
 
 
 @cases(
     "change",
-    *({name: None} for name in ("beats", "quality", "fit")),  # is not there
+    *({name: None} for name in ("beats", "quality", "windows")),  # is not there
     *({"envelope": each} for each in (np.full(5, np.nan), np.ones((5, 5)), np.array(["a"]))),
     *({"beats": each} for each in (np.array([np.nan]), np.array([3, 1]))),
-    *({name: np.array([1.0])} for name in ("quality", "fit")),
+    *({name: np.array([1.0])} for name in ("quality", "windows")),
 )
 def test_a_cache_file_with_something_else_in_it_is_built_again(counted: list[Audio], cache: Path, change: dict):
     listening.audio_beats(ONES)

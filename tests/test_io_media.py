@@ -129,6 +129,7 @@ def test_of_more_sound_than_allowed_a_part_is_read_by_seeking(tmp_path: Path, mo
     (b"", "the file is empty"),
     (b"not sound at all, but text", "cannot be read as WAV, FLAC, OGG, MP3 or M4A sound; convert it"),
     (wav_header(), "holds no samples"),
+    (b"\xff\xf3\x80\xc4" + bytes(16), r"cannot be read as WAV, .* \(damaged or cut off\)"),
     (wav_header(rate=0, data_bytes=200) + bytes(200), "sample rate|cannot be read"),
     (wav_header(rate=4_000_000, data_bytes=200) + bytes(200), "sample rate of 4000000 Hz"),
     (wav_header(channels=0, data_bytes=200) + bytes(200), "channels|cannot be read"),
