@@ -4,6 +4,7 @@ Nothing in a file is trusted: its size is looked at before it is read, and a loa
 FileNotFoundError only, with the file's name first.
 """
 
+import atexit
 import csv
 import json
 import math
@@ -23,6 +24,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -354,6 +356,17 @@ def _alone(name: str) -> Iterator[None]:
                 folder.mkdir(parents=True, exist_ok=True)
                 stack.enter_context(FileLock(folder / f"{name[:2]}.lock"))
         yield
+
+
+def import_librosa() -> Any:
+    """librosa; its numba functions are kept for this process alone where neither of numba's folders can be written."""
+    try:
+        import_module("librosa.core.notation")
+    except RuntimeError:  # of numba, which finds no folder
+        import_module("numba").config.CACHE_DIR = folder = tempfile.mkdtemp(prefix="harmolab_numba_")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        import_module("librosa.core.notation")
+    return import_module("librosa")
 
 
 # Tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between

@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import harmolab.beats.audio as listening
+from harmolab import files
 from harmolab.beats import meter as meters
 from harmolab.beats import tempo as tempos
 from harmolab.cli import app
@@ -290,16 +291,16 @@ def test_real_compilation_of_this_machine_is_found() -> None:
 
 def test_all_of_the_tracker_is_compiled_once_for_all_processes() -> None:
     source = Path(librosa.beat.__file__).read_text("utf-8")
-    files = {file.name for folder in listening._numba_caches() for file in folder.rglob(f"beat.__*.{VERSION}.nbi")}
-    assert len(files) == source.count("@numba.guvectorize") > 0
+    names = {file.name for folder in listening._numba_caches() for file in folder.rglob(f"beat.__*.{VERSION}.nbi")}
+    assert len(names) == source.count("@numba.guvectorize") > 0
     assert numba.guvectorize.__module__ == "numba.np.ufunc.decorators"
 
 
 def test_librosa_is_there_where_numba_finds_no_folder_to_keep_it_in(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     refusal = RuntimeError("cannot cache function '__o_fold': no locator available for file 'notation.py'")
-    monkeypatch.setattr(listening, "import_module", Mock(side_effect=[refusal, None, librosa]))
-    assert listening.import_librosa() is librosa and Path(numba.config.CACHE_DIR).is_dir()
+    monkeypatch.setattr(files, "import_module", Mock(side_effect=[refusal, numba, None, librosa]))
+    assert files.import_librosa() is librosa and Path(numba.config.CACHE_DIR).is_dir()
 
 
 @cases("is_compiled, options, times", (False, (), 1), (True, (), 0), (False, ("-q",), 0))

@@ -5,17 +5,14 @@ else they follow it; see `harmolab.beats.tempo`. Analysis is cached on disk unde
 listened to once; see `harmolab.files`.
 """
 
-import atexit
 import hashlib
 import logging
 import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +22,7 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 from harmolab.beats.tempo import NEAR, likelier_tempo, steady_beats
-from harmolab.files import cached_arrays, keep_arrays
+from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, check_kind
 
@@ -227,8 +224,7 @@ def sounding_span(audio: Audio) -> tuple[float, float]:
 def _stored_analysis(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
     try:
-        names = {} if arrays is None else arrays
-        envelope, beats, quality, windows = (names[name].astype(np.float64) for name in _Analysis._fields)
+        envelope, beats, quality, windows = ((arrays or {})[name].astype(np.float64) for name in _Analysis._fields)
     except (KeyError, ValueError):
         return None
     whole = envelope.ndim == beats.ndim == 1 and np.isfinite(envelope).all() and (envelope >= 0).all()
@@ -252,8 +248,7 @@ def single_samples(audio: Audio) -> NDArray[np.float32]:
 
 def _window_samples(audio: Audio) -> NDArray[np.float32]:
     """At least one analysis window, so that a sound of a few milliseconds is analysed like any other."""
-    samples = single_samples(audio)
-    return np.pad(samples, (0, max(0, 4 * HOP - samples.size)))
+    return np.pad(single_samples(audio), (0, max(0, 4 * HOP - audio.samples.size)))
 
 
 @cache
@@ -269,22 +264,10 @@ def compile_tracker() -> None:
         if not is_tracker_compiled():
             LOG.info(COMPILING)
         with _numba_keeps_all():
-            import_librosa()
-            import librosa.beat
+            beat = import_librosa().beat
 
         _analyse(Audio(samples, 22050.0), None)
-        librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
-
-
-def import_librosa() -> Any:
-    """librosa; its numba functions are kept for this process alone where neither of numba's folders can be written."""
-    try:
-        import_module("librosa.core.notation")
-    except RuntimeError:  # of numba, which finds no folder
-        sys.modules["numba"].config.CACHE_DIR = folder = tempfile.mkdtemp(prefix="harmolab_numba_")
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        import_module("librosa.core.notation")
-    return import_module("librosa")
+        beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
 
 
 @contextmanager

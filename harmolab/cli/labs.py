@@ -56,9 +56,6 @@ def work() -> Work:
     return work
 
 
-LONGEST = 600.0  # seconds: five minutes take one, half an hour of them had no end
-
-
 @common.with_options
 def lab(
     context: typer.Context,
@@ -88,6 +85,7 @@ def lab(
     """
 
     from harmolab.lab.labs.one_clip import scoring_lab
+    from harmolab.lab.player_page import LONGEST
 
     files = sources(context, song, motion, judged)
     out = out or Path(f"{common.plain_name(files.motion)}_lab.html")

@@ -10,7 +10,8 @@ import soxr
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from harmolab.beats.audio import import_librosa, single_samples
+from harmolab.beats.audio import single_samples
+from harmolab.files import import_librosa
 from harmolab.musician.params import HIGH_TONE, KEYS, LOW_TONE, LOWEST_KEY, Audio2BodyParams
 from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, FloatArray, Notes

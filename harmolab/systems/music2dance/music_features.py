@@ -7,7 +7,8 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, LATENESS, audio_beats, import_librosa
+from harmolab.beats.audio import HOP, LATENESS, audio_beats
+from harmolab.files import import_librosa
 from harmolab.systems.training.features import cached_table
 from harmolab.types import Audio, BeatTrack, FloatArray
 

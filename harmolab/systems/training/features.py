@@ -10,8 +10,8 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, import_librosa, onset_envelope
-from harmolab.files import cached_arrays, keep_arrays
+from harmolab.beats.audio import HOP, onset_envelope
+from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import KINDS, check_kinds
 from harmolab.systems.training.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray
