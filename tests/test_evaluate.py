@@ -1,6 +1,7 @@
 """`harmolab evaluate`: planted dancers land where they must, and what is luck is not called a difference."""
 
 import json
+import os
 import re
 import shutil
 from collections import Counter
@@ -949,6 +950,10 @@ def test_a_table_is_not_written_over_what_it_is_made_from(planted: Path, tmp_pat
     refused(r"no table of harmolab; .*--force", evaluate_dances, settings(planted), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
     check_table_folder(tmp_path, settings(planted), force=True)
+    with pytest.MonkeyPatch.context() as patch:  # root may write anywhere
+        patch.setattr(os, "access", lambda folder, _: folder != tmp_path)
+        for out in (tmp_path, tmp_path / "table"):
+            refused("nothing may be written there", check_table_folder, out, settings(planted), force=True)
 
 
 def test_a_system_must_not_be_called_like_a_control(planted: Path) -> None:

@@ -1,6 +1,7 @@
 """The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
 
 import itertools
+import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -379,8 +380,10 @@ def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) 
         raise ValueError(f"{out}: is a file; name a folder for the table")
     if out.exists() and any(out.iterdir()) and not (out / MARK).is_file() and not force:
         raise ValueError(f"{out}: holds files that are no table of harmolab; name a new folder, or pass --force")
-    if not out.resolve().parent.is_dir():
+    if not (parent := out.resolve().parent).is_dir():
         raise ValueError(f"{out.parent}: no such folder")
+    if not os.access(out if out.exists() else parent, os.W_OK | os.X_OK):
+        raise ValueError(f"{out}: nothing may be written there; name a folder in another place")
 
 
 def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: True) -> Pairing:
