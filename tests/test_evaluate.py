@@ -33,7 +33,7 @@ from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.lab.evaluate.tables import full_methods, methods_paragraph, number_text, table_csv, table_notes
-from harmolab.lab.player_page import player_of
+from harmolab.lab.player_page import of_dance, player_of
 from harmolab.metrics.features import diversity, frechet_distance
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
@@ -552,7 +552,7 @@ def test_a_page_says_no_verdict_on_the_best_of_many_that_luck_explains(table: Ev
     judgement = score_clip(clip, params).judgement
     most = int(0.05 / judgement.p_harmony)  # dances among which it may be the best, and still be in time
     shown = {looks: player_of([clip], params=params, looks=looks).page for looks in (1, most, most + 1)}
-    assert {looks: judgement.verdict in page for looks, page in shown.items()} == {1: True, most: True, most + 1: False}
+    assert {looks: of_dance(judgement.verdict) in page for looks, page in shown.items()} == {1: True, most: True, most + 1: False}
     luck = f"p = {judgement.p_harmony:.3f} is {(most + 1) * judgement.p_harmony:.2g} once corrected for so many."
     assert f"No verdict: picked among {most + 1} dances. Its {luck}" in shown[most + 1]
 
