@@ -209,8 +209,7 @@ class HarmonyScore(Display):
         inner = ("params", "music", "visual", "null", "judgement")
         numbers = {name: value for name, value in vars(self).items() if name not in inner}
         counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
-        verdict = self.judgement.to_dict() if self.judgement else {}
-        return dict(plain(numbers | counts | beats | verdict))
+        return dict(plain(numbers | counts | beats | (self.judgement.to_dict() if self.judgement else {})))
 
 
 # Intervals, hits, hitting score, F-measure (Eq. 15-21), and the chance level

@@ -72,8 +72,7 @@ def test_differences_are_taken_song_by_song_whatever_their_order():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")[::-1]
     rhythm = waltzes_and_tango(RHYTHM, "yyyn")[::-1]
     table = CELLS.difference_table(pd.DataFrame([*better, *worse, *rhythm])).set_index(["against", "measure"])
-    differences = table.loc[[(FRAMES, "songs"), (FRAMES, "balanced")], "difference"]
-    assert differences.tolist() == pytest.approx([75.0, 50.0])
+    assert table.loc[[(FRAMES, "songs"), (FRAMES, "balanced")], "difference"].tolist() == pytest.approx([75.0, 50.0])
     # The same songs right and wrong: no draw of songs shows a difference. Unpaired, the interval would be wide.
     assert [*table.loc[(RHYTHM, "songs"), ["difference", "low", "high"]]] == [0.0, 0.0, 0.0]
     assert not table.loc[(RHYTHM, "songs"), "clear"]

@@ -446,8 +446,7 @@ def test_finger_is_drawn_thinner_than_a_limb(names: tuple[str, str], is_thin: bo
     dark = next(render_skeleton(flat, height=480)) < BACKGROUND
     thick = [dark[220:260, half].sum(axis=1).mean() for half in (slice(0, 320), slice(320, 640))]
     assert (thick[1] < 0.5 * thick[0]) == is_thin
-    black = [np.zeros((480, 640, 3), np.uint8)] * 2
-    lines = next(overlay_skeleton(black, 30.0, flat))
+    lines = next(overlay_skeleton([np.zeros((480, 640, 3), np.uint8)] * 2, 30.0, flat))
     assert (lines == RIM).any() and (lines == CORE).any()
     light = (lines == CORE).all(axis=2)[200:260]
     assert (light[:, 325:].sum() < 0.75 * light[:, 250:325].sum()) == is_thin

@@ -371,8 +371,7 @@ def test_the_grid_covers_the_span_and_nothing_else():
 @pytest.mark.parametrize("first", [0.2, 0.45])
 def test_of_even_eighths_the_tracker_says_which_is_the_beat(first: float):
     beats = np.arange(first, SECONDS, 0.5)
-    envelope = envelope_at(np.arange(0.2, SECONDS, 0.25))
-    steady = tempos.steady_beats(envelope, ENVELOPE_RATE, beats, (0.1, SECONDS))
+    steady = tempos.steady_beats(envelope_at(np.arange(0.2, SECONDS, 0.25)), ENVELOPE_RATE, beats, (0.1, SECONDS))
     assert steady.quality > 0.98
     assert np.abs((steady.times - first + 0.25) % 0.5 - 0.25).max() < 0.015
 

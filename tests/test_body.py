@@ -375,8 +375,7 @@ def test_shoulders_decide_where_no_hips_are_named():
 def test_points_of_a_picture_lose_their_travel_and_nothing_else():
     picture = STATUE[..., :2].copy()
     picture[:, 6, 0] += np.arange(FRAMES) / FPS  # a hand at 1 unit a second
-    moved = picture + np.random.default_rng(5).normal(size=(FRAMES, 1, 2))
-    local = skeletons.body_frame(moved, FPS, BODY)
+    local = skeletons.body_frame(picture + np.random.default_rng(5).normal(size=(FRAMES, 1, 2)), FPS, BODY)
     np.testing.assert_allclose(local[:, :6], (STATUE - TORSO)[:, :6, :2], atol=1e-12)
     np.testing.assert_allclose(speeds(local)[:, 6], 1.0)
 

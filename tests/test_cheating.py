@@ -148,8 +148,7 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
 
 
 def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):
-    beats = 0.25 + 0.5 * np.arange(8)
-    unit = dance_unit("one", np.zeros((60, 6), np.float32), 30, beats=beats, strengths=np.ones(8))
+    unit = dance_unit("one", np.zeros((60, 6), np.float32), 30, beats=0.25 + 0.5 * np.arange(8), strengths=np.ones(8))
     units = UnitSet((unit,), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams())
     dances = {"recorded": [bobbing(0.25)], "recommended": [bobbing(0.25)], "paper": [bobbing(0.5)]}
     monkeypatch.setattr(judging, "generator_corpora", lambda profile: ("made up",))

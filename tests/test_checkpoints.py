@@ -393,8 +393,7 @@ def test_pretraining_on_other_data_or_of_another_size_is_not_taken_over(
 def test_pretraining_on_files_that_changed_since_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
     old = shutil.copytree(undisturbed, tmp_path / "old")
     (old / "corpus.json").write_text('{"synth/one/motion.npz": "a"}')
-    corpus = {"synth/one/motion.npz": "b"}.copy
-    message = refused(old, lambda: train(tmp_path / "new", pretrained=old, corpus=corpus))
+    message = refused(old, lambda: train(tmp_path / "new", pretrained=old, corpus={"synth/one/motion.npz": "b"}.copy))
     assert message.startswith(f"{old}/corpus.json: synth/one/motion.npz is not what it was when this training began")
 
 

@@ -466,8 +466,7 @@ def test_speed_and_turns_of_a_beat_are_told_whatever_its_length():
     angle = np.linspace(0, 3 * np.pi, 180)[:, None]  # a quarter turn a second
     x, z = waved.positions[..., 0], waved.positions[..., 2]
     ways = [x * np.cos(angle) + z * np.sin(angle), waved.positions[..., 1], z * np.cos(angle) - x * np.sin(angle)]
-    turning = Motion(np.stack(ways, axis=-1), 30.0, SIDED)
-    course = mv.Course(Take("a", turning), np.array([1.0, 2.0, 4.0, 5.0]))
+    course = mv.Course(Take("a", Motion(np.stack(ways, axis=-1), 30.0, SIDED)), np.array([1.0, 2.0, 4.0, 5.0]))
     np.testing.assert_allclose(course.speeds(), course.speeds()[0], rtol=0.02)
     np.testing.assert_allclose(np.abs(course.turns()), [0.25, 0.5, 0.25], rtol=0.02)
 
@@ -906,8 +905,7 @@ NEAR = 0.05  # seconds: a beat this near to the start of a piece is a seam
 
 def measured(made: Choreography, beats: BeatTrack, dancer: Choreographer, dance: str = "") -> dict[str, float]:
     """The numbers of a dance to beats on the audio time line; likeness is by the limits of the dancer."""
-    music = beats.span(made.start, made.motion.duration)
-    one = Dance("", "", made.motion, music, dance=dance, limits=dancer.limits)
+    one = Dance("", "", made.motion, beats.span(made.start, made.motion.duration), dance=dance, limits=dancer.limits)
     numbers = dance_numbers(one, ["likeness", "foot_skating", "rests", "rests_late"])
     seams = {"seam": made.mean_seam_cm, "worst seam": made.worst_seam_cm, "jerk ratio": seam_jerk(made, beats)}
     return numbers | seams

@@ -59,8 +59,7 @@ def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> No
     clip = planted_dance("cha-cha", seconds=12.0)
     song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
     assert "song.wav by itself goes at 115" in succeed("score", song, dance, "--dance", "waltz").stderr
-    others = {"score": ("--why", tmp_path / "w.html"), "retime": ("--out", tmp_path / "r.npz")}
-    for command, out in others.items():
+    for command, out in {"score": ("--why", tmp_path / "w.html"), "retime": ("--out", tmp_path / "r.npz")}.items():
         notes = succeed(command, song, dance, "--dance", "waltz", *out).stderr
         assert "its beats were sought there, and 76 are" in notes
     dancing = succeed("dance", song, "--dance", "waltz", "--style", "puppet", "--out", tmp_path / "d.npz")
@@ -278,8 +277,7 @@ def test_tempo_steadiness_and_one_are_printed_and_written(song: Path):
     assert out.read_text().startswith(f"# written by harmolab: song.wav: {line}\n")
     annotation = load_annotation(out)
     np.testing.assert_allclose(annotation.times, 2 / 3 * np.arange(30)[-annotation.times.size :], atol=0.02)
-    near = np.abs(annotation.times - 14.0).argmin()
-    assert annotation.bar_places()[near] == 0
+    assert annotation.bar_places()[np.abs(annotation.times - 14.0).argmin()] == 0
 
 
 def test_without_the_dance_the_octave_is_said_to_be_open(song: Path):

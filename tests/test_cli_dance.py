@@ -223,8 +223,7 @@ def test_mp4_plays_with_its_sound(dance: Callable[..., Result], tmp_path: Path, 
     page.goto((tmp_path / "page.html").as_uri())
     page.wait_for_function("document.querySelector('video').currentTime > 1.5", timeout=20_000)
     decoded = "v.webkitVideoDecodedByteCount > 0, v.webkitAudioDecodedByteCount > 0"
-    found = page.eval_on_selector("video", f"v => [v.videoWidth, v.videoHeight, {decoded}]")
-    assert found == [640, 480, True, True]
+    assert page.eval_on_selector("video", f"v => [v.videoWidth, v.videoHeight, {decoded}]") == [640, 480, True, True]
 
 
 def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them():
@@ -338,8 +337,7 @@ def test_json_names_every_piece(song: Path):
 @pytest.mark.slow
 def test_samples_without_a_name_are_numbered_after_the_song(song: Path):
     danced(song, "--samples", 2, "--seed", 3, "--seconds", 0.5)
-    ends = ("bvh", "html", "mp4")
-    assert files() == [f"my song_dance_{seed}.{end}" for seed in (3, 4) for end in ends]
+    assert files() == [f"my song_dance_{seed}.{end}" for seed in (3, 4) for end in ("bvh", "html", "mp4")]
     one, other = (load_motion(f"my song_dance_{seed}.bvh").positions for seed in (3, 4))
     assert np.abs(one - other).max() > 0.05
 

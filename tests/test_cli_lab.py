@@ -26,8 +26,7 @@ def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
 
 
 def data_of(page: Path) -> dict:
-    text = page.read_text("utf-8").partition('getElementById("lab"), ')[2]
-    return json.JSONDecoder().raw_decode(text)[0]
+    return json.JSONDecoder().raw_decode(page.read_text("utf-8").partition('getElementById("lab"), ')[2])[0]
 
 
 @pytest.mark.slow

@@ -380,8 +380,7 @@ def test_verdict_on_a_recording_is_that_of_its_score():
 def test_levels_count_recordings_with_true_and_with_lagged_music():
     result = compared([dancing(i) for i in range(4)], n_rotations=0)
     levels = result.summary["levels"]
-    rows = [row["level"] for row in result.summary["recordings"]]
-    assert levels["true"] == np.bincount(rows, minlength=5).tolist()
+    assert levels["true"] == np.bincount([row["level"] for row in result.summary["recordings"]], minlength=5).tolist()
     assert sum(levels["lagged"]) == 4
     # By a curve learnt on the others these dancers, who all do the same, are on the beat; 0.3 beat late and more not.
     assert (levels["true, learnt"], levels["lagged, learnt"][4]) == ([0, 0, 0, 0, 4], 0)

@@ -121,8 +121,7 @@ def test_every_corpus_and_code_has_a_row_of_panels():
 
 
 def test_toes_are_drawn_side_by_side_over_the_seconds():
-    seconds = np.arange(50) / 25
-    one = pd.DataFrame({"toe L": 1.0, "toe R": 2.0, "dancer": "recorded", "seconds": seconds})
+    one = pd.DataFrame({"toe L": 1.0, "toe R": 2.0, "dancer": "recorded", "seconds": np.arange(50) / 25})
     other = one.assign(**{"toe L": 3.0, "toe R": 4.0, "dancer": "with end effectors"})
     figure = FEET.toes_figure(pd.concat([one, other]), "recordings on the beat")
     assert figure.get_suptitle() == "Toes range over 0 cm (recorded) and 0 cm (with end effectors)"

@@ -400,8 +400,7 @@ def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newco
 
 
 def test_commands_of_the_tutorial_for_models_are_those_of_the_readme_which_run():
-    tutorial = (ROOT / "docs" / "tutorial_model.md").read_text("utf-8")
-    commands = [command for command, _ in console_commands(tutorial)]
+    commands = [command for command, _ in console_commands((ROOT / "docs" / "tutorial_model.md").read_text("utf-8"))]
     assert commands and set(commands) <= {command for command, _ in console_commands(README)}
 
 

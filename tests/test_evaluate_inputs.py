@@ -110,8 +110,7 @@ def test_files_of_three_codes_evaluate_with_one_command_and_their_starts(field: 
             assert (row["offset"], row["fps"]) == (pytest.approx(start), fps)
             assert row["seconds"] == pytest.approx(motion.duration)
             frames = [frame for frame in frames_of_aist(field / "songs" / f"{song}.wav", fps) if frame >= start * fps]
-            music = [frame / fps - start for frame in frames]
-            expected = loop_beat_align(motion, track(music, duration=60.0))
+            expected = loop_beat_align(motion, track([frame / fps - start for frame in frames], duration=60.0))
             assert row["aist++ BeatAlign"] == pytest.approx(expected, abs=1e-6)
             # The dancer rests on the planted beats, wherever it begins.
             assert row["beat_align_motion"] > 0.6

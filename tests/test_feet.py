@@ -147,8 +147,7 @@ def test_the_error_is_of_the_lower_body_and_of_frames_that_count(danced: Motion,
     windows = slid(code, values, untrained(code, values))
     changed = windows.recorded.copy()
     changed[:, 80:] += 5.0
-    upper = sorted({*range(code.n_motion)} - {*windows.channels})
-    changed[..., upper] += 5.0
+    changed[..., sorted({*range(code.n_motion)} - {*windows.channels})] += 5.0
     assert windows.squared_error(changed) == 0.0
     changed[0, :, windows.channels[7]] += 0.1 * windows.units[7]
     assert windows.squared_error(changed) == pytest.approx(0.01 / len(windows.channels))
@@ -272,8 +271,7 @@ def test_the_table_has_means_over_trainings_beside_no_correction_and_the_recorde
 
 def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_alone():
     pairs = itertools.product((RECORDED, UNTOUCHED, CONVOLUTION, LSTM), ("rotations", "positions"))
-    rows = [trial(feet, 1, 0.5, 1.0, code) for feet, code in pairs]
-    table = CELLS.foot_table(pd.DataFrame(rows))
+    table = CELLS.foot_table(pd.DataFrame([trial(feet, 1, 0.5, 1.0, code) for feet, code in pairs]))
     printed = table.dropna(subset="MSE, paper (other data)").set_index(["code", "feet"])["MSE, paper (other data)"]
     assert printed.to_dict() == {("rotations", CONVOLUTION): 0.0010, ("rotations", LSTM): 0.0028}
     assert (table[ERROR] == 0.5).all()
@@ -384,8 +382,7 @@ LEFT, RIGHT = Leg(2, 3, 4, (4, 5)), Leg(6, 7, 8, (8, 9))
 def standing(frames: int = 90) -> np.ndarray:
     """A dancer at rest with knees a little bent forwards (+z); ankles 5 cm high."""
     leg, aside = np.array([[0, 0.9, 0], [0, 0.48, 0.08], [0, 0.05, 0], [0, 0.0, 0.15]]), np.array([0.1, 0, 0])
-    rest = np.concatenate([[[0, 1.0, 0], [0, 1.6, 0]], leg + aside, leg - aside])
-    return np.tile(rest, (frames, 1, 1))
+    return np.tile(np.concatenate([[[0, 1.0, 0], [0, 1.6, 0]], leg + aside, leg - aside]), (frames, 1, 1))
 
 
 def test_legs_are_found_by_the_names_of_feet():
@@ -519,8 +516,7 @@ def test_a_foot_that_turns_on_its_toe_holds_the_body_by_the_toe():
 
 def walk(lift: float) -> tuple[np.ndarray, np.ndarray]:
     """Steps of 30 cm, .6 s each, the feet in turn, one second at rest first; and which feet stand (T, 2)."""
-    progress = np.clip((np.arange(180) - 25) / 15, 0, 8)
-    whole, part = np.divmod(progress, 1)
+    whole, part = np.divmod(np.clip((np.arange(180) - 25) / 15, 0, 8), 1)
     risen = np.where(whole % 2 == np.array([[0], [1]]), part**2 * (3 - 2 * part), 0.0)  # (2, T), of the foot that steps
     ahead = 0.3 * (np.stack([(whole + 1) // 2, whole // 2]) + risen)
     body = ahead.mean(axis=0)

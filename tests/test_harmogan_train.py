@@ -366,8 +366,7 @@ def test_a_run_leaves_what_its_folder_promises(finished: tuple[Path, list[Any]])
     folder, _ = finished
     names = {path.name for path in folder.iterdir() if not path.name.startswith(("events.out.tfevents.", "."))}
     weights_of = {f"{stem}.{kind}" for stem in ("model", "pretrained", "pose_net") for kind in ("safetensors", "json")}
-    others = {"settings.json", "split.json", "history.csv", "state.safetensors", "sketches"}
-    assert names == weights_of | others
+    assert names == weights_of | {"settings.json", "split.json", "history.csv", "state.safetensors", "sketches"}
     assert len(list(folder.glob("events.out.tfevents.*"))) == 1
 
 

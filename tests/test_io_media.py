@@ -171,8 +171,7 @@ def test_an_ogg_with_a_damaged_page_is_refused_since_the_sound_after_it_would_co
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
 def test_sample_that_is_no_sound_is_refused(tmp_path: Path, value: float):
-    samples = np.where(np.arange(RATE) == 4321, value, ramp())
-    soundfile.write(tmp_path / "bad.wav", samples, RATE, subtype="FLOAT")
+    soundfile.write(tmp_path / "bad.wav", np.where(np.arange(RATE) == 4321, value, ramp()), RATE, subtype="FLOAT")
     refused(r"bad\.wav: holds NaN, infinity or amplitudes", load_audio, tmp_path / "bad.wav")
 
 
@@ -229,8 +228,7 @@ WALTZ = {
 
 
 def write(folder: Path, name: str, content: object) -> Path:
-    text = content if isinstance(content, str) else json.dumps(content)
-    (folder / name).write_text(text, errors="surrogateescape")
+    (folder / name).write_text(content if isinstance(content, str) else json.dumps(content), errors="surrogateescape")
     return folder / name
 
 
@@ -774,8 +772,7 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(swinging_arm: Call
         assert len(shown) == len(drawn)
         lit = np.array([picture[8:10, 8:10, 0].mean() < 128 for _, picture in shown])  # the middle of the disc is blue
         times = np.array([time for time, _ in shown])
-        starts = times[1:][lit[1:] & ~lit[:-1]]
-        np.testing.assert_allclose(starts, beats, atol=1 / FPS + 1e-6, rtol=0)
+        np.testing.assert_allclose(times[1:][lit[1:] & ~lit[:-1]], beats, atol=1 / FPS + 1e-6, rtol=0)
         for index in moving:
             early = _frames_early(shown[index][1], *drawn[index - 1 : index + 2])
             assert abs(early) < 0.5 and times[index] == pytest.approx(index / FPS, abs=0.5 / FPS), (name, index)

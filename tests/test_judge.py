@@ -286,8 +286,7 @@ def test_a_lag_that_is_expected_is_no_lag() -> None:
 @pytest.mark.parametrize("dance", ["cha-cha", "waltz"])
 def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
     pattern = DANCE_PATTERNS[dance]
-    told = replace(BEATS, bar_places=np.arange(len(BEATS)) % pattern.beats)
-    judgement = judged(dancer(0.1), told, pattern)
+    judgement = judged(dancer(0.1), replace(BEATS, bar_places=np.arange(len(BEATS)) % pattern.beats), pattern)
     assert judgement.level == 2
     assert "Your place in the beat is steady; the beat of the bar that it belongs to is not." in judgement.remarks
 
@@ -338,8 +337,7 @@ def test_each_threshold_ends_level_four(inside: dict[str, float], outside: dict[
 
 def part(**changes: float) -> ShapeSignal:
     """A signal far above the floor but for what is changed."""
-    moving = ShapeSignal(np.arange(9.0), np.zeros(9), np.ones(9, bool), 0.4, 0.6, 0.6, 3, 3, 0.3)
-    return replace(moving, **changes)
+    return replace(ShapeSignal(np.arange(9.0), np.zeros(9), np.ones(9, bool), 0.4, 0.6, 0.6, 3, 3, 0.3), **changes)
 
 
 def test_the_floor_lies_at_its_pulse_its_share_and_its_swing() -> None:

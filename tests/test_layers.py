@@ -151,8 +151,7 @@ def test_no_module_imports_itself_round_a_circle():
     names = {f"harmolab.{module}" for module, _ in modules(PACKAGE)}
     graph: dict[str, set[str]] = {}
     for module, path in modules(PACKAGE):
-        is_package = path.name == "__init__.py"
-        imports = [name for _, name in imported(parsed(path)[1], module, is_package=is_package)]
+        imports = [name for _, name in imported(parsed(path)[1], module, is_package=path.name == "__init__.py")]
         targets = {name if name in names else name.rpartition(".")[0] for name in imports}
         graph[f"harmolab.{module}"] = (targets & names) - {f"harmolab.{module}"}
     TopologicalSorter(graph).prepare()  # CycleError names the circle

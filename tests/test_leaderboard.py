@@ -55,8 +55,7 @@ def dances(harmony: dict[tuple[str, str, str], float]) -> pd.DataFrame:
 def test_the_committed_numbers_follow_from_their_evidence(folder: Path):
     measured = leaderboard.load_row(folder)
     evidence = leaderboard.read_evidence(folder)
-    names = evidence["recording" if measured["kind"] == "compare" else "song"]
-    assert sorted(set(names)) == measured["recordings"]
+    assert sorted(set(evidence["recording" if measured["kind"] == "compare" else "song"])) == measured["recordings"]
     assert measured.get("windows", len(evidence)) == len(evidence)
 
 

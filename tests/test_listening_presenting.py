@@ -50,8 +50,7 @@ def address(trials: TrialSet, log: AnswerLog) -> Iterator[str]:
 def ask(address: str, method: str, form: object = None, *, path: str = "", **options: object) -> tuple[int, str]:
     parts = urlsplit(address)
     with closing(http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)) as connection:
-        body = urlencode(form) if isinstance(form, dict) else form
-        connection.request(method, path or parts.path, body, **options)
+        connection.request(method, path or parts.path, urlencode(form) if isinstance(form, dict) else form, **options)
         reply = connection.getresponse()
         return reply.status, reply.read().decode()
 

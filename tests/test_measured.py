@@ -151,8 +151,7 @@ def test_few_trainings_have_a_rank_where_few_are_enough() -> None:
 def test_trainings_are_paired_within_a_corpus_by_students_t() -> None:
     factors = {"with": 2.0, "without": 1.0}.items()
     rows = [("c", each, run, dance, "harmony", by * run) for each, by in factors for run in (1, 2) for dance in "ab"]
-    names = "corpus variant training dance measure value"
-    table = lines(*rows, ("d", "with", 1, "a", "harmony", 7.0), columns=names)
+    table = lines(*rows, ("d", "with", 1, "a", "harmony", 7.0), columns="corpus variant training dance measure value")
     options: dict[str, Any] = {"over": "training", "within": ["dance"], "interval": training_interval}
     means = summary(table, "variant", by=["corpus"], base="without", **options).set_index(["corpus", "variant"])
     own = means.loc[("c", "with")]
@@ -164,8 +163,7 @@ def test_trainings_are_paired_within_a_corpus_by_students_t() -> None:
 
 def test_the_mean_over_dances_counts_a_dance_with_few_songs_as_much() -> None:
     rows = [("x", 1, "a", song, "harmony", 0.0) for song in range(3)]
-    names = "system training dance song measure value"
-    table = lines(*rows, ("x", 1, "b", 0, "harmony", 1.0), columns=names)
+    table = lines(*rows, ("x", 1, "b", 0, "harmony", 1.0), columns="system training dance song measure value")
     row = row_of(summary(table, over="training", within=["dance", "song"], interval=training_interval), "x")
     assert row["mean"] == 0.5  # the mean over songs is .25
 

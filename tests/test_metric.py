@@ -249,8 +249,7 @@ def test_a_reference_may_be_motions_or_a_file_and_what_is_missing_has_its_reason
 
 
 def test_a_reference_of_another_pose_network_has_no_pose_features():
-    rows = load_reference(SYNTHETIC).rows.assign(f_pose_000=1.0)
-    reference = Reference(rows, None, pose_net="old")
+    reference = Reference(load_reference(SYNTHETIC).rows.assign(f_pose_000=1.0), None, pose_net="old")
     assert "f_pose_000" in reference.for_pose_net("old").rows
     assert "f_pose_000" not in reference.for_pose_net("new").rows
 

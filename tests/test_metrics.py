@@ -32,8 +32,7 @@ def test_beat_alignment_falls_as_a_gaussian_of_the_distance():
 
 def test_beat_alignment_has_two_directions():
     music, motion = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0])
-    aligned = alignment.beat_align(motion, music), alignment.beat_align(music, motion)
-    assert aligned == (1.0, pytest.approx(0.25))
+    assert (alignment.beat_align(motion, music), alignment.beat_align(music, motion)) == (1.0, pytest.approx(0.25))
 
 
 @cases(

@@ -625,8 +625,7 @@ def test_normalised_humanml_vectors_are_refused(tmp_path: Path):
 def markers(path: Path, points: np.ndarray, names: tuple[str, ...], **parameters: Any) -> Path:
     """A c3d file of points (T, J, 3) that ezc3d writes."""
     content = ezc3d.c3d()
-    about = {"RATE": [120.0], "LABELS": names, "UNITS": ["mm"], **parameters}
-    for name, value in about.items():
+    for name, value in {"RATE": [120.0], "LABELS": names, "UNITS": ["mm"], **parameters}.items():
         if name in content["parameters"]["POINT"]:
             content["parameters"]["POINT"][name]["value"] = value
         else:

@@ -55,8 +55,7 @@ def test_several_turns_on_the_spot_are_a_steady_yaw_rate():
 
 
 def test_the_height_above_the_floor_is_kept():
-    raised = np.tile(POSE + np.array([0.0, 0.5, 0.0]), (5, 1, 1))
-    assert encode_motion(raised, FPS, BODY)[0, 1] == pytest.approx(1.5)
+    assert encode_motion(np.tile(POSE + np.array([0.0, 0.5, 0.0]), (5, 1, 1)), FPS, BODY)[0, 1] == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("first", [0, 100])
@@ -80,8 +79,7 @@ def test_moving_and_turning_the_room_changes_no_code(dance):
     angle = 2.0
     turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     elsewhere = positions @ turn.T + [3.0, 0.0, -7.0]
-    codes = [encode_motion(each, fps, skeleton) for each in (positions, elsewhere)]
-    np.testing.assert_allclose(*codes, atol=1e-5)
+    np.testing.assert_allclose(*[encode_motion(each, fps, skeleton) for each in (positions, elsewhere)], atol=1e-5)
 
 
 @pytest.mark.parametrize("joints", [("a", "b", "c", "d"), ("torso", "hip L", "knee R", "nose")])

@@ -76,8 +76,7 @@ def test_notebook_starts_with_a_title_and_takes_its_profile_from_one_tagged_cell
 
 
 def test_every_notebook_says_which_items_of_the_paper_it_builds():
-    items = {item for path in PATHS for item in notebook_of(path).metadata["harmolab"]["paper"]}
-    assert items <= set(PAPER)
+    assert {item for path in PATHS for item in notebook_of(path).metadata["harmolab"]["paper"]} <= set(PAPER)
 
 
 @every_notebook
@@ -91,8 +90,7 @@ def test_notebook_opens_with_its_finding_and_a_committed_picture_of_it(path: Pat
 
 
 def test_story_has_its_parts_in_one_piece_each():
-    parts = [notebook_of(path).metadata["harmolab"]["part"] for path in PATHS]
-    assert [part for part, _ in groupby(parts)] == PARTS
+    assert [part for part, _ in groupby([notebook_of(path).metadata["harmolab"]["part"] for path in PATHS])] == PARTS
 
 
 @every_notebook

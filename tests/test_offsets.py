@@ -85,8 +85,7 @@ def test_dancer_at_another_tempo_gives_no_confidence():
 
 def test_evidence_is_the_slowness_at_the_beats():
     times = np.arange(0.0, 6.0, 0.01)
-    beats = np.arange(6) + 0.5
-    curve = rest_at_beats(times, np.abs(np.sin(np.pi * times)), beats, np.array([0.0, 0.25, 0.5]))
+    curve = rest_at_beats(times, np.abs(np.sin(np.pi * times)), np.arange(6) + 0.5, np.array([0.0, 0.25, 0.5]))
     np.testing.assert_allclose(curve, [-1.0, -np.sqrt(0.5), 0.0], atol=1e-3)
 
 

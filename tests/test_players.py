@@ -495,8 +495,7 @@ def test_the_diagram_counts_the_papers_parameters():
 def test_points_that_were_not_detected_are_not_drawn():
     detected = np.ones(50, bool)
     detected[PLAYER_50.joints.index("left_wrist")] = False
-    points = np.arange(100.0).reshape(50, 2)
-    draw = partial(player_points.draw_player, points=points, skeleton=PLAYER_50)
+    draw = partial(player_points.draw_player, points=np.arange(100.0).reshape(50, 2), skeleton=PLAYER_50)
     whole, partly = (draw(Figure().subplots(), detected=seen) for seen in (None, detected))
     bones = [len(ax.collections[0].get_segments()) for ax in (whole, partly)]
     assert bones[0] - bones[1] == 2  # from the elbow, and to the hand
@@ -639,9 +638,8 @@ def test_worst_frames_lie_a_second_apart_in_one_piece_and_anywhere_in_another():
     errors = np.ones(40)
     errors[[5, 6, 14, 15, 30]] = 10.0, 9.0, 8.0, 7.0, 6.0
     first, second = piece_of(errors.tolist()), piece_of([1.0, 1.0, 8.5], name="two")
-    frames = player_frames.worst_frames([first, second])
     # 6 and 14 are less than ten frames from 5.
-    places = [(each.piece.performance.name, each.frame) for each in frames]
+    places = [(each.piece.performance.name, each.frame) for each in player_frames.worst_frames([first, second])]
     assert places == [("one", 5), ("two", 2), ("one", 15), ("one", 30)]
 
 
@@ -752,8 +750,7 @@ def test_causes_of_the_worst_hundredth_stand_beside_those_of_all_frames():
 def test_usual_is_what_the_training_pieces_have():
     motion = Motion(np.zeros((50, 2, 2)), FPS, BODY)
     steady = notes_of([0.5, 1.5, 2.5, 3.5], [60, 62, 60, 62])
-    wild = notes_of([0.5, 0.6, 0.7], [20, 100, 20])
-    notes = {"a": steady, "b": steady, "test": wild}
+    notes = {"a": steady, "b": steady, "test": notes_of([0.5, 0.6, 0.7], [20, 100, 20])}
     performances = tuple(Performance(name, "piano", None, motion, notes=own) for name, own in notes.items())
     split = PlayedSplit(("a",), ("b",), ("test",))
     limits = FRAMES.usual_limits(PlayerData(PLANTED, "piano", performances, split, MappingProxyType({})))

@@ -50,8 +50,7 @@ def random_notes(seed: int, *, seconds: float = SECONDS, rate: float = 2.0) -> N
     rng = np.random.default_rng(seed)
     onsets, hands = [], []
     for hand in range(2):
-        steps = rng.exponential(1 / rate, 1000) + 0.2
-        times = 0.5 + np.cumsum(steps)
+        times = 0.5 + np.cumsum(rng.exponential(1 / rate, 1000) + 0.2)
         times = times[times < seconds - 0.5]
         onsets += times.tolist()
         hands += [hand] * times.size
@@ -775,8 +774,7 @@ def test_a_shorter_performance_is_the_beginning_of_a_longer_one(instrument):
     notes, fewer = whole.performance.notes, half.performance.notes
     assert fewer.pitches.tolist() == notes.pitches[: len(fewer)].tolist()
     np.testing.assert_allclose(half.clean[:alike], whole.clean[:alike], atol=1e-9)
-    tracked = [each.performance.motion.positions[:alike] for each in (half, whole)]
-    np.testing.assert_allclose(*tracked, atol=1e-9)
+    np.testing.assert_allclose(*[each.performance.motion.positions[:alike] for each in (half, whole)], atol=1e-9)
     sound, part = whole.performance.audio.samples[RATE : 9 * RATE], half.performance.audio.samples[RATE : 9 * RATE]
     assert np.corrcoef(sound, part)[0, 1] > 0.999
 

@@ -488,8 +488,7 @@ def run(train: Train, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_holds_what_belongs_to_it(run: Path):
     files = {path.name for path in run.iterdir() if not path.name.startswith((".", "events"))}
     expected = {"settings.json", "split.json", "history.csv", "state.safetensors", "model_poses.safetensors"}
-    weights = {f"{stem}.{kind}" for stem in ("model", "st_gcn") for kind in ("safetensors", "json")}
-    assert files == expected | weights
+    assert files == expected | {f"{stem}.{kind}" for stem in ("model", "st_gcn") for kind in ("safetensors", "json")}
     history = pd.read_csv(run / "history.csv")
     assert history["phase"].tolist() == ["adversarial"] * 3
     named = {"pose", "perceptual", "feature", "local", "global", "critic_local", "critic_global", "penalty"}

@@ -268,8 +268,7 @@ def score(music: BeatTrack, visual: BeatTrack) -> HarmonyScore:
 def test_music_dancer_and_hits_have_marks_of_their_own_only_where_beats_are_given() -> None:
     for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit"), (MISS, "miss")):
         assert "#{:02X}{:02X}{:02X}".format(*mark) == COLOURS[name]
-    bare = render_dance(dance(*[STANDING] * 30))
-    assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in bare)
+    assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in render_dance(dance(*[STANDING] * 30)))
     frames = render_dance(dance(*[STANDING] * 60), score=score(track([0.5, 1.5]), track([0.566, 1.0])))
     corners = [frame[:120, :160].copy() for frame in frames]
     music, dancer, hit, missed = (
@@ -419,8 +418,7 @@ def test_the_box_walks_within_reach_at_about_its_speed_by_its_seed_at_any_frame_
 
 
 def test_a_box_as_large_as_the_picture_stays_where_it_is() -> None:
-    frames = list(moving_box([PLAIN] * 5, 25.0, seed=0, size=2.0))
-    assert all((frame == 84).all() for frame in frames)
+    assert all((frame == 84).all() for frame in moving_box([PLAIN] * 5, 25.0, seed=0, size=2.0))
 
 
 @pytest.mark.parametrize("bad", [{"fps": 0.0}, {"size": -0.1}, {"speed": float("nan")}])

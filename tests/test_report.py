@@ -367,8 +367,7 @@ def test_source_of_a_figure_in_plain_words_and_its_corpora_as_people_know_them(s
 
 
 def test_cell_of_a_table_that_holds_no_number_is_a_dash(tmp_path: Path):
-    table = pd.DataFrame({"low": [float("nan")], "high": [0.5]}).to_html()
-    output = new_output("display_data", {"text/html": table})
+    output = new_output("display_data", {"text/html": pd.DataFrame({"low": [float("nan")], "high": [0.5]}).to_html()})
     page = page_of(tmp_path, "# a", new_code_cell("table", outputs=[output]))
     assert "<td>–</td>" in page and "<td>0.5</td>" in page
 

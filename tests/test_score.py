@@ -271,8 +271,7 @@ def test_motion_that_starts_elsewhere_is_cut_to_the_music_without_moving_it(
 @pytest.mark.parametrize("clock", [1.0, 1.1])
 def test_motion_that_goes_on_after_the_music_is_cut_to_it_by_any_clock(swinging_arm: Swing, clock: float):
     # At 1.1, 30 s of motion last 33 s of music, of which there are 6.6: 12 stops every 0.55 s.
-    beats = [clock * time for time in STOPS]
-    long = clip(swinging_arm(1.0, 60.0, seconds=30.0), seconds=6 * clock, beats=beats)
+    long = clip(swinging_arm(1.0, 60.0, seconds=30.0), seconds=6 * clock, beats=[clock * time for time in STOPS])
     score = score_clip(long, replace(HarmonyParams.valleys(), clock=clock))
     assert score.hit_rate == 1.0
     assert score.n_visual in (12, 13)  # not the 60 of the whole motion

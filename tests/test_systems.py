@@ -346,8 +346,7 @@ def test_a_motion_of_other_joints_is_not_followed(generate: Generate):
 
 
 def change(folder: Path, **entries: Any) -> None:
-    about = json.loads((folder / "model.json").read_text())
-    (folder / "model.json").write_text(json.dumps(about | entries))
+    (folder / "model.json").write_text(json.dumps(json.loads((folder / "model.json").read_text()) | entries))
 
 
 def test_damaged_weights_are_refused_by_file(saved: Path, name: str):

@@ -287,8 +287,7 @@ def test_a_recording_that_gives_no_unit_or_is_of_another_unit_of_length_is_named
     first, second = sorted(write_corpus(tmp_path, clips=2, seconds=12.0).glob("clip_*"))
     with np.load(second / "motion.npz") as file:
         content = dict(file)
-    short = {name: content[name][:90] for name in ("positions", "valid")}
-    np.savez(second / "motion.npz", **(content | short))
+    np.savez(second / "motion.npz", **(content | {name: content[name][:90] for name in ("positions", "valid")}))
     (note,) = load_units(tmp_path, PARAMS).notes
     assert note.startswith(f"{second}: no unit to learn from") and str(first) not in note
     np.savez(second / "motion.npz", **(content | {"positions": 100 * content["positions"]}))

@@ -222,8 +222,7 @@ def test_a_unit_of_the_beat_locked_recordings_is_found_again_by_its_motion(data_
     # The annotated units once more, as if nobody had named them: each is found, under its own figure.
     told = load_recording(data_root / "beatlocked" / "DANCE_C_1")
     blind = outline(load_recording(data_root / "beatlocked" / "DANCE_C_7"))
-    nameless = blind._replace(figures=("",) * len(blind.figures))
-    found = group_outlines([outline(told), nameless])[1]
+    found = group_outlines([outline(told), blind._replace(figures=("",) * len(blind.figures))])[1]
     known = {segment.group for segment in motion_groups([told])[0]}
     shared = [(one.group, figure) for one, figure in zip(found, blind.figures, strict=True) if figure in known]
     agreeing = sum(group == figure for group, figure in shared)

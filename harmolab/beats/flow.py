@@ -114,8 +114,7 @@ def local_peaks(
     if reading == "mean":
         around = uniform_filter1d(envelope, 2 * mean_frames + 1, mode="nearest")
     elif reading == "literal":
-        neighbours = np.arange(-radius_frames, radius_frames + 1) != 0
-        around = maximum_filter(envelope, footprint=neighbours, mode="nearest")
+        around = maximum_filter(envelope, footprint=np.arange(-radius_frames, radius_frames + 1) != 0, mode="nearest")
     else:
         raise ValueError(f"reading must be mean or literal, got {reading!r}")
     return frames[envelope[frames] - around[frames] > threshold]

@@ -62,8 +62,7 @@ def judge(order: Order, teller: Teller) -> None:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
     clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
-    sliders = scoring_lab(clip, pattern=params.pattern, mode="recommended")
-    _view(order, teller, "lab.html", "Sliders", sliders.save)
+    _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern, mode="recommended").save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result), "Your video with its beats")
 
@@ -153,8 +152,7 @@ def dance(order: Order, teller: Teller) -> None:
         code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
-    lines = output.getvalue().splitlines()
-    teller.lines([line.strip() for line in lines if not line.startswith("wrote ")])
+    teller.lines([line.strip() for line in output.getvalue().splitlines() if not line.startswith("wrote ")])
     for kind, suffix, title in DANCE_VIEWS:
         if (path := order.folder / f"{song.stem}_dance{suffix}").exists():
             teller.view(kind, path, title)

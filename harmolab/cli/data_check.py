@@ -230,8 +230,7 @@ def _performance(folder: Path) -> FileSummary:
 def _odd_hands(performance: performances.Performance) -> Iterator[str]:
     """One sentence for each hand, and for the body, that is missing or not detected in a fifth of the frames."""
     names = performance.motion.skeleton.joints
-    groups = {"body": BODY, **{f"{side} hand": hand_joints(side) for side in SIDES}}
-    for group, points in groups.items():
+    for group, points in {"body": BODY, **{f"{side} hand": hand_joints(side) for side in SIDES}}.items():
         columns = [names.index(point) for point in points if point in names]
         share = performance.detected[:, columns].all(axis=1).mean()
         if not columns:

@@ -202,8 +202,7 @@ def _row(
     for mode, score in (scores or {}).items():
         values, prefix = score.to_dict(), "" if score.judgement else f"{mode}_"
         low, high = values["interval"]
-        names = (*(JUDGED if score.judgement else ()), *NUMBERS)
-        row |= {f"{prefix}{name}": values[name] for name in names}
+        row |= {f"{prefix}{name}": values[name] for name in (*(JUDGED if score.judgement else ()), *NUMBERS)}
         row |= {f"{prefix}interval_low": low, f"{prefix}interval_high": high}
     return row
 

@@ -88,8 +88,7 @@ def dance_of(folder: PathLike) -> str:
 
 def find_audio(folder: PathLike) -> Path:
     """The file audio.wav, .flac, .ogg, .mp3 or .m4a of a folder; FileNotFoundError if there is none."""
-    paths = [Path(folder) / f"audio{suffix}" for suffix in SOUNDS]
-    for path in filter(Path.is_file, paths):
+    for path in filter(Path.is_file, [Path(folder) / f"audio{suffix}" for suffix in SOUNDS]):
         return path
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg, .mp3 or .m4a")
 

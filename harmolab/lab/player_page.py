@@ -8,7 +8,6 @@ import base64
 import io
 import math
 import re
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -29,6 +28,7 @@ from harmolab.lab import person
 from harmolab.lab.person import shared_wall, stage_of
 from harmolab.lab.report.templates import framed, rendered
 from harmolab.params import HOW_PATTERNS, HarmonyParams
+from harmolab.readers.audio import ogg_checksum
 from harmolab.score import HarmonyScore
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion
@@ -554,15 +554,9 @@ def _numbered(stream: bytes) -> bytes:
         end = body + sum(pages[start + 27 : body])
         pages[start + 14 : start + 18] = (1).to_bytes(4, "little")
         pages[start + 22 : start + 26] = bytes(4)
-        pages[start + 22 : start + 26] = _checksum(bytes(pages[start:end])).to_bytes(4, "little")
+        pages[start + 22 : start + 26] = ogg_checksum(bytes(pages[start:end]))
         start = end
     return bytes(pages)
-
-
-def _checksum(page: bytes) -> int:
-    """The checksum of an Ogg page: zlib's from 0, with the bits of each byte and of the sum in the other order."""
-    mirrored = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-    return int(f"{zlib.crc32(page.translate(mirrored), 0xFFFFFFFF) ^ 0xFFFFFFFF:032b}"[::-1], 2)
 
 
 # The demo: one dance twice, in time with its music and late

@@ -199,8 +199,7 @@ def _merged(events: _Events, merge: float, fps: float, duration: float) -> BeatT
 def _track(events: Iterable[_Events], motion: Motion) -> BeatTrack:
     """The events of several curves as one track, without those on frames that are not valid."""
     every = _joined(events)
-    nearest = np.minimum((every.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)
-    valid = motion.valid[nearest]
+    valid = motion.valid[np.minimum((every.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)]
     return _merged(_Events(every.times[valid], every.strengths[valid]), MERGE, _rate(motion), motion.duration)
 
 

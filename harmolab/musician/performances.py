@@ -505,8 +505,7 @@ CHORD_SECONDS = 0.05  # onsets in one such step count as one chord, whose notes 
 
 def note_patterns(notes: Notes) -> set[tuple[int, ...]]:
     """All pitches of four notes in a row: by onset, in steps of 50 ms, low before high."""
-    order = np.lexsort((notes.pitches, np.round(notes.onsets / CHORD_SECONDS)))
-    pitches = notes.pitches[order].tolist()
+    pitches = notes.pitches[np.lexsort((notes.pitches, np.round(notes.onsets / CHORD_SECONDS)))].tolist()
     return {tuple(pitches[start : start + PATTERN_NOTES]) for start in range(len(pitches) - PATTERN_NOTES + 1)}
 
 

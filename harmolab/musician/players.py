@@ -105,8 +105,7 @@ def planted_piece(instrument: str, seconds: float, seed: int) -> PlantedPiece:
         onsets, offsets = REST + beat * starts, REST + beat * (starts + voice.legato * lengths)
         pitches = _melody(voice, scale, starts.size, rng.spawn(1)[0])
         loudness = _loudness(voice, starts, swell, rng.spawn(1)[0])
-        hands = np.full(starts.size, voice.hand)
-        lines.append((onsets, np.minimum(offsets, seconds), pitches, loudness, hands))
+        lines.append((onsets, np.minimum(offsets, seconds), pitches, loudness, np.full(starts.size, voice.hand)))
     columns = [np.concatenate(parts) for parts in zip(*lines, strict=True)]
     order = np.argsort(columns[0], kind="stable")
     return PlantedPiece(Notes(*(column[order] for column in columns)), REST + beat * np.arange(0, last, METER), beat)

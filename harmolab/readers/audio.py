@@ -138,12 +138,15 @@ def _check_pages(stream: BinaryIO) -> None:
         page = head[:22] + bytes(4) + head[26:] + lengths + stream.read(sum(lengths))
         if len(page) < 27 + head[-1] + sum(lengths):
             raise ValueError("is cut off: it ends in the middle of a page")
-        # The sum over bits in the other order is that of zlib, without what that adds at begin and end.
-        total = zlib.crc32(page.translate(_TURNED), 0xFFFFFFFF) ^ 0xFFFFFFFF
-        if total.to_bytes(4).translate(_TURNED) != head[22:26]:
+        if ogg_checksum(page) != head[22:26]:
             raise ValueError("is damaged: a page of it fails its check sum; get the file again")
     if b"OggS" in head + stream.read(_OGG_PAGE):
         raise ValueError("is damaged: between its pages lies something else; get the file again")
+
+
+def ogg_checksum(page: bytes) -> bytes:
+    """The checksum of an Ogg page, 4 bytes: zlib's over turned bits, without what that adds at both ends."""
+    return (zlib.crc32(page.translate(_TURNED), 0xFFFFFFFF) ^ 0xFFFFFFFF).to_bytes(4).translate(_TURNED)
 
 
 def _span_frames(frames: int, rate: int, start: float, duration: float | None, max_seconds: float) -> tuple[int, int]:

@@ -517,7 +517,6 @@ def _keep(name: str, people: Sequence[NDArray[np.float32]]) -> None:
     folder = files.cache_folder()
     with suppress(OSError):
         readings = [] if folder is None else sorted(folder.glob("poses_*.npz"), key=lambda file: -file.stat().st_mtime)
-        sizes = itertools.accumulate(file.stat().st_size for file in readings)
-        for file, size in zip(readings, sizes, strict=True):
+        for file, size in zip(readings, itertools.accumulate(file.stat().st_size for file in readings), strict=True):
             if size > KEPT_BYTES and file.name != f"{name}.npz":
                 file.unlink(missing_ok=True)

@@ -136,8 +136,7 @@ def load_body(path: PathLike, betas: FloatArray | None = None) -> SmplBody:
         joints, note = _shaped(_rest_joints(file, file.stat().st_mtime_ns), betas, file.name)
     count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
     skeleton = skeleton_part(SMPL_24, range(count))
-    offsets = joints[:count] - joints[[0, *skeleton.parents[1:]]]
-    return SmplBody(Body(skeleton, offsets), joints[0], note)
+    return SmplBody(Body(skeleton, joints[:count] - joints[[0, *skeleton.parents[1:]]]), joints[0], note)
 
 
 def _shaped(rest: RestJoints, betas: FloatArray | None, name: str) -> tuple[FloatArray, str]:
@@ -161,8 +160,7 @@ def _rest_joints(file: Path, _: int) -> RestJoints:
 
     ValueError for another tree than SMPL's, or arrays that do not fit.
     """
-    members = ("J", "J_regressor", "v_template", "shapedirs", "kintree_table")
-    arrays = read_npz(file, dict.fromkeys(members, "fiu"))
+    arrays = read_npz(file, dict.fromkeys(("J", "J_regressor", "v_template", "shapedirs", "kintree_table"), "fiu"))
     joints = _mean_joints(arrays)
     count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
     tree = arrays.get("kintree_table", np.zeros((0, 0)))

@@ -108,8 +108,7 @@ def compare(
     learnt = learn_patterns(clips, fit_clips)
     music = scoring.other_music(clips, seed) if null == "other" else None
     table = scoring.score_table(clips, learnt, usable, fit_clips, music)
-    second = {DISCRIMINANT: scoring.discriminant_score(clips, fit_clips, music)}
-    table = replace(table, fitted=table.fitted | second)
+    table = replace(table, fitted=table.fitted | {DISCRIMINANT: scoring.discriminant_score(clips, fit_clips, music)})
     result = _summarise(clips, table, n_rotations, seed, progress)
     verdicts = [scores.verdict for scores in recorded if scores.verdict is not None]
     summary = {

@@ -169,8 +169,7 @@ class Lessons:
         """The lessons of m clips; one without sums teaches nothing."""
         rows = [np.zeros(cycle, complex) if one is None else one.sums for one in sums]
         both = np.stack([np.real(rows), -np.imag(rows)], axis=-1)
-        is_timed = np.array([one is not None for one in sums], bool)
-        return cls(cycle, both.reshape(len(rows), -1), usable & is_timed)
+        return cls(cycle, both.reshape(len(rows), -1), usable & np.array([one is not None for one in sums], bool))
 
     def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
         """(n, 2 cycle) coefficients learnt for each judged clip, but for their scale, on which no rank depends.

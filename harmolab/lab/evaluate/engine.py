@@ -249,8 +249,7 @@ def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force:
         with FileLock(out / LOCK, timeout=0):
             if is_run and not force:
                 _check_same(out / MANIFEST, read_manifest(out), manifest)
-            old = [*out.glob(".*.tmp"), *(out.glob("part-*") if force else ())]
-            for path in old:
+            for path in [*out.glob(".*.tmp"), *(out.glob("part-*") if force else ())]:
                 path.unlink()
             if force or not is_run:
                 write_json(out / MANIFEST, manifest)

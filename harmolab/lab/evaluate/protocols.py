@@ -313,8 +313,7 @@ def published_music_and_motion(
         )
     if (frames := round(clip.audio.duration * fps)) > MOST_FRAMES:
         raise ValueError(f"{music} has {frames} frames, more than the {MOST_FRAMES} that are tracked at once; cut it")
-    beats = _song_beats(music, input_stamp(music), song, fps, music_beats)
-    return music_and_motion(replace(clip, beats=beats))
+    return music_and_motion(replace(clip, beats=_song_beats(music, input_stamp(music), song, fps, music_beats)))
 
 
 @lru_cache(maxsize=TRACKS_KEPT)

@@ -277,8 +277,7 @@ def _variety(danced: FeatureSet) -> dict[str, SetNumber]:
 
 def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
     """The rows of each name, of those that have two or more."""
-    groups = pd.DataFrame(values).groupby(np.array(names), sort=False)
-    return [rows.to_numpy() for _, rows in groups if len(rows) > 1]
+    return [rows.to_numpy() for _, rows in pd.DataFrame(values).groupby(np.array(names), sort=False) if len(rows) > 1]
 
 
 def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:

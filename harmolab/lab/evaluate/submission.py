@@ -305,8 +305,7 @@ def _number_faults(measured: Mapping[str, Any], evidence: pd.DataFrame, files: p
     if not 100 <= measured["settings"]["resamples"] <= MOST_RESAMPLES:
         yield f"{ROW}: resamples must lie between 100 and {MOST_RESAMPLES}"
         return
-    follows = is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"])
-    if not follows:
+    if not is_close(plain(evaluate_numbers(evidence, measured["settings"])), measured["numbers"]):
         yield f"{ROW}: its numbers do not follow from {EVIDENCE}; make the row anew"
     if measured.get("digest") != digest_of(files):
         yield f"{ROW}: the digest of the data does not follow from {FILES}"

@@ -220,8 +220,7 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
     duration = min(max(score.music.duration for score in scores.values()), longest)
     rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
     across = min(duration, ROW_SECONDS)
-    size = (9.0, (1.25 * rows + 1.0) * len(scores) + 0.3)
-    with styled_axes(size, rows * len(scores)) as (figure, axes):
+    with styled_axes((9.0, (1.25 * rows + 1.0) * len(scores) + 0.3), rows * len(scores)) as (figure, axes):
         for mode, (name, score) in enumerate(scores.items()):
             panels = axes[mode * rows : (mode + 1) * rows]
             for row, ax in enumerate(panels):

@@ -188,8 +188,7 @@ def build(
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         publish_one = None if figures is None else partial(publish, pictures=pictures, figures=figures, commit=commit)
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress, publish_one))
-        texts = (notebooks.parent / "docs" / name for name in DOCUMENTS)
-        pages = [path for path in texts if path.is_file()]
+        pages = [path for path in (notebooks.parent / "docs" / name for name in DOCUMENTS) if path.is_file()]
         write_pages(part, runs, profile, committed=notebooks.parent / "figures", documents=pages)
     return Report(index, tuple(runs))
 

@@ -68,8 +68,7 @@ class FootParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        may_be_zero = ("noise", "flipped", "smooth_weight", "velocity_weight", "epochs", "seed")
-        check_settings(self, not_negative=may_be_zero)
+        check_settings(self, not_negative=("noise", "flipped", "smooth_weight", "velocity_weight", "epochs", "seed"))
         if not self.dilations or min(self.dilations) < 1 or not 0 < self.smoothing[0] <= self.smoothing[1]:
             raise ValueError("dilations must be one or more frames, and smoothing two rising numbers of frames")
         if sum(self.dilations) > MOST_REACH:

@@ -135,8 +135,7 @@ class Music2Dance(NetworkSystem):
         shares = self.attributes.probabilities(music)
         if not np.isfinite(shares).all():
             raise ValueError("the attribute classifier gives no finite probabilities; train it anew")
-        pairs = zip(self.attributes.classes, shares.tolist(), strict=True)
-        return dict(sorted(pairs, key=lambda pair: -pair[1]))
+        return dict(sorted(zip(self.attributes.classes, shares.tolist(), strict=True), key=lambda pair: -pair[1]))
 
     def _feet(self, feet: Feet, *, plant_feet: bool) -> Feet:
         """The handling of the feet that both options say; ValueError where they contradict, or no model is there."""

@@ -150,8 +150,7 @@ def save_state(
     parts = {f"module.{name}.": part.state_dict() for name, part in modules.items()}
     # An optimiser's memory: "<parameter number>.<name>".
     for name, optimiser in optimisers.items():
-        state = optimiser.state_dict()["state"].items()
-        parts |= {f"optimiser.{name}.{number}.": kept for number, kept in state}
+        parts |= {f"optimiser.{name}.{number}.": kept for number, kept in optimiser.state_dict()["state"].items()}
     tensors = {
         prefix + name: torch.as_tensor(values).detach().cpu().contiguous()
         for prefix, part in parts.items()

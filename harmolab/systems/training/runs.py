@@ -97,8 +97,7 @@ def pose_bank(units: UnitSet, *, seed: int = 0) -> PoseBank:
     usable = [unit for unit, end in ends if (unit.beats < end).sum() == before]
     if not usable:
         raise ValueError(f"no unit has a meter of {_BEATS_OF_METER} beats to take starting poses from")
-    rows = spread([unit.dance for unit in usable], POSES, np.random.default_rng(seed))
-    sample = [usable[row] for row in rows]
+    sample = [usable[row] for row in spread([unit.dance for unit in usable], POSES, np.random.default_rng(seed))]
     frames = round(float(np.median([unit.n_prior for unit in sample])))
     clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in sample]
     return PoseBank(np.stack(clips), tuple(unit.dance for unit in sample))

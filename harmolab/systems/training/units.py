@@ -256,8 +256,7 @@ def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
 
 def _stacked(arrays: Sequence[NDArray[Any]], fill: float | None = None) -> SingleArray:
     """Arrays (L, ...) of different lengths as one, (N, longest, ...); filled up with `fill` or the last entry."""
-    longest = max(len(array) for array in arrays)
-    table = np.zeros((len(arrays), longest, *arrays[0].shape[1:]), dtype=np.float32)
+    table = np.zeros((len(arrays), max(len(array) for array in arrays), *arrays[0].shape[1:]), dtype=np.float32)
     for row, array in zip(table, arrays, strict=True):
         row[: len(array)] = array
         if len(array):
