@@ -105,11 +105,10 @@ def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
 
 def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
     """The attentional visual beats p'_v with strengths s'_v."""
-    mask = visual_mask(
+    return track.select(visual_mask(
         track.strengths, params.visual_threshold, reading=params.saliency,
         quantity=params.visual_saliency, first_beat=params.first_beat,
-    )  # fmt: skip
-    return track.select(mask)
+    ))  # fmt: skip
 
 
 # The score as a record, with its evidence

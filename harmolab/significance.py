@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, IntArray
 
 LEVEL = 0.95  # of every interval, unless another is given
 
@@ -134,12 +134,7 @@ def bootstrap_interval(
 
 
 def bootstrap_interval_of(
-    statistic: Callable[[NDArray[np.int64]], ArrayLike],
-    n: int,
-    *,
-    count: int = 1000,
-    seed: int = 0,
-    level: float = LEVEL,
+    statistic: Callable[[IntArray], ArrayLike], n: int, *, count: int = 1000, seed: int = 0, level: float = LEVEL
 ) -> tuple[float, float]:
     """Percentile interval of a statistic over resamplings of the places 0 to n - 1.
 

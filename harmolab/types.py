@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from harmolab.body.skeletons import Skeleton
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from harmolab.beats.tempo import NEAR, likelier_tempo, steady_beats
 from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, check_kind
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, IntArray, SingleArray, check_kind
 
 # librosa's tracker on this machine: compiled or not, as numba's cache tells
 
@@ -240,13 +240,13 @@ def _key(audio: Audio, bounds: tuple[float, float] | None) -> str:
     return digest.hexdigest()[:40]
 
 
-def single_samples(audio: Audio) -> NDArray[np.float32]:
+def single_samples(audio: Audio) -> SingleArray:
     """Samples in single precision; absurdly loud ones are scaled down, which moves no onset."""
     peak = float(np.abs(audio.samples).max())
     return np.ascontiguousarray(audio.samples / peak if peak > LOUDEST else audio.samples, dtype=np.float32)
 
 
-def _window_samples(audio: Audio) -> NDArray[np.float32]:
+def _window_samples(audio: Audio) -> SingleArray:
     """At least one analysis window, so that a sound of a few milliseconds is analysed like any other."""
     return np.pad(single_samples(audio), (0, max(0, 4 * HOP - audio.samples.size)))
 
@@ -286,7 +286,7 @@ def _numba_keeps_all() -> Iterator[None]:
         numba.guvectorize = guvectorize
 
 
-def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
+def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, IntArray]:
     """Onset strength (F,) and beats (B,), numbers of its samples, by librosa."""
     import librosa
 

@@ -25,7 +25,7 @@ from scipy.ndimage import correlate1d, maximum_filter, maximum_filter1d, median_
 
 from harmolab.body.kinematics import refine_extrema, smooth
 from harmolab.files import Progress, silent
-from harmolab.types import BeatTrack, FloatArray, IntArray
+from harmolab.types import BeatTrack, FloatArray, IntArray, SingleArray
 
 # Impact envelope and its peaks (Eq. 4-5)
 
@@ -161,7 +161,7 @@ SMOOTHING = 0.04  # seconds
 FLOOR = 1e-4  # picture heights per second
 
 
-def optical_flow(previous: Frame, current: Frame) -> NDArray[np.float32]:
+def optical_flow(previous: Frame, current: Frame) -> SingleArray:
     """Displacement of each pixel of `previous` (dense inverse search, Kroeger et al. 2016).
 
     Parameters
@@ -192,7 +192,7 @@ def _changed(before: Frame, after: Frame) -> Frame:
     return cv2.dilate(mask, np.ones((5, 5), np.uint8)).view(np.uint8)
 
 
-def directogram(flow: NDArray[np.float32], *, n_bins: int = N_BINS, still: float = 0.0) -> FloatArray:
+def directogram(flow: SingleArray, *, n_bins: int = N_BINS, still: float = 0.0) -> FloatArray:
     """Movement in each direction: one column D(t, theta) of the directogram.
 
     Parameters
@@ -220,7 +220,7 @@ def flow_directograms(
     fps: float,
     *,
     lag: float = LAG,
-    watch: Callable[[NDArray[np.float32]], None] | None = None,
+    watch: Callable[[SingleArray], None] | None = None,
     progress: Progress = silent,
 ) -> FloatArray:
     """The directogram of a video, for the eye and for `impact_envelope`.

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import LATENESS, onset_envelope
 from harmolab.beats.tempo import STEADY
@@ -47,7 +46,7 @@ class MeterUnit:
         object.__setattr__(self, "strong", strong)
 
 
-def strong_beats(strengths: NDArray[np.float64]) -> BoolArray:
+def strong_beats(strengths: FloatArray) -> BoolArray:
     """m_e: a beat is strong when it is stronger than the one before (Eq. 22); the first, having none, is weak.
 
     >>> strong_beats(np.array([1.0, 3.0, 2.0, 2.5]))

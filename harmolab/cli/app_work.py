@@ -85,10 +85,9 @@ def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[P
 
 def _film(order: Order, teller: Teller, song: Path, result: OwnDance) -> Path:
     """The dancer's own video with the beats and the verdict in the picture."""
-    video, out = result.performance.path, order.folder / f"{result.performance.path.stem}_beats.mp4"
-    clip = load_clip(
-        song, result.performance.motion, offset=result.placement.seconds, dance=order.style, sample_rate=None
-    )
+    motion, video = result.performance.motion, result.performance.path
+    out = order.folder / f"{video.stem}_beats.mp4"
+    clip = load_clip(song, motion, offset=result.placement.seconds, dance=order.style, sample_rate=None)
     write_dance(out, clip, over=video, points=points_in_video(video), verdict=result.verdict, progress=teller.progress)
     return out
 

@@ -118,10 +118,8 @@ def _player(weights: Path | None, instrument: Instrument | None) -> musician.Aud
         raise ValueError("say what is played: --instrument piano or --instrument violin")
     from harmolab.systems.contract import maker_of
 
-    if weights is not None and (maker := maker_of(weights)) != "audio2body":
-        raise ValueError(
-            f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`"
-        )
+    if weights is not None and (name := maker_of(weights)) != "audio2body":
+        raise ValueError(f"{weights}: was made by the system {name!r}, which plays no instrument; see `harmolab dance`")
     try:
         player = musician.Audio2Body
     except ModuleNotFoundError as error:

@@ -190,12 +190,10 @@ def accepted(function: Callable[..., Any], context: typer.Context, extras: Mappi
     """
     parameters = signature(function).parameters
     takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
-    options = {
-        name: value for name, value in context.params.items() if name not in ANY_SYSTEM and is_told(context, name)
-    }
-    if other := [name for name in options if name not in parameters and not takes_all]:
+    own = {name: value for name, value in context.params.items() if name not in ANY_SYSTEM and is_told(context, name)}
+    if other := [name for name in own if name not in parameters and not takes_all]:
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
-    return options | {name: value for name, value in extras.items() if name in parameters}
+    return own | {name: value for name, value in extras.items() if name in parameters}
 
 
 @contextmanager

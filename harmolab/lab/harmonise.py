@@ -183,17 +183,13 @@ def _search(
             yield knots.detach().clone()
 
 
-def _loss(
-    positions: Tensor, motion: Motion, music: BeatTrack, reach: float, tau: float, params: HarmonyParams
-) -> Tensor:
+def _loss(places: Tensor, motion: Motion, music: BeatTrack, reach: float, tau: float, params: HarmonyParams) -> Tensor:
     """-h_cc, mean squared distance in reaches, jerk above that of the motion, and feet that slide more than in it."""
-    moved, before, valid = positions[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
+    moved, before, valid = places[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
     times, strengths = torch.tensor(music.times)[None], torch.tensor(music.strengths)[None]
-    present, frames = torch.ones_like(times), torch.ones_like(valid)
+    real, frames = torch.ones_like(times), torch.ones_like(valid)
     first = None if music.bar_places is None else torch.tensor([first_place(music.bar_places)])
-    soft = soft_harmony(
-        moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params, bar_places=first
-    )
+    soft = soft_harmony(moved, times, strengths, real, valid, fps=motion.fps, tau=tau, params=params, bar_places=first)
     loss = -soft.above_chance.sum() + DISTANCE_WEIGHT * (moved - before).square().sum(dim=-1).mean() / reach**2
     loss = loss + JERK_WEIGHT * jerk_loss(moved, before, frames, fps=motion.fps)
     if feet := _feet(motion):

@@ -202,9 +202,7 @@ def _skull(skeleton: skeletons.Skeleton, names: Names) -> FloatArray:
     return joints[skull].mean(axis=0, keepdims=True) if skull else joints[:0]
 
 
-def _upper_body(
-    positions: FloatArray, names: Names, trunk: Sequence[int], stature: float
-) -> tuple[FloatArray, list[Part]]:
+def _upper_body(positions: FloatArray, names: Names, trunk: list[int], stature: float) -> tuple[FloatArray, list[Part]]:
     """Shoulders' middle, chin, crown and the trunk's corners as (7, J) points, and the parts made of them."""
     joints = np.eye(len(names))
     shoulders, hips = joints[trunk[:2]].mean(axis=0), joints[trunk[2:]].mean(axis=0)

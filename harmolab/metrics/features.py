@@ -14,7 +14,7 @@ them.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -488,9 +488,7 @@ def _vector(points: Points, names: str) -> FloatArray:
     return arms[0] if len(arms) == 1 else np.cross(arms[0], arms[1], axis=0)
 
 
-def _projections(
-    now: Points, before: Points, sizes: Mapping[str, float], rate: float, form: str
-) -> dict[str, BoolArray]:
+def _projections(now: Points, before: Points, sizes: dict[str, float], rate: float, form: str) -> dict[str, BoolArray]:
     """The features of `LINES`, `PLANES` and `MOVING`, (T',) each; velocities are differences over a sixtieth."""
     true, is_published = {}, int(form == "aist++")
     for name, direction, vector, threshold, size in LINES:

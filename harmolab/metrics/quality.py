@@ -67,9 +67,7 @@ def jerk(motion: Motion, *, step: float = STEP) -> float:
         positive.
     """
     positions, valid, stride = sampled(motion, step, steps=3)
-    first, second, third, fourth = (
-        positions[place * stride : len(positions) + (place - 3) * stride] for place in range(4)
-    )
+    first, second, third, fourth = (positions[i * stride : len(positions) + (i - 3) * stride] for i in range(4))
     change = fourth - 3 * third + 3 * second - first
     return float(vector_lengths(change)[spans(valid, 3 * stride)].mean()) / step**3
 

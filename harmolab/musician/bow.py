@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from harmolab.body.kinematics import refine_extrema
@@ -22,7 +21,7 @@ from harmolab.musician.events import bow_turns
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.sequences import PlayedSequence
 from harmolab.readers.player_points import hand_joints
-from harmolab.types import BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion, SingleArray
 
 LATENESS = 0.1  # seconds after a turn at which the network says so: an attack is known by what follows it
 WIDTH = 0.03  # seconds, standard deviation of the bump that marks a turn
@@ -100,10 +99,8 @@ class Bowing:
         ends = np.concatenate([each[1:] for each in at_turns])
         long = np.abs(shifts) > SHORTEST
         free = long & (np.minimum(ends, 1 - ends) > AT_END)
-        if free.sum() < LEAST_STROKES:
-            raise ValueError(
-                f"a bow is learnt from {LEAST_STROKES} strokes or more; these recordings have {free.sum()}"
-            )
+        if (count := free.sum()) < LEAST_STROKES:
+            raise ValueError(f"a bow is learnt from {LEAST_STROKES} strokes or more; these recordings have {count}")
         law = np.linalg.lstsq(_law_terms(np.concatenate(sounds))[free], np.log(np.abs(shifts[free])), rcond=None)[0]
         contrasts = np.concatenate([stroke_contrasts(each) for each in sounds])
         start = float(np.mean([each[0] for each in at_turns if each.size]))
@@ -160,7 +157,7 @@ def turns_of(signal: FloatArray, rate: float) -> FloatArray:
     return times[times > 0]
 
 
-def loudness(sound: NDArray[np.float32], params: Audio2BodyParams) -> FloatArray:
+def loudness(sound: SingleArray, params: Audio2BodyParams) -> FloatArray:
     """(T,) log mean energy of each frame of what is heard (T, F); of notes, the log energy of the loudest key."""
     if params.hears == "sound":
         return sound[:, params.mfcc].astype(np.float64)

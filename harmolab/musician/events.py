@@ -437,9 +437,7 @@ def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
     return {side: note_beats(part, duration) for side, part in parts.items() if len(part)}
 
 
-def _scored(
-    onsets: BeatTrack, events: BeatTrack, *, params: HarmonyParams, n_rotations: int, seed: int
-) -> HarmonyScore:
+def _scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
     """The score from the first onset to the last, give or take the delay; times stay those of the motion.
 
     Before and after there is nothing to hit, and rotated hands that fall silent there would make chance look small.

@@ -338,9 +338,7 @@ def player_points(points: FloatArray, names: tuple[str, ...], fps: Any, *, extra
     return PlayerPoints(motion, np.nan_to_num(rows[:, keep, 2]), detected)
 
 
-def _source(
-    path: Path, size: tuple[float, float] | None, mirrored: bool | None, is_musician: IsMusician | None
-) -> _Source:
+def _source(path: Path, size: Sequence[float] | None, mirrored: bool | None, is_musician: IsMusician | None) -> _Source:
     """The points of one file or folder, the player's left being left."""
     about: Mapping[str, Any] = {} if size is None else {"size": checked_size(size)}
     if path.is_dir():

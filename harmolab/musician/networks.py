@@ -6,7 +6,6 @@ from typing import Any, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from harmolab.body.skeletons import Skeleton
@@ -20,7 +19,7 @@ from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.systems.training.about import stored_skeleton
 from harmolab.systems.training.layers import Normaliser
 from harmolab.systems.training.weights import stored_record, whole
-from harmolab.types import Audio, FloatArray, Motion, Notes
+from harmolab.types import Audio, FloatArray, Motion, Notes, SingleArray
 
 State = tuple[Tensor, Tensor]
 
@@ -75,7 +74,7 @@ class SoundToPoints(nn.Module):
         return components, state
 
     @torch.no_grad()
-    def predicted(self, steps: NDArray[np.float32]) -> FloatArray:
+    def predicted(self, steps: SingleArray) -> FloatArray:
         """Components (S, n) of the sound (S, F) of one recording, in evaluation mode."""
         components, _ = self.eval()(torch.from_numpy(steps)[None].to(self.sound_scale.mean.device))
         return np.asarray(components[0].double().cpu().numpy())
@@ -199,9 +198,7 @@ def synthesize_performance(
     return Motion(predicted_points(network, sound)[first:].reshape(count, -1, 2), params.fps, network.skeleton)
 
 
-def predicted_points(
-    network: SoundToPoints, sound: NDArray[np.float32], *, strokes: Strokes | None = None
-) -> FloatArray:
+def predicted_points(network: SoundToPoints, sound: SingleArray, *, strokes: Strokes | None = None) -> FloatArray:
     """Points (T, 2 P) for what is heard (T, F), in one pass over the whole recording.
 
     With `bow_phase`, `strokes` may be given in place of those that `predicted_strokes` hears.
@@ -216,7 +213,7 @@ def predicted_points(
     return bow.at_place(points, bow.places(strokes, len(points), params.fps))
 
 
-def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Strokes:
+def predicted_strokes(network: SoundToPoints, sound: SingleArray) -> Strokes:
     """The strokes of the bow for what is heard (T, F); ValueError for a network without `bow_phase`."""
     bow = network.bow
     if bow is None:
@@ -226,7 +223,7 @@ def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Str
     return bow.strokes(turns_of(signal, params.step_rate), loudness(sound, params), params.fps)
 
 
-def _predicted_steps(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:
+def _predicted_steps(network: SoundToPoints, sound: SingleArray) -> FloatArray:
     """Outputs of the network, (S + delay, n) steps, over a whole recording (T, F)."""
     params = network.params
     return network.predicted(continued(steps_of(sound, params.upsample), params.delay_steps))

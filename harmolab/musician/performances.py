@@ -303,9 +303,7 @@ def load_notes(path: PathLike) -> Notes:
         onsets, offsets, keys = (np.array(number_column(columns, name)) for name in _NEEDED)
         bad = ~(np.isfinite(keys) & (keys == np.round(keys)) & (keys >= 0) & (keys <= 127))
         if bad.any():
-            raise ValueError(
-                f"midi must be whole numbers from 0 to 127, got {columns['midi'][int(bad.argmax())][:30]!r}"
-            )
+            raise ValueError(f"midi must be whole numbers from 0 to 127, got {columns['midi'][bad.argmax()][:30]!r}")
         loudness = np.array(number_column(columns, "loudness")) if "loudness" in columns else np.ones(keys.size)
         if loudness.size and 1 < loudness.max() <= 127:
             raise ValueError(f"loudness reaches {loudness.max():g}; these are MIDI velocities: divide them by 127")
@@ -563,10 +561,8 @@ def split_by_piece(
     seconds = np.array([one.motion.duration for one in performances])
     shares = np.array([1 - validation_share - test_share, validation_share, test_share])
     count = int(groups.max(initial=-1)) + 1
-    if count < (shares > 0).sum():
-        raise ValueError(
-            f"{len(performances)} performances are of {count} pieces: too few for {(shares > 0).sum()} sides"
-        )
+    if count < (needed := (shares > 0).sum()):
+        raise ValueError(f"{len(performances)} performances are of {count} pieces: too few for {needed} sides")
     deficits, sides = shares * seconds.sum(), np.zeros(count, np.int64)
     for turn, group in enumerate(np.random.default_rng(seed).permutation(count)):
         needy = np.flatnonzero(shares > 0)[::-1]

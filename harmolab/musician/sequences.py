@@ -21,7 +21,7 @@ from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
 
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
 NO_NOTES = "has no notes.csv, from which this network learns"
@@ -144,7 +144,7 @@ class PlayedSequence:
 
     name: str
     piece: str
-    sound: NDArray[np.float32]
+    sound: SingleArray
     points: FloatArray
     learnt: BoolArray
     accepted: BoolArray
@@ -266,9 +266,7 @@ class PlayedWindows:
         return self.take(order[count:].sort().values), self.take(order[:count].sort().values)
 
 
-def _cut(
-    sequence: PlayedSequence, space: PointSpace, params: Audio2BodyParams, length: int
-) -> tuple[NDArray[np.float32], ...]:
+def _cut(sequence: PlayedSequence, space: PointSpace, params: Audio2BodyParams, length: int) -> tuple[SingleArray, ...]:
     """Windows of one sequence: sound, target, mask, residual."""
     components = space.encode(sequence.points)
     residual = np.square(sequence.points - space.decode(components)).mean(axis=1)
@@ -281,7 +279,7 @@ def _cut(
     return values[0], values[1][..., :-1], values[2][..., 0], values[1][..., -1]
 
 
-def _windows(steps: NDArray[np.float32], length: int) -> NDArray[np.float32]:
+def _windows(steps: SingleArray, length: int) -> SingleArray:
     """(W, length, C) windows of steps (S, C), zeros after the last."""
     return np.pad(steps, ((0, -len(steps) % length), (0, 0))).reshape(-1, length, steps.shape[1])
 

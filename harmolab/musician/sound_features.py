@@ -7,16 +7,13 @@ from functools import cache, partial
 
 import numpy as np
 import soxr
-from numpy.typing import NDArray
 from scipy.fft import dct
 
 from harmolab.beats.audio import single_samples
 from harmolab.files import import_librosa
 from harmolab.musician.params import HIGH_TONE, KEYS, LOW_TONE, LOWEST_KEY, Audio2BodyParams
 from harmolab.systems.training.features import cached_table
-from harmolab.types import Audio, FloatArray, Notes
-
-SingleArray = NDArray[np.float32]
+from harmolab.types import Audio, FloatArray, Notes, SingleArray
 
 RATE = 44100.0  # hertz at which everything is listened to
 SILENCE = 1e-6  # root mean square below which there is no sound, and what is added before logarithms
@@ -202,7 +199,5 @@ def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
         fmax=min(NOTE_RANGE[1], audio.sample_rate / 2),
     )
     decibels = librosa.power_to_db(bands, ref=np.max)
-    strength = librosa.onset.onset_strength(
-        S=decibels, sr=audio.sample_rate, hop_length=hop, lag=2, max_size=5, center=False
-    )
+    strength = librosa.onset.onset_strength(S=decibels, sr=audio.sample_rate, lag=2, max_size=5, center=False)
     return np.asarray(strength, dtype=np.float64), audio.sample_rate / hop

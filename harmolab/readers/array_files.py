@@ -34,6 +34,7 @@ from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, MissingFrameRate, Pat
 from harmolab.readers import keypoints, motion_file
 from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
 from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
+from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
 from harmolab.types import FloatArray, Motion
 
@@ -69,9 +70,7 @@ def is_joints(shape: tuple[int, ...]) -> bool:
     )
 
 
-def joint_motion(
-    values: Any, options: motion_file.ReadingOptions, own_fps: float | None = None, kind: str = ""
-) -> motion_file.MotionFile:
+def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = None, kind: str = "") -> MotionFile:
     """The motion of joints in space; call it inside `harmolab.files.reading`.
 
     Parameters
@@ -103,10 +102,10 @@ def joint_motion(
     factor, unit = motion_file.metre_factor(joints, options)
     places, up = _upright(in_metres(joints, factor), skeleton, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
-    return motion_file.MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
+    return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
 
 
-def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -> MotionFile:
     """The motion of Bailando's files of a frame, in their order.
 
     Raises
@@ -132,13 +131,13 @@ def frame_motion(folder: Path, files: Sequence[Path], options: motion_file.Readi
         return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
 
 
-def _upright(places: FloatArray, skeleton: Skeleton, options: motion_file.ReadingOptions) -> tuple[FloatArray, str]:
+def _upright(places: FloatArray, skeleton: Skeleton, options: ReadingOptions) -> tuple[FloatArray, str]:
     """Places with y up and a sentence; y where the body does not tell, as in files of our own."""
     try:
         return motion_file.guessed_up(places, skeleton.joints, options)
     except ValueError:
         reason = "assumed: the body lies, or turns over, and does not tell; --up overrules it"
-        return places, motion_file.Assumption(f"y up ({reason})", "axis assumed: y up")
+        return places, Assumption(f"y up ({reason})", "axis assumed: y up")
 
 
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
@@ -156,25 +155,25 @@ def _thigh(skeleton: Skeleton, side: str) -> list[tuple[int, int]]:
     return [(skeleton.joints.index(f"{side}_hip"), skeleton.joints.index(f"{side}_knee"))]
 
 
-def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[motion_file.Assumption, ...]]:
+def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[Assumption, ...]]:
     """The skeleton of joints (T, J, 3) whose bones keep their lengths, and remarks on what that leaves open."""
     usual = SKELETONS[joints.shape[1]]
-    skeleton, remarks = usual, list[motion_file.Assumption]()
+    skeleton, remarks = usual, list[Assumption]()
     other = _OTHERS.get(joints.shape[1], usual)
     # Not as shares of the lengths: those would favour whichever skeleton joins what lies far apart.
     if _spread_and_length(joints, other.bones)[0] < _BETTER * _spread_and_length(joints, usual.bones)[0]:
         skeleton, name = other, _NAMES[other]
         brief = f"order of joints guessed: {name}"
-        remarks.append(motion_file.Assumption(f"the joints of {name} (guessed: its bones keep their lengths)", brief))
+        remarks.append(Assumption(f"the joints of {name} (guessed: its bones keep their lengths)", brief))
     shorter, longer = sorted(_spread_and_length(joints, _thigh(skeleton, side))[1] for side in ("left", "right"))
     if longer > _LOPSIDED * shorter:
         doubt = f"the joints of {_NAMES[skeleton]} (guessed: one thigh is {shorter:.3g} long, one {longer:.3g}; "
         brief = "order of joints in doubt"
-        remarks.append(motion_file.Assumption(f"{doubt}an .npz holds names of its own)", brief))
+        remarks.append(Assumption(f"{doubt}an .npz holds names of its own)", brief))
     spread, length = _spread_and_length(joints, skeleton.bones)
     if not spread <= _STEADY * length:
         reason = f"bones change their lengths by {spread / length:.0%}; SMPL rotations are read from .npz or .pkl"
-        remarks.append(motion_file.Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"))
+        remarks.append(Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"))
     return skeleton, tuple(remarks)
 
 
@@ -207,7 +206,7 @@ def vector_joints(values: NDArray[Any]) -> FloatArray:
     return np.concatenate([pelvis[:, None], joints], axis=1)
 
 
-def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def humanml_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
     """The motion of vectors (T, 263); call it inside `harmolab.files.reading`.
 
     Raises
@@ -230,36 +229,34 @@ def humanml_motion(values: NDArray[Any], options: motion_file.ReadingOptions) ->
         )
     positions, note = motion_file.stated_up(joints, "y", "as HumanML3D writes", options)
     notes = ("22 joints from the turn and speed of the pelvis and the places in the body", note)
-    return motion_file.MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
+    return MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
 
 
 # Array files, pickles and JSON, told apart by what they hold
 
-_NAMED = motion_file.Assumption(
+_NAMED = Assumption(
     f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",
     f"{AIST_FPS:g} frames a second assumed by the name",
 )
-_WORLD = motion_file.Assumption(
+_WORLD = Assumption(
     "MediaPipe's landmarks in metres (guessed: the hips stay at the origin)", "landmarks in metres guessed"
 )
-_SQUARE = motion_file.Assumption(
+_SQUARE = Assumption(
     "shares of a square picture (assumed; else multiply x by width over height)", "picture assumed square"
 )
-_OPENPOSE = motion_file.Assumption(
+_OPENPOSE = Assumption(
     "the joints of OpenPose (guessed by their number; an .npz names its own)", "order of joints guessed: OpenPose"
 )
-_METRES = motion_file.Assumption(
-    "metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres"
-)
+_METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
 
 
-def load_pickle(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def load_pickle(path: PathLike, options: ReadingOptions) -> MotionFile:
     """AIST++ keypoints3d, SMPL parameters, or joints in space."""
     with reading(path, "a pickle of arrays") as file:
         return _content_motion(read_array_pickle(file.read_bytes()), file, options)
 
 
-def _content_motion(content: dict[str, Any], file: Path, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions) -> MotionFile:
     """The motion in a dictionary of arrays."""
     if is_parameters(content):
         return parameter_motion(content, file, options)
@@ -271,23 +268,19 @@ def _content_motion(content: dict[str, Any], file: Path, options: motion_file.Re
     return _joint_motion(values, file, options)
 
 
-def _joint_motion(
-    values: Any, file: Path, options: motion_file.ReadingOptions, own_fps: float | None = None
-) -> motion_file.MotionFile:
+def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
     """Joints in space at the rate that their file tells, else at that of its name."""
     rate, notes = (own_fps, ()) if own_fps is not None else _named_rate(file, options)
     read = joint_motion(values, options, rate)
     return read._replace(notes=(*read.notes, *notes))
 
 
-def _named_rate(
-    file: Path, options: motion_file.ReadingOptions
-) -> tuple[float | None, tuple[motion_file.Assumption, ...]]:
+def _named_rate(file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
     """The rate of a file by its name, unless one is passed, and the note on it."""
     return (AIST_FPS, (_NAMED,)) if options.fps is None and is_aist_name(file) else (None, ())
 
 
-def load_json(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
     """Joints in space, or key points of a pose estimator."""
     with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
         content = keypoints.json_or_lines(file)
@@ -301,14 +294,14 @@ def load_json(path: PathLike, options: motion_file.ReadingOptions) -> motion_fil
         return _joint_motion(values, file, options, own)
 
 
-def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[motion_file.Assumption, ...]:
+def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[Assumption, ...]:
     """The note on what key points leave open unless their file is about it: metres, or the shape of the picture."""
     if motion.positions.shape[2] == 3:
         return () if "world" in about else (_WORLD,)
     return (_SQUARE,) if np.median(np.abs(motion.positions)) < 1 and "aspect" not in about else ()
 
 
-def load_npy(path: PathLike, options: motion_file.ReadingOptions) -> motion_file.MotionFile:
+def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
     """A `.npy` array: joints in space, image coordinates, landmarks with their visibility, vectors, a dictionary."""
     with reading(path, "a .npy array") as file:
         with file.open("rb") as stream:

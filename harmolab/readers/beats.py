@@ -29,13 +29,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats, beat_strengths, sounding_span
 from harmolab.beats.tempo import NEAR, STEADY, Grid
 from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, read_json, read_text, reading, write_text
 from harmolab.readers.arrays import number_array
-from harmolab.types import Audio, BeatTrack, FloatArray, check_kind
+from harmolab.types import Audio, BeatTrack, FloatArray, IntArray, check_kind
 
 # Annotations are not read from a curve; they are good to a millisecond at best.
 ANNOTATION_RATE = 1000.0
@@ -94,7 +93,7 @@ class BeatAnnotation:
     offset: float | None = None
     source: str = ""
     strengths: FloatArray | None = None
-    places: NDArray[np.int64] | None = None
+    places: IntArray | None = None
     fit: float | None = None
 
     def __post_init__(self) -> None:
@@ -108,7 +107,7 @@ class BeatAnnotation:
         if self.offset is not None and not math.isfinite(self.offset):
             raise ValueError(f"motion_offset_s must be finite, got {self.offset}")
 
-    def bar_places(self) -> NDArray[np.int64] | None:
+    def bar_places(self) -> IntArray | None:
         """Place of each beat in its bar, (B,), 0 for the downbeat; None without places, downbeats and units.
 
         Places that the file names stay as they are; without them, beats are counted in bars of one length. Units of

@@ -22,7 +22,7 @@ from harmolab.files import PathLike, reading
 from harmolab.readers.arrays import check_joints, checked_motion, in_metres
 from harmolab.readers.keypoints import filled_points
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, stated_up
-from harmolab.types import FloatArray
+from harmolab.types import BoolArray, FloatArray
 
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "meters": 1.0, "metres": 1.0}
 SECONDS = 20.0  # that reading may take, and one more for every `BYTES_A_SECOND`
@@ -96,7 +96,7 @@ def _content(file: Path) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _points(arrays: dict[str, NDArray[Any]]) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _points(arrays: dict[str, NDArray[Any]]) -> tuple[FloatArray, BoolArray]:
     """Places (T, J, 3) and the mask (T, J) of those that are there: finite, with a residual that is not negative."""
     points, residuals = arrays["points"].transpose(2, 1, 0), arrays["residuals"].T
     if not points.size or points.shape[2] != 3 or residuals.shape != points.shape[:2]:
@@ -119,9 +119,7 @@ def _unit(unit: str, options: ReadingOptions) -> tuple[float, str]:
     return factor, f"in {unit.strip()} (POINT:UNITS)"
 
 
-def _upright(
-    places: FloatArray, names: tuple[str, ...], screen: str, options: ReadingOptions
-) -> tuple[FloatArray, str]:
+def _upright(places: FloatArray, names: Sequence[str], screen: str, options: ReadingOptions) -> tuple[FloatArray, str]:
     """Places with y up, and a sentence."""
     if (own := screen.strip().lower().removeprefix("+")) in ("y", "z"):
         return stated_up(places, own, "POINT:Y_SCREEN of the file", options)

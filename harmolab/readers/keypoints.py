@@ -367,12 +367,7 @@ def described_motion(
 
 
 def keypoints_motion(
-    values: NDArray[Any],
-    fps: Any,
-    *,
-    joints: Sequence[str] | None = None,
-    world: bool | None = None,
-    aspect: float = 1.0,
+    values: np.ndarray, fps: Any, *, joints: Sequence[str] | None = None, world: bool | None = None, aspect: float = 1.0
 ) -> Motion:
     """A Motion from an array of key points; gaps are filled and marked.
 

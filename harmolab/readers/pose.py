@@ -47,7 +47,7 @@ from harmolab.readers.keypoints import MEDIAPIPE_33, filled_points
 from harmolab.readers.pose_child import HEADER, LANDMARKS, MARGIN, READY, painted_over
 from harmolab.readers.video import VideoFrames, opened_container, video_frames
 from harmolab.shape_speed import shape_speed
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
 
 # The process that finds bodies: pictures to it, landmarks back
 
@@ -58,7 +58,7 @@ VALUES = 6  # x, y; world x, y, z; visibility
 WHO = "the process that finds bodies"
 FARTHEST = 20.0  # metres or pictures: no point of a body lies so far from the middle
 
-Landmarks = NDArray[np.float32]  # (33, 6), NaN where nobody is
+Landmarks = SingleArray  # (33, 6), NaN where nobody is
 
 
 class Picture(NamedTuple):
@@ -358,9 +358,9 @@ def _command() -> list[str]:
 
 def _followed_people(
     video: VideoFrames, stride: int, command: Sequence[str], progress: files.Progress
-) -> list[NDArray[np.float32]]:
+) -> list[SingleArray]:
     """The landmarks (T, 33, 6) of each person, the one first whom MediaPipe finds first; NaN where she is not found."""
-    people: list[NDArray[np.float32]] = []
+    people: list[SingleArray] = []
     total = _frame_count(video) // stride
     while len(people) < MOST_PEOPLE:
         label = f"finding body {len(people) + 1}" if people else "finding the body"
@@ -374,7 +374,7 @@ def _followed_people(
     return people
 
 
-def _pictures(video: VideoFrames, stride: int, people: Sequence[NDArray[np.float32]]) -> Iterator[Picture]:
+def _pictures(video: VideoFrames, stride: int, people: Sequence[SingleArray]) -> Iterator[Picture]:
     """The pictures of a video in which these people are painted over; about each second others are looked for."""
     every = max(1, round(LOOK * video.fps / stride))
     for index, pixels in enumerate(itertools.islice(video, 0, None, stride)):
@@ -389,7 +389,7 @@ def _is_somebody(person: Landmarks) -> bool:
     return bool(np.isfinite(person).all() and person[:, 5].mean() >= SEEN)
 
 
-def _is_found(person: NDArray[np.float32]) -> bool:
+def _is_found(person: SingleArray) -> bool:
     """True where a person is found in enough of the pictures."""
     return bool(np.isfinite(person[:, 0, 0]).mean() >= FEWEST_FOUND)
 
@@ -417,7 +417,7 @@ def _frame_count(video: VideoFrames) -> int:
 # From landmarks to a motion
 
 
-def _dancer(people: Sequence[NDArray[np.float32]], fps: float) -> PoseReading:
+def _dancer(people: Sequence[SingleArray], fps: float) -> PoseReading:
     """The person whose shape moves most, of those who are found in enough of the pictures.
 
     Raises
@@ -452,7 +452,7 @@ def _movement(motion: Motion) -> float:
     return float(shape.speed[shape.valid].mean()) if shape.valid.any() else 0.0
 
 
-def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
+def body_motion(landmarks: SingleArray, fps: float) -> PoseReading:
     """The motion of a body from MediaPipe's landmarks; joints that are hardly ever seen are left out, and named.
 
     Parameters
@@ -498,7 +498,7 @@ def _kept_name(path: Path) -> str:
     return f"poses_{digest.hexdigest()[:32]}"
 
 
-def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
+def _kept_people(name: str) -> list[SingleArray] | None:
     """The people kept under a name; None where there are none, or the file is damaged."""
     arrays = files.cached_arrays(name)
     people = None if arrays is None else arrays.get("people")
@@ -510,7 +510,7 @@ def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
     return list(people) if not np.isnan(people[~is_missing]).any() else None
 
 
-def _keep(name: str, people: Sequence[NDArray[np.float32]]) -> None:
+def _keep(name: str, people: Sequence[SingleArray]) -> None:
     """Keep what was read; the oldest readings go where all of them take more than `KEPT_BYTES`."""
     length = min(map(len, people))
     files.keep_arrays(name, {"people": np.stack([person[:length] for person in people])})

@@ -396,9 +396,8 @@ def _placed(
     skeleton = body.body.skeleton
     with np.errstate(over="ignore", invalid="ignore"):
         positions = posed(turns, places, body)
-        is_open = not axis[0]
         positions, note = (
-            guessed_up(positions, skeleton.joints, options) if is_open else stated_up(positions, *axis, options)
+            stated_up(positions, *axis, options) if axis[0] else guessed_up(positions, skeleton.joints, options)
         )
     return checked_motion(positions, rate, skeleton), (body.note, note)
 

@@ -7,7 +7,7 @@ pictures are opened (no playlists, no network), and reading stops at a number of
 import itertools
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -397,9 +397,7 @@ def write_gif(path: PathLike, frames: Iterable[Frame], fps: float) -> None:
         part.write_bytes(content + COMMENT + bytes([len(words)]) + words + b"\0" + END)
 
 
-def _with_palette(
-    path: Path, frames: Iterable[Frame], shape: tuple[int, ...], rate: Fraction
-) -> Iterator[av.VideoFrame]:
+def _with_palette(path: Path, frames: Iterable[Frame], shape: Sequence[int], rate: Fraction) -> Iterator[av.VideoFrame]:
     """The frames in the colours of one palette, which is chosen when all are known."""
     graph = av.filter.Graph()
     source = graph.add_buffer(width=shape[1], height=shape[0], format=av.VideoFormat("rgb24"), time_base=1 / rate)

@@ -150,9 +150,7 @@ class _Blocks(NamedTuple):
         """Blocks of so many beats, of (T,) samples."""
         edges, counts = _block_edges(phase, length)
         blocks = cls(edges, counts, np.zeros((N_RATIOS, phase.size + 1)))
-        mass, first, second = (
-            blocks.sums(np.append(weights * power, 0.0)) for power in (1.0, values, np.square(values))
-        )
+        mass, first, second = (blocks.sums(np.append(weights * power, 0.0)) for power in (1.0, values, values**2))
         mass = np.where(mass > 0, mass, 1.0)
         mean = first / mass
         spread = np.sqrt(np.maximum(second / mass - mean**2, 0.0))

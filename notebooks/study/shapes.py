@@ -14,7 +14,8 @@ from harmolab.systems.music2dance.attributes import N_AUDIO, AttributeClassifier
 from harmolab.systems.music2dance.networks import CONTACTS, DanceNetwork, LstmDancer
 from harmolab.systems.music2dance.sequences import n_cells
 from harmolab.systems.training.layers import KERNEL, TemporalConvolution, parameter_count
-from harmolab.systems.training.units import Batch, SingleArray
+from harmolab.systems.training.units import Batch
+from harmolab.types import SingleArray
 
 
 @dataclass(frozen=True)

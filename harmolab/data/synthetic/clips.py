@@ -195,17 +195,15 @@ def _check_folder(out: Path, expected: set[str]) -> None:
         raise ValueError(f"{out}: is a file; name a folder for the corpus")
     entries = sorted(out.glob("[!.]*"))
     ours = bool(entries) and _read_json(out / "corpus.json").get("source") == "synthetic"
-    for entry in entries:
-        if ours and entry.name == "corpus.json":
+    for each in entries:
+        if ours and each.name == "corpus.json":
             continue
-        if not (ours and entry.is_dir() and _CLIP_NAME.fullmatch(entry.name)):
-            raise ValueError(f"{out}: holds {entry.name}, which no synthetic corpus wrote; choose an empty folder")
-        if entry.name not in expected:
-            raise ValueError(
-                f"{out}: holds {entry.name}, which is not among the clips asked for; choose another folder"
-            )
-        if foreign := sorted(part.name for part in entry.iterdir() if part.name not in PARTS):
-            raise ValueError(f"{entry}: holds {foreign[0]}, which no synthetic corpus wrote; move it elsewhere first")
+        if not (ours and each.is_dir() and _CLIP_NAME.fullmatch(each.name)):
+            raise ValueError(f"{out}: holds {each.name}, which no synthetic corpus wrote; choose an empty folder")
+        if each.name not in expected:
+            raise ValueError(f"{out}: holds {each.name}, which is not among the clips asked for; choose another folder")
+        if foreign := sorted(part.name for part in each.iterdir() if part.name not in PARTS):
+            raise ValueError(f"{each}: holds {foreign[0]}, which no synthetic corpus wrote; move it elsewhere first")
 
 
 def _is_finished(folder: Path, settings: ClipSettings) -> bool:

@@ -227,7 +227,7 @@ def evaluate_dances(
     engine.check_engine_installed(jobs, scheduler)
     out = Path(out)
     plan = begun(settings, out, resume=resume, force=force, progress=progress)
-    parts = measured_parts(plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
+    parts = measured_parts(plan, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
     return finished(settings, plan, parts, out)
 
 
@@ -307,11 +307,11 @@ def _in_order(tasks: Iterable[Pair]) -> list[Pair]:
 
 
 def measured_parts(
-    plan: Plan, tasks: Iterable[Pair], out: Path, *, jobs: int | None, scheduler: str, resume: bool, progress: Progress
+    plan: Plan, out: Path, *, jobs: int | None, scheduler: str, resume: bool, progress: Progress
 ) -> Iterator[pd.DataFrame]:
-    """The rows of some tasks of a plan, by `run_rows`."""
+    """The rows of the tasks of a plan, by `run_rows`."""
     return engine.run_rows(
-        _in_order(tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        _in_order(plan.tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
         stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip

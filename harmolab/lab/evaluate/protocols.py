@@ -25,14 +25,8 @@ from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_join
 from harmolab.files import Arrays, cached_once
 from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.metrics.beat_alignment import beat_align
-from harmolab.metrics.features import (
-    AIST_FPS,
-    diversity,
-    frechet_distance,
-    geometric_features,
-    kinetic_features,
-    point_joints,
-)
+from harmolab.metrics.features import diversity, frechet_distance, geometric_features, kinetic_features, point_joints
+from harmolab.readers.aist import AIST_FPS
 from harmolab.readers.audio import load_sound
 from harmolab.readers.keypoints import COCO_17
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
@@ -422,7 +416,7 @@ _FRAMES = "Frames are counted, not seconds, so the score depends on the frame ra
 _MEANS = "Means are over dances, as published, however many there are to a song."
 # 1 where more is better, -1 where less is. Diversity has neither: papers wish for more, which flailing has.
 BETTER: Mapping[str, int] = MappingProxyType({"BeatAlign": 1, "BAS": 1, "PFC": -1, "FID_k": -1, "FID_g": -1})
-_MUSIC_BEATS = (
+_TRACKING = (
     "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
     "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
 )
@@ -457,7 +451,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "dances, and not for recorded ones.",
                 _FRAMES,
                 _MEANS,
-                _MUSIC_BEATS.format(
+                _TRACKING.format(
                     strength="mean onset strength",
                     prior="that in the name of a song of AIST, 120 beats a minute for others, where the code stops",
                 ),
@@ -499,9 +493,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Without beats of music or motion, as in a frozen clip, the published code stops; here NaN.",
                 _FRAMES,
                 _MEANS,
-                _MUSIC_BEATS.format(
-                    strength="median onset strength of the percussive part", prior="120 beats a minute"
-                ),
+                _TRACKING.format(strength="median onset strength of the percussive part", prior="120 beats a minute"),
                 *_OF_SETS,
                 "Features are of the first 1,200 frames, seen from where the root starts: by the bracket they measure "
                 "how far a dancer goes from there.",

@@ -70,9 +70,7 @@ def measure_shard(
         settings, out, resume=resume, force=force, progress=progress, keep=shard.holds, shard=str(shard)
     )  # fmt: skip
     if plan.tasks:
-        evaluation.measured_parts(
-            plan, plan.tasks, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress
-        )
+        evaluation.measured_parts(plan, out, jobs=jobs, scheduler=scheduler, resume=resume, progress=progress)
     evaluation.write_mark(out, settings, shard=str(shard), rows=len(plan.tasks))  # it is complete
     return len(plan.tasks)
 

@@ -261,9 +261,7 @@ def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[s
     yield f"|---|{'---|' * len(systems)}"
     for count in ("dances", "songs"):
         yield f"| {count} | {' | '.join(str(numbers[count]) for numbers in systems.values())} |"
-    for name in dict.fromkeys(
-        name for numbers in systems.values() for name in numbers if name not in ("dances", "songs")
-    ):
+    for name in dict.fromkeys(name for row in systems.values() for name in row if name not in ("dances", "songs")):
         means = (number_text(numbers[name]["mean"]) if name in numbers else "-" for numbers in systems.values())
         yield f"| {summary.measure_of(name).words} | {' | '.join(means)} |"
     yield f"\n    {measured['command']}\n"

@@ -23,7 +23,7 @@ from harmolab.files import PathLike, Progress, named_faults, silent
 from harmolab.lab.explain.offset import PICTURE, picture_motion
 from harmolab.readers.pose import UNREAD, pose_environment, read_pose
 from harmolab.readers.video import is_video, video_frames
-from harmolab.types import Motion
+from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
 
 # Is the flow of a picture the dancer's movement?
 
@@ -43,18 +43,18 @@ class PictureWatch:
 
     cells: list[NDArray[np.number]] = field(default_factory=list)
 
-    def __call__(self, speed: NDArray[np.float32]) -> None:
+    def __call__(self, speed: SingleArray) -> None:
         """Look at the speed of every pixel (H, W), picture heights per second."""
         moving = np.where(speed > STILL, speed, np.float32(0.0))
         self.cells.append(cv2.resize(moving, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA))
 
     @property
-    def _moving(self) -> NDArray[np.bool_]:
+    def _moving(self) -> BoolArray:
         """(T, ROWS, COLUMNS) whether each cell moves in each picture."""
         return np.stack(self.cells) > STILL / 2
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> FloatArray:
         """(T,) share of the left, right and upper edge that moves in each picture."""
         cells = self._moving
         return np.concatenate([cells[:, :, 0], cells[:, :, -1], cells[:, 0, 1:-1]], axis=1).mean(axis=1)

@@ -30,7 +30,7 @@ from harmolab.files import Progress, silent
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import p_value
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion, SingleArray
 
 STEP = 0.005  # seconds, between the lags that are tried
 FEWEST_BEATS = 4  # of the music inside the motion
@@ -228,7 +228,7 @@ def picture_motion(
     frames: Iterable[NDArray[np.uint8]],
     fps: float,
     *,
-    watch: Callable[[NDArray[np.float32]], None] | None = None,
+    watch: Callable[[SingleArray], None] | None = None,
     progress: Progress = silent,
 ) -> Motion:
     """The movement of a whole picture, as a point on a line.
@@ -367,9 +367,7 @@ def _onsets(audio: Audio, name: str, highest: float) -> FloatArray:
         )
     samples = soxr.resample(audio.samples.astype(np.float32), audio.sample_rate, RATE)
     size, hop = round(WINDOW * RATE), round(HOP * RATE)
-    frequencies, _, spectrum = scipy.signal.stft(
-        samples, RATE, nperseg=size, noverlap=size - hop, boundary="zeros", padded=True
-    )
+    frequencies, _, spectrum = scipy.signal.stft(samples, RATE, nperseg=size, noverlap=size - hop)
     edges = np.geomspace(LOWEST, highest, BANDS + 1)
     power = np.abs(spectrum) ** 2
     bands = np.stack([power[_inside(frequencies, *pair)].mean(axis=0) for pair in pairwise(edges)])

@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
@@ -15,7 +14,7 @@ from harmolab.lab.labs import live
 from harmolab.lab.player_page import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
 from harmolab.score import salient_audio
-from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
+from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, IntArray
 
 NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar
 SEED = 22  # of the measuring error: the same whenever the slider comes back
@@ -49,7 +48,7 @@ class Song:
         return self.tracks["of the clip"].duration
 
     @property
-    def downbeats(self) -> NDArray[np.float64] | None:
+    def downbeats(self) -> FloatArray | None:
         """Annotated first beats of the bars, seconds."""
         if self.annotated is None or self.annotated.bar_places is None:
             return None
@@ -115,7 +114,7 @@ def _track(song: Song, track: BeatTrack) -> dict[str, Any]:
     return {**live.track_evidence(track), "noise": _noise(track), "places": song.places(track)}
 
 
-def _noise(track: BeatTrack) -> NDArray[np.float64]:
+def _noise(track: BeatTrack) -> FloatArray:
     """Measuring error of each beat in standard deviations, (B,) array."""
     return np.random.default_rng(SEED).standard_normal(len(track))
 

@@ -202,14 +202,8 @@ def write_dance(
     motion = _motion(clip)
     if over is None:
         rate = rate or RATE
-        frames = render_dance(
-            motion,
-            fps=rate,
-            height=height,
-            score=(score or _score(clip, motion, params)) if marks else None,
-            begin=begin,
-            follow=follow,
-        )
+        drawn_score = (score or _score(clip, motion, params)) if marks else None
+        frames = render_dance(motion, fps=rate, height=height, score=drawn_score, begin=begin, follow=follow)
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
     else:

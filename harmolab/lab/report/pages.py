@@ -244,11 +244,7 @@ class Chapter:
 
 
 def write_pages(
-    folder: Path,
-    runs: Sequence[NotebookRun],
-    profile: str,
-    committed: Path | None = None,
-    documents: Sequence[Path] = (),
+    folder: Path, runs: list[NotebookRun], profile: str, committed: Path | None = None, documents: Sequence[Path] = ()
 ) -> None:
     """A page for every notebook, and the index, in `folder` beside the figures already there.
 

@@ -34,11 +34,10 @@ DRAWS = ("_figure", "_picture")  # ends of the names of functions that draw; so 
 
 def code_commit(project: Path) -> str:
     """The last commit that changed the code of a project, with "+" where files differ from it; "" without git."""
-    commands = (["log", "-1", "--format=%h"], ["status", "--porcelain"])
     try:
         answers = [
             subprocess.run(["git", *command, "--", *CODE], cwd=project, capture_output=True, text=True, check=True)
-            for command in commands
+            for command in (["log", "-1", "--format=%h"], ["status", "--porcelain"])
         ]
     except (OSError, subprocess.CalledProcessError):
         return ""

@@ -29,7 +29,7 @@ from harmolab.params import BarPattern, check_kinds
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.significance import ranks
 from harmolab.systems.choreographer.takes import Take
-from harmolab.types import BoolArray, FloatArray, IntArray
+from harmolab.types import BoolArray, FloatArray, IntArray, SingleArray
 from harmolab.verdict import bar_pattern
 
 # Costs of a seam, another tempo, a beat out of place and a repetition
@@ -152,7 +152,7 @@ def pulse(signal: ShapeSignal, period: float) -> FloatArray:
 # Beats as nodes, the distances of their clouds, and bar patterns
 
 Complex64 = NDArray[np.complex64]
-Float32 = NDArray[np.float32]
+Float32 = SingleArray
 
 CENTIMETRES = 100.0  # in a metre
 BLOCK = 2**22  # distances computed at a time: 32 MB

@@ -368,7 +368,7 @@ def _packed(take: Take) -> NDArray[np.int16]:
     return places.astype(np.int16)
 
 
-def _unpacked(kept: NDArray[np.int16]) -> NDArray[np.float64]:
+def _unpacked(kept: NDArray[np.int16]) -> FloatArray:
     """Positions (T, J, 3) in metres, of `_packed`."""
     steps = kept[1:].astype(np.int64)
     steps[0] -= kept[0]
@@ -430,7 +430,7 @@ def _takes(arrays: Arrays, entries: list[dict[str, Any]], skeleton: Skeleton) ->
     return tuple(takes)
 
 
-def _stored_take(entry: dict[str, Any], motion: Motion, times: NDArray[np.float64], places: NDArray[Any]) -> Take:
+def _stored_take(entry: dict[str, Any], motion: Motion, times: FloatArray, places: NDArray[Any]) -> Take:
     """One take; ValueError where its beats are no beats of it."""
     meter = _count(entry, "meter", 0, MOST_METER)
     last = (motion.n_frames - 1) / motion.fps

@@ -19,7 +19,7 @@ from harmolab.soft_score import SoftHarmony, soft_harmony
 from harmolab.systems.harmogan.networks import Generator, GeneratorOutput, Networks
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.layers import drawn_by, local_joints
-from harmolab.systems.training.loop import Shard, Tensors
+from harmolab.systems.training.loop import Shard, Tensors, Terms
 
 SPREAD = 0.1  # metres, standard deviation of the place of a joint in a 2-D pose
 FLOOR = 0.03  # metres above its lowest place in a clip, within which a foot is on the floor
@@ -300,27 +300,21 @@ def _mean(values: Tensor, counted: Tensor) -> Tensor:
 
 TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
 SHAPE = 2.0  # weight of the place test in the harmony loss, where valleys have 1
+Patterns = Sequence[BarPattern]
 NOISE = 0.1  # standard deviations, through which discriminators see movement where both are clean
 
 
-def score_batch(
-    generator: Generator, positions: Tensor, batch: Tensors, tau: float, params: HarmonyParams
-) -> SoftHarmony:
+def score_batch(generator: Generator, joints: Tensor, batch: Tensors, tau: float, params: HarmonyParams) -> SoftHarmony:
     """Relaxed harmony of joints (N, T, J, 3) with the batch's music, over each clip's own meter."""
     prior, length = (batch.index * batch.mask).sum(dim=1), batch.mask.sum(dim=1)
     return soft_harmony(
-        positions, batch.beats, batch.strengths, batch.beat_mask, batch.mask,
+        joints, batch.beats, batch.strengths, batch.beat_mask, batch.mask,
         fps=generator.fps, tau=tau, params=params, span=torch.stack([prior, length], dim=1) / generator.fps,
     )  # fmt: skip
 
 
 def sketch_harmony(
-    generator: Generator,
-    motion: Tensor,
-    batch: Tensors,
-    params: TrainParams,
-    tau: float,
-    patterns: Sequence[BarPattern],
+    generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, patterns: Patterns
 ) -> Tensor:
     """Loss of harmony in the body, over whole units: by the bar pattern of those that have one, else by valleys.
 
@@ -352,7 +346,7 @@ def body_joints(generator: Generator, motion: Tensor) -> Tensor:
     return joints - joints[:, :, root : root + 1]
 
 
-def pose_terms(generator: Generator, output: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+def pose_terms(generator: Generator, output: GeneratorOutput, batch: Tensors, params: TrainParams) -> Terms:
     """L_kl over the 2-D poses and L_mse over the standardised motion (Eq. 24-25)."""
     flat = local_joints(batch.motion)[..., :2]  # recorded 2-D poses V_2d: x and y as seen from the front
     error = motion_error(generator, output.motion, batch, params.epsilon)
@@ -365,9 +359,7 @@ def motion_error(generator: Generator, motion: Tensor, batch: Tensors, epsilon: 
     return charbonnier_mse(scale(motion), scale(batch.motion), batch.index, batch.mask, epsilon=epsilon)
 
 
-def discriminator_terms(
-    networks: Networks, output: GeneratorOutput, shard: Shard, params: TrainParams
-) -> dict[str, Tensor]:
+def discriminator_terms(networks: Networks, output: GeneratorOutput, shard: Shard, params: TrainParams) -> Terms:
     """The losses (Eq. 29-30) of the discriminators that have a weight, on recorded and on generated coded motion.
 
     Of generators that correct sketches both see through noise: else the tremor of recorded joints gives them away at
@@ -408,8 +400,8 @@ def half_a_beat_late(batch: Tensors) -> Tensor:
 
 def generator_terms(
     networks: Networks, output: GeneratorOutput, shard: Shard, params: TrainParams, tau: float,
-    patterns: Sequence[BarPattern] = (),
-) -> dict[str, Tensor]:  # fmt: skip
+    patterns: Patterns = (),
+) -> Terms:  # fmt: skip
     """Terms of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting."""
     batch, motion = shard.own, output.motion
     if params.sketches:
@@ -425,9 +417,7 @@ def generator_terms(
     return terms
 
 
-def paper_terms(
-    networks: Networks, output: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float
-) -> dict[str, Tensor]:
+def paper_terms(networks: Networks, output: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float) -> Terms:
     """L_kl, L_mse, L_feature and L_harmo, of joints in the room (Eq. 24-27)."""
     generator, motion = networks.generator, output.motion
     terms = pose_terms(generator, output, batch, params)
@@ -441,19 +431,14 @@ def paper_terms(
 
 
 def sketch_terms(
-    generator: Generator,
-    motion: Tensor,
-    batch: Tensors,
-    params: TrainParams,
-    tau: float,
-    patterns: Sequence[BarPattern],
-) -> dict[str, Tensor]:
+    generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, patterns: Patterns
+) -> Terms:
     """Harmony in the body, and what keeps a corrected movement near its sketch and as natural; all whose weight counts.
 
     A skeleton whose feet have no names has no "foot".
     """
     fps, sketch, mask = generator.fps, batch.initial, batch.mask
-    terms: dict[str, Tensor] = {}
+    terms: Terms = {}
     if params.harmony_weight:
         terms["harmony"] = sketch_harmony(generator, motion, batch, params, tau, patterns)
     bodies = (body_joints(generator, motion), body_joints(generator, sketch))

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from harmolab.body.skeletons import Skeleton, joint_part, subtree
@@ -30,7 +29,7 @@ from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
 from harmolab.systems.training.weights import MOST_LAYERS, load_weights, renamed, whole
-from harmolab.types import FloatArray, Motion
+from harmolab.types import FloatArray, Motion, SingleArray
 
 
 @torch.no_grad()
@@ -148,7 +147,7 @@ class Generator(DancerNetwork):
             code[new:end] = continued(code[:new], motion[new - now :], self.fps)
         return code[-origin : source.n_frames - origin]
 
-    def _meter(self, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
+    def _meter(self, music: SingleArray, code: FloatArray, n_prior: int) -> FloatArray:
         """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
         initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
         inputs = (torch.from_numpy(each[None]).to(self.bone_lengths.device) for each in (music, initial))

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.data.recordings import Recording, load_recording, recording_beats
 from harmolab.files import Progress, silent
@@ -27,7 +26,7 @@ from harmolab.systems.training.groups import motion_in_space, sequence_name
 from harmolab.systems.training.motion_code import bone_lengths, coded, fixed_bones
 from harmolab.systems.training.splits import SIDES, Split, stretches, training_spans
 from harmolab.systems.training.units import DanceUnit
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, Motion, SingleArray
 
 SKETCHES = "sketches"  # folder of a run: the movement whose dances are corrected; or a style in its description
 HALF_A_BEAT = 0.5
@@ -48,8 +47,8 @@ class Song(NamedTuple):
     None where it is to stay as it is.
     """
 
-    codes: list[NDArray[np.float32]]
-    recorded: NDArray[np.float32] | None
+    codes: list[SingleArray]
+    recorded: SingleArray | None
     track: BeatTrack
     start: float
     pattern: int
@@ -125,7 +124,7 @@ def _danced(
     return Song([coded(motion, fps) for motion in dances], recorded, track, clip.offset, pattern)
 
 
-def _clean(motion: Motion, fps: float) -> NDArray[np.float32]:
+def _clean(motion: Motion, fps: float) -> SingleArray:
     """The code of a recorded motion whose bones have one length, and whose feet stand."""
     skeleton, positions = motion.skeleton, motion.positions
     whole = fixed_bones(positions, skeleton.parents, bone_lengths(positions, skeleton))
@@ -144,12 +143,12 @@ def _training_units(units: Sequence[DanceUnit], song: Song, params: TrainParams)
             yield named if song.recorded is None else replace(named, motion=_cut(song.recorded, unit, song))
 
 
-def _with_sketch(unit: DanceUnit, song: Song, code: NDArray[np.float32], shift: int = 0) -> DanceUnit:
+def _with_sketch(unit: DanceUnit, song: Song, code: SingleArray, shift: int = 0) -> DanceUnit:
     """A unit with its stretch of a dance, `shift` frames later, and what is known of its bars."""
     return replace(unit, sketch=_cut(code, unit, song, shift), bar=(song.pattern, _place(song, unit)))
 
 
-def _cut(code: NDArray[np.float32], unit: DanceUnit, song: Song, shift: int = 0) -> NDArray[np.float32]:
+def _cut(code: SingleArray, unit: DanceUnit, song: Song, shift: int = 0) -> SingleArray:
     """The stretch of a dance's code that belongs to a unit, `shift` frames later; at its ends the nearest whole one."""
     first = round((unit.start - song.start) * unit.fps) + shift
     begin = min(max(first, 0), max(len(code) - unit.n_frames, 0))

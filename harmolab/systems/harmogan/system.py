@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from harmolab.files import PathLike
 from harmolab.metrics.likeness import LikenessLimits
@@ -25,7 +24,7 @@ from harmolab.systems.training.network_system import PRESETS, NetworkSystem, cha
 from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.units import filled_beats, load_units, recording_folders
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion, SingleArray
 
 LOSSES = ("recommended", "paper")
 HOP = 6  # beats from one unit of a song to the next
@@ -171,7 +170,7 @@ def corrected(generator: Generator, sketch: Motion, request: DanceRequest) -> Mo
     return Motion(positions, sketch.fps, sketch.skeleton)
 
 
-def song_corrections(generator: Generator, code: NDArray[np.float32], request: DanceRequest) -> FloatArray:
+def song_corrections(generator: Generator, code: SingleArray, request: DanceRequest) -> FloatArray:
     """The generator's corrections (T, C) of a whole dance (T, C), unit by unit.
 
     Units of eight beats begin every six; the first beat of each is thrown away, and the corrections, not the joints,

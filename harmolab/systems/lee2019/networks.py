@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
 from harmolab.beats.visual import visual_beats
@@ -33,7 +33,7 @@ from harmolab.systems.training.motion_code import continued, frames_at
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.systems.training.weights import stored_record
-from harmolab.types import FloatArray, Motion
+from harmolab.types import FloatArray, Motion, SingleArray
 
 # Dance units: four beats in 32 frames, and back to any music
 
@@ -42,7 +42,7 @@ FIRST, BEAT = 3, 8  # frame of its first beat, frames from beat to beat
 REACH = 0.25  # of a beat: a speed valley further from a music beat is not its rest
 
 
-def piece_set(units: UnitSet, *, beats: Beats, sequence: int) -> NDArray[np.float32]:
+def piece_set(units: UnitSet, *, beats: Beats, sequence: int) -> SingleArray:
     """The pieces of all units, (N, sequence, 32, C) motion codes.
 
     Raises
@@ -55,7 +55,7 @@ def piece_set(units: UnitSet, *, beats: Beats, sequence: int) -> NDArray[np.floa
     return np.stack([unit_pieces(unit, motion, beats, sequence) for unit, motion in pairs])
 
 
-def unit_pieces(unit: DanceUnit, motion: Motion, beats: Beats, sequence: int) -> NDArray[np.float32]:
+def unit_pieces(unit: DanceUnit, motion: Motion, beats: Beats, sequence: int) -> SingleArray:
     """The first `sequence` pieces of a unit one after the other, (sequence, 32, C).
 
     The first piece begins three eighths of a beat before the unit. There its first frames are mirrored in time and

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, l1_loss, mse_loss
 
@@ -27,6 +26,7 @@ from harmolab.systems.training.network_system import PresetSystem
 from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import UnitSet, collate
+from harmolab.types import SingleArray
 
 # Batches, the networks' output for them in each phase, and its loss terms
 
@@ -307,7 +307,7 @@ def split_pieces(network: DancingToMusic, units: UnitSet, device: torch.device |
     return piece_tensors(network, units, codes, device)
 
 
-def initial_network(units: UnitSet, codes: NDArray[np.float32], params: LeeParams) -> DancingToMusic:
+def initial_network(units: UnitSet, codes: SingleArray, params: LeeParams) -> DancingToMusic:
     """Untrained networks of the run's seed that normalise by the training units and their pieces (N, S, 32, C)."""
     with drawn_by(params.seed):
         network = DancingToMusic(

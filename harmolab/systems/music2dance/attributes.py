@@ -11,7 +11,6 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 import scipy
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
@@ -29,7 +28,7 @@ from harmolab.systems.training.network_system import Learner, preset_settings
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.units import recording_folders
 from harmolab.systems.training.weights import stored_record
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, IntArray, SingleArray
 
 Front = Literal["convolution", "frames"]
 N_AUDIO = 15
@@ -96,7 +95,7 @@ class Song(NamedTuple):
     """The features (M, 15) of a song, found without knowing its dance, and the number of its class."""
 
     name: str
-    music: NDArray[np.float32]
+    music: SingleArray
     label: int
 
 
@@ -128,12 +127,12 @@ class AttributeClassifier(nn.Module):
     def forward(self, music: Tensor) -> Tensor:
         return self.verdict(self.encoder(self.audio_scale(music)).mean(dim=1))
 
-    def probabilities(self, music: NDArray[np.float32]) -> FloatArray:
+    def probabilities(self, music: SingleArray) -> FloatArray:
         """Of each class (K,) for a song's features (M, 15): mean over its windows (R13)."""
         return self.window_probabilities(music).mean(axis=0)
 
     @torch.no_grad()
-    def window_probabilities(self, music: NDArray[np.float32]) -> FloatArray:
+    def window_probabilities(self, music: SingleArray) -> FloatArray:
         """Of each class in each window, (N, K)."""
         self.eval()
         device = self.audio_scale.mean.device
@@ -154,13 +153,13 @@ class AttributeClassifier(nn.Module):
         return cls(stored_record(AttributeParams, build["params"]), classes)
 
 
-def song_windows(music: NDArray[np.float32], params: AttributeParams) -> NDArray[np.float32]:
+def song_windows(music: SingleArray, params: AttributeParams) -> SingleArray:
     """Windows (N, M', 15) of a song's features, `hop` apart, the last at its end; a short song is filled with zeros."""
     music = np.pad(music, ((0, max(0, params.n_cells - len(music))), (0, 0)))
     return np.stack([music[start : start + params.n_cells] for start in window_starts(len(music), params)])
 
 
-def window_starts(cells: int, params: AttributeParams) -> NDArray[np.int64]:
+def window_starts(cells: int, params: AttributeParams) -> IntArray:
     """First moment of each window of a song of so many moments: (N,)."""
     last = max(0, cells - params.n_cells)
     hop = max(1, round(params.hop * params.rate))
@@ -316,7 +315,7 @@ def load_songs(roots: Sequence[PathLike], *, progress: Progress = silent) -> Son
         A root is missing, or there are no two songs of two dances.
     """
     folders, notes = recording_folders(roots)
-    labelled: list[tuple[str, NDArray[np.float32], str]] = []
+    labelled: list[tuple[str, SingleArray, str]] = []
     for folder in progress(folders, "reading songs"):
         name = f"{folder.resolve().parent.name}/{folder.name}"
         try:
@@ -341,12 +340,12 @@ def load_songs(roots: Sequence[PathLike], *, progress: Progress = silent) -> Son
     return SongSet(tuple(songs), classes, tuple(notes))
 
 
-def is_same_song(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+def is_same_song(one: SingleArray, other: SingleArray) -> bool:
     """True where the middle of one song's features (M, 15) is somewhere in the other's, or the other way round."""
     return max(_likeness(one, other), _likeness(other, one)) > SAME
 
 
-def _likeness(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+def _likeness(one: SingleArray, other: SingleArray) -> float:
     """Highest correlation of the middle 20 s of one song's onsets and chroma with as long a stretch of another's."""
     parts = [part[:, SOUND].astype(np.float64) for part in (one, other)]
     query, song = (part - part.mean(axis=0) for part in parts)

@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 import torch
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import expit
 
@@ -22,12 +21,11 @@ from harmolab.systems.music2dance.networks import CONTACTS, MOST_SPREAD, DanceNe
 from harmolab.systems.music2dance.sequences import LEAST_STD, cells_from, n_cells
 from harmolab.systems.training.feet import on_floor, standing_dancer
 from harmolab.systems.training.layers import Normaliser
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, SingleArray
 
 Feet = Literal["planted", "model", "none"]
 FEET: tuple[Feet, ...] = ("planted", "model", "none")
 EDGE = 1e-3  # weight of a window at its ends
-SingleArray = NDArray[np.float32]
 Step = tuple[SingleArray, SingleArray, SingleArray]
 
 

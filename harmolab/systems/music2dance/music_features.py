@@ -5,14 +5,11 @@ The paper takes them from madmom. Ours are librosa's onsets and chroma and the p
 
 import numpy as np
 import soxr
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, LATENESS, audio_beats
 from harmolab.files import import_librosa
 from harmolab.systems.training.features import cached_table
-from harmolab.types import Audio, BeatTrack, FloatArray
-
-SingleArray = NDArray[np.float32]
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, SingleArray
 
 CHANNELS = ("onset", "beat", "downbeat", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 RATE = 22050.0  # hertz at which everything is listened to
@@ -69,7 +66,7 @@ def marked(times: FloatArray, cells: int, rate: float) -> FloatArray:
     return np.minimum(values[:cells], 1.0)
 
 
-def accented_place(beats: BeatTrack, *, meter: int = 4) -> NDArray[np.bool_]:
+def accented_place(beats: BeatTrack, *, meter: int = 4) -> BoolArray:
     """Every `meter`-th beat, (B,) mask: those that are strongest on the whole. A guess: in 4/4 it is often another.
 
     >>> track = BeatTrack(np.arange(1, 9) / 2, np.tile([1.0, 2.0, 1.0, 1.0], 2), 100.0, 5.0)

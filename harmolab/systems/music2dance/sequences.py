@@ -31,9 +31,8 @@ from harmolab.systems.training.layers import PATH_CHANNELS, Statistics, channel_
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import CutRecording, UnitSet, cut_recording, grouped_units, read_recordings
-from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, IntArray, Motion, SingleArray
 
-SingleArray = NDArray[np.float32]
 VALID_SHARE = 0.9  # of a window's frames must be recorded movement
 
 
@@ -176,7 +175,7 @@ def side_frames(sequence: DanceSequence, groups: Collection[str], fps: float) ->
 
 def window_starts(
     sequence: DanceSequence, groups: Sequence[str], params: Music2DanceParams, *, share: float = 1.0
-) -> NDArray[np.int64]:
+) -> IntArray:
     """First frames of all windows of which a share lies in some motion groups, nine tenths being recorded movement."""
     length = params.n_frames
     if sequence.n_frames < length:
@@ -185,7 +184,7 @@ def window_starts(
     return np.flatnonzero(inside & (frames_from(sequence.valid, length) >= VALID_SHARE * length))
 
 
-def frames_from(mask: BoolArray, length: int) -> NDArray[np.int64]:
+def frames_from(mask: BoolArray, length: int) -> IntArray:
     """Number of ones among `length` entries of a mask (T,) from each on, (T - length + 1,)."""
     total = np.concatenate([[0], np.cumsum(mask)])
     return total[length:] - total[:-length]
@@ -219,15 +218,13 @@ class Windows(NamedTuple):
     valid: Tensor
 
 
-def _too_short(sequences: SequenceSet, groups: Sequence[str]) -> str:
-    """The longest stretch of a side of the split, of these motion groups, too short for a window; and what helps."""
-    params = sequences.params
-    sides = (each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
+def _too_short(sides: Sequence[BoolArray], params: Music2DanceParams) -> str:
+    """The longest stretch of a side of the split, the frames of each recording, too short for a window; what helps."""
     stretch = max((last - first for side in sides for first, last in true_runs(side)), default=0) / params.fps
-    longest = max(each.n_frames for each in sequences.sequences) / params.fps
+    longest = max(map(len, sides)) / params.fps
     return (
         f"windows are {params.window:g} s long, and the movements that the split by motion group gives one side last "
-        f"{stretch:.1f} s in a row at most, though the longest of {len(sequences.sequences)} recordings lasts "
+        f"{stretch:.1f} s in a row at most, though the longest of {len(sides)} recordings lasts "
         f"{longest:.1f} s. Add recordings of a minute or more, or try another --split-seed"
     )
 
@@ -248,7 +245,7 @@ class WindowSource:
 
     sequences: SequenceSet
     statistics: Statistics
-    places: NDArray[np.int64]
+    places: IntArray
     weights: FloatArray
     counted: tuple[BoolArray, ...]
     device: torch.device | str = "cpu"
@@ -268,10 +265,10 @@ class WindowSource:
         starts = [window_starts(sequence, groups, params, share=share) for sequence in sequences.sequences]
         numbers = np.repeat(np.arange(len(starts)), [own.size for own in starts])
         places = np.column_stack([numbers, np.concatenate(starts)])
-        if not len(places):
-            raise ValueError(f"{sequences.units.source}: {_too_short(sequences, groups)}")
-        weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
+        if not len(places):
+            raise ValueError(f"{sequences.units.source}: {_too_short(counted, params)}")
+        weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         return cls(sequences, statistics, places, weights, counted, device)
 
     def __len__(self) -> int:
@@ -291,7 +288,7 @@ class WindowSource:
         drawn = np.random.default_rng(seed).choice(len(self.places), size=len(indices), p=self.weights)
         return self.batch(drawn[rank::world])
 
-    def batch(self, rows: NDArray[np.int64]) -> Windows:
+    def batch(self, rows: IntArray) -> Windows:
         """The windows of some rows of `places`."""
         parts = [self._window(*self.places[row]) for row in rows]
         motion, contacts, music, moments, dance, valid = (
@@ -326,7 +323,7 @@ def n_cells(params: SongParams) -> int:
     return int(np.ceil(params.window * params.rate)) + 2
 
 
-def cells_from(music: NDArray[np.float32], first: int, count: int) -> NDArray[np.float32]:
+def cells_from(music: SingleArray, first: int, count: int) -> SingleArray:
     """`count` moments of music (M, F) from number `first` on; before the start and after the end its ends hold."""
     return music[np.clip(np.arange(first, first + count), 0, len(music) - 1)]
 
@@ -378,9 +375,7 @@ def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statis
     return Statistics(*(part for mean, std in pairs for part in (mean, std.clamp(min=LEAST_STD))))
 
 
-def cluster_weights(
-    sequences: Sequence[DanceSequence], places: NDArray[np.int64], params: Music2DanceParams
-) -> FloatArray:
+def cluster_weights(sequences: Sequence[DanceSequence], places: IntArray, params: Music2DanceParams) -> FloatArray:
     """Probability of each window, (W,): each cluster of windows with like poses as often as the others (R27)."""
     count = min(params.clusters, len(places))
     if count < 2:
@@ -388,7 +383,7 @@ def cluster_weights(
     at = np.linspace(0, params.n_frames - 1, N_POSES).round().astype(np.int64)
     rng = np.random.default_rng(params.seed)
 
-    def poses(rows: NDArray[np.int64]) -> NDArray[np.float32]:
+    def poses(rows: IntArray) -> SingleArray:
         return np.stack([sequences[number].poses[start + at].ravel() for number, start in rows])
 
     sample = poses(places[rng.permutation(len(places))[:FITTED]]).astype(np.float64)

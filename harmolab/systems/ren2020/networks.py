@@ -152,10 +152,8 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        halves = (
-            (nn.Linear(channels, channels), layers.BatchNorm(channels, momentum=1.0), nn.ReLU()) for _ in range(2)
-        )
-        self.layers = nn.Sequential(*(layer for half in halves for layer in half))
+        parts = ((nn.Linear(channels, channels), layers.BatchNorm(channels, momentum=1.0), nn.ReLU()) for _ in range(2))
+        self.layers = nn.Sequential(*(layer for part in parts for layer in part))
 
     def forward(self, values: Tensor) -> Tensor:
         return values + self.layers(values)

@@ -22,6 +22,7 @@ import torch
 from filelock import FileLock, Timeout
 from safetensors.torch import save
 from torch import Tensor, nn
+from torch.optim import Optimizer
 
 from harmolab import files
 from harmolab.systems.training.about import SETTINGS
@@ -134,10 +135,7 @@ _YOUNGER = {"step"}
 
 
 def save_state(
-    folder: Path,
-    modules: Mapping[str, nn.Module],
-    optimisers: Mapping[str, torch.optim.Optimizer],
-    about: Mapping[str, Any],
+    folder: Path, modules: Mapping[str, nn.Module], optimisers: Mapping[str, Optimizer], about: Mapping[str, Any]
 ) -> None:
     """Replace ``state.safetensors`` by an atomic write.
 
@@ -192,7 +190,7 @@ def _digest(tensors: Mapping[str, Tensor], text: str) -> str:
 
 
 def restore(
-    tensors: Mapping[str, Tensor], modules: Mapping[str, nn.Module], optimisers: Mapping[str, torch.optim.Optimizer]
+    tensors: Mapping[str, Tensor], modules: Mapping[str, nn.Module], optimisers: Mapping[str, Optimizer]
 ) -> None:
     """Put saved tensors back into modules and optimisers."""
     for name, part in modules.items():

@@ -14,7 +14,7 @@ from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import KINDS, check_kinds
 from harmolab.systems.training.motion_code import frames_at
-from harmolab.types import Audio, BeatTrack, FloatArray
+from harmolab.types import Audio, BeatTrack, FloatArray, SingleArray
 
 # Settings of the input of a system: frame rate, audio features, length of a training unit (paper Sec. 4.1).
 
@@ -92,8 +92,6 @@ class FeatureParams:
         """Audio channels F of A_f."""
         return self.n_mfcc + 3 * self.beat_channels + 2 * self.bar_channels
 
-
-SingleArray = NDArray[np.float32]
 
 # librosa's own rate: the mel bands reach to half the rate, so coefficients at another rate would mean other things.
 RATE = 22050.0

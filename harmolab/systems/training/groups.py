@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harmolab.data.recordings import Recording, true_runs
 from harmolab.systems.training.motion_code import encode_motion
-from harmolab.types import FloatArray, IntArray, Motion
+from harmolab.types import FloatArray, IntArray, Motion, SingleArray
 
 # Mean distance of the joints, metres, below which two stretches are the same movement. In the beat-locked recordings
 # 98 % of the pairs that repeat a unit lie below it and none of two figures; most copies in Tang's lie below .02.
@@ -50,7 +49,7 @@ class Outline(NamedTuple):
     dance: str
     edges: FloatArray
     figures: tuple[str, ...]
-    poses: NDArray[np.float32]
+    poses: SingleArray
 
 
 def motion_groups(recordings: Iterable[Recording]) -> list[list[Segment]]:
@@ -115,7 +114,7 @@ def _between_splices(motion: Motion) -> FloatArray:
     return np.array([*edges, motion.duration])
 
 
-def _poses(motion: Motion, edges: FloatArray) -> NDArray[np.float32]:
+def _poses(motion: Motion, edges: FloatArray) -> SingleArray:
     """`N_POSES` poses of each stretch, evenly in time, (S, N_POSES, 3 J); the lowest point is at 0 on average."""
     local = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-3]
     starts, ends = edges[:-1, None], edges[1:, None]
@@ -169,7 +168,7 @@ def _group_names(outlines: Sequence[Outline]) -> list[str]:
     return groups
 
 
-def _clusters(poses: NDArray[np.float32]) -> list[IntArray]:
+def _clusters(poses: SingleArray) -> list[IntArray]:
     """Indices of stretches (S, K, 3 J) that are joined by chains of near-duplicates, in order of their first."""
     rows = [np.flatnonzero(_distances(one, poses) < NEAR) for one in poses]
     pairs = (np.repeat(np.arange(len(rows)), [row.size for row in rows]), np.concatenate(rows))
@@ -178,7 +177,7 @@ def _clusters(poses: NDArray[np.float32]) -> list[IntArray]:
     return [np.flatnonzero(labels == label) for label in dict.fromkeys(labels.tolist())]
 
 
-def _nearest(members: NDArray[np.float32], named: NDArray[np.float32]) -> int | None:
+def _nearest(members: SingleArray, named: SingleArray) -> int | None:
     """Index of the named stretch closest to any of `members`; None when none is near."""
     if not len(named):
         return None
@@ -186,7 +185,7 @@ def _nearest(members: NDArray[np.float32], named: NDArray[np.float32]) -> int | 
     return int(table.min(axis=0).argmin()) if table.min() < NEAR else None
 
 
-def _distances(one: NDArray[np.float32], many: NDArray[np.float32]) -> FloatArray:
+def _distances(one: SingleArray, many: SingleArray) -> FloatArray:
     """Mean distance of the joints between one stretch (K, 3 J) and each of (S, K, 3 J), metres; (S,) array.
 
     The smallest of three: as they are, and either one pose ahead, since splices are not placed to the frame.
@@ -200,7 +199,7 @@ def _distances(one: NDArray[np.float32], many: NDArray[np.float32]) -> FloatArra
     return distances
 
 
-def _joint_distances(steps: NDArray[np.float32]) -> NDArray[np.float32]:
+def _joint_distances(steps: SingleArray) -> SingleArray:
     """Lengths of the joints' displacements: (..., 3 J) to (..., J)."""
     parted = steps.reshape(*steps.shape[:-1], steps.shape[-1] // 3, 3)
     return np.sqrt(np.einsum("...d,...d->...", parted, parted))

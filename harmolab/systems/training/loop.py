@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.optim import Optimizer
 
 from harmolab.files import write_text
 from harmolab.systems.training import checkpoints
@@ -151,12 +152,7 @@ def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Ten
 
 
 def step(
-    fabric: Fabric,
-    terms: list[Terms],
-    shards: list[Shard],
-    optimiser: torch.optim.Optimizer,
-    *,
-    clip: float | None = None,
+    fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: Optimizer, *, clip: float | None = None
 ) -> None:
     """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch.
 
@@ -191,7 +187,7 @@ def _added(fabric: Fabric, values: Tensor) -> Tensor:
 # Phases and players
 
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
-Optimisers = dict[str, torch.optim.Optimizer]
+Optimisers = dict[str, Optimizer]
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +214,7 @@ class Player:
     weights: Mapping[str, float]
     decay: float = 0.0
     clip: float | None = None
-    optimiser: type[torch.optim.Optimizer] = torch.optim.Adam
+    optimiser: type[Optimizer] = torch.optim.Adam
 
 
 @dataclass(frozen=True, eq=False)

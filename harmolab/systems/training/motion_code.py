@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton, heading, root_position, tree_order, turned
-from harmolab.types import FloatArray, Motion
+from harmolab.types import FloatArray, Motion, SingleArray
 
 
 def n_channels(skeleton: Skeleton) -> int:
@@ -28,7 +28,7 @@ def n_channels(skeleton: Skeleton) -> int:
     return 3 * len(skeleton.joints) + 3
 
 
-def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDArray[np.float32]:
+def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> SingleArray:
     """The motion code of joint positions: poses in a canonical heading, and the root's path as rates.
 
     Parameters
@@ -62,7 +62,7 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     return np.concatenate([local.reshape(len(local), -1), rates], axis=1).astype(np.float32)
 
 
-def coded(motion: Motion, fps: float) -> NDArray[np.float32]:
+def coded(motion: Motion, fps: float) -> SingleArray:
     """The motion code of a whole motion, at another frame rate."""
     motion = resample_motion(motion, fps)
     return encode_motion(motion.positions, motion.fps, motion.skeleton)

@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from harmolab.body.skeletons import Skeleton, ancestors
@@ -26,7 +25,7 @@ from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank, retimed
 from harmolab.systems.training.units import MeterFrames, filled_beats, meter_frames
 from harmolab.systems.training.weights import whole
-from harmolab.types import Audio, FloatArray, Motion
+from harmolab.types import Audio, FloatArray, Motion, SingleArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +45,8 @@ class DanceInput:
     progress : function(iterable, label) -> iterable
     """
 
-    audio: NDArray[np.float32]
-    song: Callable[[], NDArray[np.float32]]
+    audio: SingleArray
+    song: Callable[[], SingleArray]
     beats: FloatArray
     meters: list[MeterFrames]
     prior: FloatArray

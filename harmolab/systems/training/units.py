@@ -23,12 +23,12 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.groups import Outline, Segment, group_outlines, motion_in_space, outline, sequence_name
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
-from harmolab.types import BeatTrack, Clip, FloatArray, Motion
+from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, Motion, SingleArray
 
 # Temporal index TI and initial poses V_f, from the meter before (paper Sec. 4.1, Eq. 23)
 
 
-def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
+def temporal_index(n_frames: int, n_prior: int) -> SingleArray:
     """TI: 1 where a frame belongs to the meter before, 0 where it belongs to this one; (T,) array.
 
     Parameters
@@ -51,7 +51,7 @@ def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
     return (np.arange(n_frames) < n_prior).astype(np.float32)
 
 
-def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) -> NDArray[np.float32]:
+def initial_poses(motion_code: SingleArray, index: SingleArray) -> SingleArray:
     """V_f: the motion where TI is 1, and its mean over those frames everywhere else (paper Eq. 23).
 
     Parameters
@@ -80,7 +80,6 @@ def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) 
 
 # A unit, a set of units of one body, a padded batch
 
-SingleArray = NDArray[np.float32]
 A = TypeVar("A")  # array or tensor
 
 
@@ -189,7 +188,7 @@ class UnitSet:
         fps = self.features.fps
         return Motion(decode_motion(code, fps, self.skeleton), fps, self.skeleton)
 
-    def select(self, names: Collection[str] | NDArray[np.bool_]) -> "UnitSet":
+    def select(self, names: Collection[str] | BoolArray) -> "UnitSet":
         """The units with these names, or those where a (len,) mask is True, in the order they have here.
 
         Raises
@@ -341,8 +340,8 @@ class _Coded(NamedTuple):
     clip: Clip
     movement: Motion  # at the rate of the features
     track: BeatTrack
-    audio: NDArray[np.float32]
-    code: NDArray[np.float32]
+    audio: SingleArray
+    code: SingleArray
 
     def frame(self, time: float) -> int:
         """The last frame at or before a moment of audio time."""
@@ -587,12 +586,10 @@ def filled_beats(track: BeatTrack, start: float, end: float, *, before: int) -> 
         [times[0] - period * np.arange(early, 0, -1), times, times[-1] + period * np.arange(1, late + 1)]
     )
     strengths = np.concatenate([np.full(early, usual), strengths, np.full(late, usual)])
-    return _without_gaps(times, strengths, period, usual)
+    return _gapless(times, strengths, period, usual)
 
 
-def _without_gaps(
-    times: FloatArray, strengths: FloatArray, period: float, usual: float
-) -> tuple[FloatArray, FloatArray]:
+def _gapless(times: FloatArray, strengths: FloatArray, period: float, usual: float) -> tuple[FloatArray, FloatArray]:
     """The same with evenly spaced beats in every interval that is much longer than usual."""
     intervals = np.diff(times)
     pieces = np.where(intervals > LONGEST_INTERVAL * period, np.round(intervals / period), 1).astype(np.int64)
