@@ -21,6 +21,7 @@ from harmolab.readers.motion import save_motion
 from harmolab.systems.training.units import DanceUnit, temporal_index
 from harmolab.types import BeatTrack, Clip, Motion
 
+Places = Sequence[int] | None  # of beats, in their bars
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 
 
@@ -30,7 +31,7 @@ def track(
     *,
     fps: float = 100.0,
     duration: float = 10.0,
-    bar_places: Sequence[int] | None = None,
+    bar_places: Places = None,
 ) -> BeatTrack:
     """Beats at these seconds, all of strength 1 unless strengths are given."""
     times = np.asarray(times, float)
@@ -38,17 +39,11 @@ def track(
 
 
 def metronome(
-    strengths: ArrayLike,
-    *,
-    period: float = 0.5,
-    first: float = 0.0,
-    fps: float = 100.0,
-    duration: float = 60.0,
-    bar_places: Sequence[int] | None = None,
+    strengths: ArrayLike, *, period: float = 0.5, first: float = 0.0, duration: float = 60.0, bar_places: Places = None
 ) -> BeatTrack:
     """Beats of these strengths, one every `period` seconds from `first` on."""
     times = first + period * np.arange(np.size(strengths))
-    return track(times, strengths, fps=fps, duration=duration, bar_places=bar_places)
+    return track(times, strengths, duration=duration, bar_places=bar_places)
 
 
 def along_x(x: ArrayLike, *, fps: float) -> Motion:

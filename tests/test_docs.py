@@ -434,10 +434,6 @@ def with_dance(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     return {"motion": clip.motion, "beats": clip.beats}
 
 
-def with_tasks(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
-    return {"__name__": "__main__", "tasks": Numbers(3), "measure": square}
-
-
 def with_mediapipe(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     """A film, and a stand-in for MediaPipe that sees one body and one hand in every picture."""
     write_video("dance.mp4", [np.zeros((64, 48, 3), np.uint8)] * 4, fps=10.0)
@@ -462,8 +458,9 @@ def with_mediapipe(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
 
 
 MATERIAL = {
-    "dancing.md": with_dance, "pose_estimation.md": with_mediapipe, "scale.md": with_tasks,
-    "scoring.md": lambda monkeypatch: {}, "tutorial_model.md": with_songs,
+    "dancing.md": with_dance, "pose_estimation.md": with_mediapipe, "tutorial_model.md": with_songs,
+    "scale.md": lambda monkeypatch: {"__name__": "__main__", "tasks": Numbers(3), "measure": square},
+    "scoring.md": lambda monkeypatch: {},
 }  # fmt: skip
 
 

@@ -755,7 +755,7 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(swinging_arm: Call
         samples[round(beat * 22050) :][:441] = click
     score = score_harmony(track(beats, duration=SECONDS), track([], duration=SECONDS))  # the music's marks light up
     drawn = list(render_dance(swinging_arm(0.7, FPS, seconds=SECONDS), height=120, fps=FPS, score=score))
-    change = {i: _difference(drawn[i - 1], drawn[i + 1]) for i in range(10, len(drawn) - 10, 7)}
+    change = {i: np.abs(drawn[i - 1].astype(float) - drawn[i + 1]).mean() for i in range(10, len(drawn) - 10, 7)}
     moving = [i for i in change if change[i] > 0.5 * max(change.values())]  # not where the arm turns back
     assert len(moving) > 20 and moving[-1] > 0.9 * len(drawn) == 0.9 * SECONDS * FPS
     scaler = VideoReformatter()
@@ -785,11 +785,6 @@ def _frames_early(shown: np.ndarray, before: np.ndarray, drawn: np.ndarray, afte
     """
     step = (after.astype(float) - before) / 2
     return float(((shown.astype(float) - drawn) * step).sum() / (step**2).sum())
-
-
-def _difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Mean absolute difference of two pictures."""
-    return float(np.abs(one.astype(float) - other.astype(float)).mean())
 
 
 def test_a_pose_of_the_frame_before_or_after_is_noticed(swinging_arm: Callable[..., Motion]):

@@ -271,10 +271,9 @@ def rhythm(period: int, *, cells: int = 100, seed: int = 0) -> np.ndarray:
 
 
 def rhythms() -> LabelledSongs:
-    counts = (3, 6, 3, 9)
     songs = [
         att.Song(f"{FOUR[label]} {number}", rhythm(4 + label, seed=number), label)
-        for label, count in enumerate(counts)
+        for label, count in enumerate((3, 6, 3, 9))
         for number in range(count)
     ]
     return LabelledSongs(tuple(songs), FOUR)

@@ -146,9 +146,7 @@ def test_padding_changes_no_loss():
         real = nn.functional.pad(mask, (0, more))
         maps = [networks.overall.maps(each, real) for each in motions]
         torch.manual_seed(0)
-        penalty = ren.gradient_penalty(
-            lambda x, m=real: networks.overall.maps(x, m)[-1][0].sum(dim=(1, 2)), *motions, real
-        )
+        penalty = ren.gradient_penalty(lambda x, m=real: networks.overall.maps(x, m)[-1][0].sum((1, 2)), *motions, real)
         losses.append(torch.stack([ren.pose_loss(*motions, real), ren.matching_loss(*maps), penalty]))
     torch.testing.assert_close(losses[0], losses[1])
 

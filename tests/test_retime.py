@@ -21,10 +21,6 @@ SECONDS = 16.0
 VALLEYS = HarmonyParams.valleys()
 
 
-def frame_times(motion: Motion) -> np.ndarray:
-    return np.arange(motion.n_frames) / motion.fps
-
-
 def jittered(seed: int, *, dance: str = "jive", fps: float = 60.0) -> tuple[Motion, BeatTrack]:
     """A dance whose beats were moved by a random walk of 150 ms standard deviation that forgets 40 % a beat."""
     clip = planted_clip(ClipSettings(dance, seconds=SECONDS, seed=seed, fps=fps)).clip
@@ -38,7 +34,7 @@ def jittered(seed: int, *, dance: str = "jive", fps: float = 60.0) -> tuple[Moti
     moved += 0.1 * np.arange(beats.size)  # in order, and a tenth of a second apart
     inside = moved < last - 0.05
     warp = TimeWarp(np.r_[0.0, beats[inside], last], np.r_[0.0, moved[inside], last])
-    return motion_at(clip.motion, warp.inverse(frame_times(clip.motion))), clip.beats
+    return motion_at(clip.motion, warp.inverse(np.arange(clip.motion.n_frames) / clip.motion.fps)), clip.beats
 
 
 def swinging(n_frames: int = 240, *, dimensions: int = 3, fps: float = 30.0) -> Motion:
