@@ -551,7 +551,8 @@ def test_a_page_says_no_verdict_on_the_best_of_many_that_luck_explains(table: Ev
     judgement = score_clip(clip, params).judgement
     most = int(0.05 / judgement.p_harmony)  # dances among which it may be the best, and still be in time
     shown = {looks: player_of([clip], params=params, looks=looks).page for looks in (1, most, most + 1)}
-    assert {looks: of_dance(judgement.verdict) in page for looks, page in shown.items()} == {1: True, most: True, most + 1: False}
+    said = {looks: of_dance(judgement.verdict) in page for looks, page in shown.items()}
+    assert said == {1: True, most: True, most + 1: False}
     luck = f"p = {judgement.p_harmony:.3f} is {(most + 1) * judgement.p_harmony:.2g} once corrected for so many."
     assert f"No verdict: picked among {most + 1} dances. Its {luck}" in shown[most + 1]
 
