@@ -423,7 +423,7 @@ class CommandWithParts(CheckedCommand):
     @classmethod
     def part(cls, name: str) -> Any:
         """A part as a command."""
-        app = typer.Typer(add_completion=False)
+        app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
         app.command(name, cls=CheckedCommand)(cls.parts[name])
         return typer.main.get_command(app)
 

@@ -86,6 +86,7 @@ def evaluate(
     --music songs --reference motions --out table`
 
     For the public page of numbers: `harmolab evaluate submit table --out my_row` makes and checks what you send.
+    `harmolab evaluate compare CORPUS` compares scores, `harmolab evaluate merge` joins shards; each has its own --help.
 
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
