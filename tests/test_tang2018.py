@@ -136,6 +136,7 @@ def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
 def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate: str):
     folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=span)
     refused(rf"skeletons\.json: has 60 frames, config.json spans {span} .*{rate} fps would fit", load_recording, folder)
+    refused("leave out --fps", recordings.load_any_motion, folder, fps=float(rate))
 
 
 @pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])

@@ -493,6 +493,8 @@ def read_any_motion(path: PathLike, *, as_defaults: bool = False, **options: Unp
     if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
+        if not as_defaults and (wrong := [one for one in ("fps", "scale", "smpl", "up") if options.get(one)]):
+            raise ValueError(f"{path}: skeletons of Tang et al. have one rate, unit and axis; leave out --{wrong[0]}")
         return MotionFile(motion_part(load_skeletons(path), options.get("joints"), path), "skeletons of Tang et al.")
     return read_motion(path, as_defaults=as_defaults, **options)
 
