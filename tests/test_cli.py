@@ -71,7 +71,9 @@ def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> No
 def test_score_json_is_the_dictionary_of_score_clip_of_each_mode_or_of_the_one_asked_for(clip_folder: Path):
     words = ("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
     assert set(json.loads(run(*words, "--mode", "paper").stdout)) == {"clip", "paper"}
-    printed = json.loads(run(*words).stdout)
+    result = run(*words, "--plot", plot := clip_folder.with_name("beats.png"))
+    assert result.stderr == f"wrote {plot}\n"
+    printed = json.loads(result.stdout)
     clip = replace(load_recording(clip_folder).clip, beats=None, dance="")
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):
         assert set(printed[mode]) >= MODE_KEYS

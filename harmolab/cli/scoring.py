@@ -82,9 +82,9 @@ def explain(
         _save(page.why, result)
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
-        return
-    typer.echo("\n".join([*result.summary, *(result.details if is_verbose() else ())]))
-    wrote(page.why)
+    else:
+        typer.echo("\n".join([*result.summary, *(result.details if is_verbose() else ())]))
+    wrote(page.why, err=as_json)
 
 
 def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
@@ -351,6 +351,7 @@ def score(
         about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": harmolab.describe_beats(music)}
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
+        wrote(plot, err=True)
         return
     judgement = next((score.judgement for score in scores.values() if score.judgement), None)
     common.print_verdict(judgement)

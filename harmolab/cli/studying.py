@@ -11,7 +11,7 @@ import typer
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
-from harmolab.cli.screen import progress
+from harmolab.cli.screen import progress, wrote
 from harmolab.files import plain, write_text
 
 if TYPE_CHECKING:
@@ -171,8 +171,7 @@ def analyse(
         typer.echo(text)
     else:
         _print(tables, answers, key.kind)
-    if out is not None:
-        typer.echo(f"wrote {out}", err=as_json)
+    wrote(out, err=as_json)
 
 
 def _save(out: Path, tables: Tables, text: str) -> None:
