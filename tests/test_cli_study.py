@@ -137,6 +137,7 @@ def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path
     (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
     (("--against", "."), "--against compares two dances"),
     (("--kind", "choice", "--against", "nowhere"), "nowhere: no such file or folder"),
+    (("--kind", "choice", "--against", ".", "--wrong", "swapped"), "--wrong is the other dance without --against"),
     (("--kind", "rate"), "name the folder of the other: --against"),
 )
 def test_faulty_study_is_said_and_writes_nothing(corpus: Path, tmp_path: Path, options: tuple[object, ...], fault: str):

@@ -75,7 +75,7 @@ def beats(
 
     common.check_out(out, "a file of beats", (".beats",))
     common.check_out(clicks, "the song with clicks", (".wav",))
-    _check_tapping(context, page, out)
+    _check_options(context, page, out, tracker)
     audio = load_sound(song)
     if page.tap and out is not None:
         _tapped(song, audio, out, page)
@@ -92,12 +92,15 @@ def beats(
     wrote(out, clicks)
 
 
-def _check_tapping(context: typer.Context, page: TapOptions, out: Path | None) -> None:
-    """ValueError for an option that goes with --tap only, or without it only."""
-    if wrong := common.first_told(context, FOUND if page.tap else TAPPED):
-        raise ValueError(f"{wrong} goes {'without' if page.tap else 'with'} --tap only")
-    if page.tap and out is None:
-        raise ValueError("--tap writes what was tapped: name a file of beats, --out song.beats")
+def _check_options(context: typer.Context, page: TapOptions, out: Path | None, tracker: Tracker) -> None:
+    """ValueError for an option that goes with --tap only, or without it only, or that another one makes void."""
+    common.check_untold(context, FOUND if page.tap else TAPPED, f"goes {'without' if page.tap else 'with'} --tap only")
+    neural, is_read = "--tracker beat_this", common.is_told(context, "beats") and not common.is_told(context, "one")
+    of_neural = f"goes without {neural}, which finds the beats and the bars itself"
+    common.check_untold(context, ("dance", "beats", "one"), of_neural, when=tracker == "beat_this")
+    common.check_untold(context, ("checkpoint",), f"goes with {neural} only", when=tracker != "beat_this")
+    common.check_untold(context, ("dance", "tracker"), "is of no use to beats that are read", when=is_read)
+    common.check_untold(context, ("tap",), "writes what was tapped: name its file, --out song.beats", when=out is None)
 
 
 def _beats(
@@ -108,8 +111,6 @@ def _beats(
     from harmolab.readers.beats import neural_beats
 
     if tracker == "beat_this":
-        if beats is not None or one is not None:
-            raise ValueError("--tracker beat_this finds the beats and the bars itself; leave out --beats and --one")
         return neural_beats(audio, checkpoint)
     with finding_beats():
         return song_beats(audio, dance=dance, beats=beats, one=one)

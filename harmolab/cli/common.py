@@ -519,9 +519,11 @@ def check_folder(context: typer.Context, folder: Path, names: Container[str]) ->
         raise ValueError(f"{folder}: holds {held[0]}, which is not of harmolab; name an empty or a new folder")
 
 
-def first_told(context: typer.Context, names: Iterable[str]) -> str:
-    """The first of these options that stands on the command line, "--no-open" for "no_open"; "" where none does."""
-    return next((f"--{name.replace('_', '-')}" for name in names if is_told(context, name)), "")
+def check_untold(context: typer.Context, names: Iterable[str], reason: str, *, when: bool = True) -> None:
+    """ValueError, of option and reason, for the first of these options that stands on the command line."""
+    spelling = {one.name: one.opts[0] for one in context.command.params}
+    if when and (name := next((one for one in names if is_told(context, one)), "")):
+        raise ValueError(f"{spelling[name]} {reason}")
 
 
 def is_told(context: typer.Context, name: str) -> bool:

@@ -12,7 +12,7 @@ import typer
 
 import harmolab
 from harmolab import systems
-from harmolab.cli.common import Scale, completed, dance_names, is_told
+from harmolab.cli.common import Scale, check_untold, completed, dance_names, is_told
 from harmolab.cli.screen import note, progress
 from harmolab.cli.training import TRAIN_HINT, accepted
 
@@ -162,7 +162,7 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     ValueError
         For options that exclude each other, or one that this dancer does not take.
     """
-    _check_choice(options)
+    _check_choice(context, options)
     dance, weights, system = options.dance, options.weights, options.system
     if weights is None and system in (None, CHOREOGRAPHER):
         return _choreographer(context, options)
@@ -190,17 +190,15 @@ def _not_asked(dance: str | None, *, knows_bars: bool) -> tuple[str, ...]:
     return (NO_BAR.format(dance=dance),) if dance in DANCE_PATTERNS and not knows_bars else ()
 
 
-def _check_choice(options: DancerOptions) -> None:
+def _check_choice(context: typer.Context, options: DancerOptions) -> None:
     """ValueError for options that exclude each other, FileNotFoundError for weights that are not there."""
     corpus, style, system, weights = options.corpus, options.style, options.system, options.weights
-    if options.scale is not None and corpus is None:
-        raise ValueError("--scale is for the files of --from")
+    check_untold(context, ("scale",), "is for the files of --from", when=corpus is None)
     if corpus is not None and style is not None:
         raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
-    for name, value in (("--from", corpus), ("--style", style)):
-        if value is not None and (weights is not None or system not in (None, CHOREOGRAPHER)):
-            other = "--weights" if weights is not None else f"--system {system}"
-            raise ValueError(f"{name} is for the choreographer, which dances with recorded movement; leave out {other}")
+    other = "--weights" if weights is not None else f"--system {system}"
+    reason = f"is for the choreographer, which dances with recorded movement; leave out {other}"
+    check_untold(context, ("corpus", "style"), reason, when=weights is not None or system not in (None, CHOREOGRAPHER))
     if weights is not None and not weights.exists():
         from harmolab.systems.training.about import json_file, weights_stem
 

@@ -139,6 +139,7 @@ DECLINED = "poses_declined"  # file in the cache, once a question has been answe
 
 
 def pose(
+    context: typer.Context,
     video: Annotated[Path | None, typer.Argument(metavar="VIDEO", show_default=False)] = None,
     out: Path | None = None,
     install: Annotated[bool, typer.Option("--install")] = False,
@@ -168,6 +169,8 @@ def pose(
     """
     from harmolab.readers.pose import pose_environment, remove_pose_environment
 
+    common.check_untold(context, ("video", "out", "install", "yes"), "goes without --remove", when=remove)
+    common.check_untold(context, ("out",), "goes with a VIDEO only", when=video is None)
     if remove:
         typer.echo("removed" if remove_pose_environment() else "there is nothing to remove")
         return

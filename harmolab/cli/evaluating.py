@@ -19,7 +19,7 @@ import typer
 import harmolab
 from harmolab import lab
 from harmolab.cli import common
-from harmolab.cli.common import left_out
+from harmolab.cli.common import check_untold, left_out
 from harmolab.cli.screen import note, progress, say, wrote
 
 KEY = (
@@ -31,6 +31,7 @@ NAME_WIDTH, CELL_WIDTH = 26, 11  # letters in the terminal for the measures, and
 
 
 def evaluate(
+    context: typer.Context,
     music: Annotated[Path, typer.Option()],
     reference: Annotated[Path, typer.Option()],
     out: Annotated[Path, typer.Option()],
@@ -119,9 +120,8 @@ def evaluate(
     from harmolab.lab.evaluate.shards import Shard, measure_shard
 
     common.check_pages("--out")
+    check_untold(context, ("save_reference", "allow_missing"), "is of a whole table, no --shard", when=bool(shard))
     if save_reference is not None:
-        if shard:
-            raise ValueError("--save-reference is of a whole table; leave it out with --shard")
         common.check_out(save_reference, "a reference", (".npz",))
     settings = _settings(
         generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),
@@ -278,6 +278,7 @@ def submit(folder: Path, out: Path | None = None) -> None:
 
 
 def compare(
+    context: typer.Context,
     corpus: Path,
     window: Annotated[float, typer.Option(min=0.0)] = 6.0,
     null: Literal["lagged", "other"] = "lagged",
@@ -285,7 +286,7 @@ def compare(
     fit_on: Path | None = None,
     dances: str = "",
     rotations: Annotated[int, typer.Option(min=20)] = 400,
-    seed: int = 0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
     out: Path | None = None,
     jobs: common.Jobs = None,
     scheduler: common.Scheduler = "",
@@ -320,8 +321,8 @@ def compare(
     from harmolab.lab.compare.rows import Processes
     from harmolab.lab.evaluate.engine import usual_jobs
 
-    if resume and out is None:
-        raise ValueError("--resume goes on with the rows in a folder; name it by --out")
+    check_untold(context, ("resume",), "goes on with the rows in a folder; name it by --out", when=out is None)
+    check_untold(context, ("force",), "is for the rows in a folder; name it by --out", when=out is None)
     if names := common.names_in(dances):
         check_dances(corpus, names, corpus_dances(corpus))
     result = harmolab.compare(

@@ -154,10 +154,11 @@ def play(
     """
     is_page = out.suffix.lower() in common.PAGES
     common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
-    if wrong := common.first_told(context, OF_VIDEOS if is_page else OF_PAGES):
-        raise ValueError(f"{wrong} is for {'a video' if is_page else 'a page'}, not for {out}")
-    if other_offset is not None and other is None:
-        raise ValueError("--other-offset is of --other; name a second motion")
+    common.check_untold(context, OF_VIDEOS, f"is for a video, not for {out}", when=is_page)
+    common.check_untold(context, OF_PAGES, f"is for a page, not for {out}", when=not is_page)
+    common.check_untold(context, ("other_offset",), "is of --other; name a second motion", when=other is None)
+    judging = ("dance", "beats", "one", "pattern", "how", *(("verdict",) if video.verdict else ()))
+    common.check_untold(context, judging, "is of no use with --no-marks; leave one of them out", when=not video.marks)
     files = sources(context, song, motion, judged)
     if is_page:
         _page(files, out, judged, read, part, other=other, other_offset=other_offset)

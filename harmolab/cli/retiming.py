@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import HEIGHT, Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
+from harmolab.cli.common import HEIGHT, VIDEOS_OUT, Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, printable, progress, wrote
 from harmolab.cli.sources import note_tempo, reading_fault, sound_offset, sources
 
@@ -66,12 +66,13 @@ def retime(
     from harmolab.lab.render.video import retime_files
     from harmolab.readers.audio import video_sound
 
+    common.check_untold(context, ("slowest", "fastest"), "is for --method dp only", when=method == "lee2019")
     place = (0.5 if judged.how == "hit" else 0.0) if phase is None else phase
     common.check_place(out)
     files = sources(context, song, motion, judged)
-    common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
-    if height and out.suffix.lower() not in common.VIDEOS_OUT:
-        raise ValueError(f"--height is for a video, not for {out}")
+    common.check_out(out, "this", VIDEOS_OUT if files.is_video else (".npz", ".bvh", *VIDEOS_OUT))
+    is_video = out.suffix.lower() in VIDEOS_OUT
+    common.check_untold(context, ("height",), f"is for a video, not for {out}", when=not is_video)
     if files.is_video and files.song != files.motion and offset is None:
         with suppress(ValueError):  # it has no sound
             offset = sound_offset(files, video_sound(files.motion))

@@ -16,9 +16,10 @@ import typer
 import harmolab
 from harmolab import __version__, lab, musician
 from harmolab.cli import common
-from harmolab.cli.common import FileOptions, JudgeOptions, first_told
+from harmolab.cli.common import FileOptions, JudgeOptions, check_untold, is_told
 from harmolab.cli.screen import is_verbose, note, printable, progress, refuse, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, note_tempo, sources, video_performance
+from harmolab.files import write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.explain.performance import OwnDance
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 # `--why`: how a dance, or a musician's hands, go with the sound
 
-FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
+FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "how", "scale", "joints", "smpl", "up")
 WITHOUT_PAGE = ("seconds", "mode", "lag", "clock", "csv", "plot", "others")  # options of a score that no page has
 WITH_PAGE = ("guess", "search", "instrument")
 
@@ -53,10 +54,12 @@ class PageOptions:
     instrument: Annotated[Literal["piano", "violin"] | None, typer.Option(show_default=False)] = None
 
 
-def check_options(context: typer.Context, page: PageOptions) -> None:
-    """ValueError for an option that goes without a page only, or with one only."""
-    if wrong := first_told(context, WITH_PAGE if page.why is None else WITHOUT_PAGE):
-        raise ValueError(f"{wrong} goes {'with --why PAGE.html only' if page.why is None else 'without --why'}")
+def check_options(context: typer.Context, page: PageOptions, mode: str) -> None:
+    """ValueError for an option that goes without a page only, or with one only, or that another one makes void."""
+    check_untold(context, WITH_PAGE, "goes with --why PAGE.html only", when=page.why is None)
+    check_untold(context, WITHOUT_PAGE, "goes without --why", when=page.why is not None)
+    check_untold(context, ("guess", "search"), "is of no use where --offset says it", when=is_told(context, "offset"))
+    check_untold(context, ("how", "pattern"), "is not for --mode paper, whose settings are fixed", when=mode == "paper")
 
 
 def explain(
@@ -109,8 +112,7 @@ def _playing(
 
     if points is None:
         raise ValueError(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
-    if dancing := first_told(context, FOR_DANCES):
-        raise ValueError(f"{dancing} is for dances; leave it out with --instrument")
+    check_untold(context, FOR_DANCES, "is for dances; leave it out with --instrument")
     with waiting("listening"):
         audio = harmolab.load_sound(song, sample_rate=None)
         return musician.explain_playing(load_playing(points, audio, instrument=instrument, **options))
@@ -159,12 +161,13 @@ def score_corpus(
     table : csv to be written, if any
     as_json : print the rows as JSON
     """
-    if misplaced := common.first_told(context, FOR_ONE):
-        raise ValueError(f"{misplaced} is for one recording, and {corpus} holds several; leave it out")
+    check_untold(context, FOR_ONE, f"is for one recording, and {corpus} holds several; leave it out")
     common.check_out(table, "a table", (".csv",))
     rows = list(recording_rows(corpus, scored, dance=dance))
     if table is not None:
-        _write(table, rows)
+        import pandas as pd
+
+        write_text(table, pd.DataFrame(rows).to_csv(index=False))
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     else:
@@ -205,14 +208,6 @@ def _row(
         row |= {f"{prefix}{name}": values[name] for name in (*(JUDGED if score.judgement else ()), *NUMBERS)}
         row |= {f"{prefix}interval_low": low, f"{prefix}interval_high": high}
     return row
-
-
-def _write(path: Path, rows: list[dict[str, Any]]) -> None:
-    import pandas as pd
-
-    from harmolab.files import write_text
-
-    write_text(path, pd.DataFrame(rows).to_csv(index=False))
 
 
 def _print(rows: list[dict[str, Any]], title: str) -> None:
@@ -323,18 +318,16 @@ def score(
             scores = {name: without_start(score) for name, score in scores.items()}
         return Scored(clip, music, scores)
 
-    check_options(context, page)
+    check_options(context, page, mode)
     if page.why is not None:
         explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
         return
     if motion is None and is_corpus(song):
-        named = judged.dance or ""
         if judged.pattern is None:  # a file of patterns has names of its own
-            check_dance(named)
-        score_corpus(context, song, lambda files: scored(files).scores, dance=named, table=csv, as_json=as_json)
+            check_dance(judged.dance)
+        score_corpus(context, song, lambda files: scored(files).scores, dance=judged.dance, table=csv, as_json=as_json)
         return
-    if csv is not None:
-        raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
+    check_untold(context, ("csv",), f"is for a folder of recordings; --json has all numbers of {song}")
     if plot:
         common.check_place(plot)
     files = sources(context, song, motion, judged)

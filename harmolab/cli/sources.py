@@ -11,7 +11,7 @@ import typer
 
 import harmolab
 from harmolab import lab
-from harmolab.cli.common import MOTIONS, JudgeOptions, first_told, note_assumptions
+from harmolab.cli.common import MOTIONS, JudgeOptions, check_untold, is_told, note_assumptions
 from harmolab.cli.data import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 from harmolab.files import SOUNDS
@@ -68,8 +68,8 @@ def sources(context: typer.Context, song: Path, motion: Path | None, options: Ju
     if options.pattern is None:  # a file of patterns has names of its own
         # A name on the command line is to be one of ours, or it would change nothing beside annotated beats.
         check_dance(files.dance, None if options.dance else files.beats, options.one)
-    if (misplaced := first_told(context, FOR_FILES)) and files.is_video:
-        raise ValueError(f"{misplaced} is for motion files, and {files.motion} is a video; leave it out")
+    if any(is_told(context, name) for name in FOR_FILES) and files.is_video:
+        check_untold(context, FOR_FILES, f"is for motion files, and {files.motion} is a video; leave it out")
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
             detail(f"reads {word}: {path}")

@@ -12,7 +12,7 @@ from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.common import left_out
 from harmolab.cli.screen import progress, wrote
-from harmolab.files import plain, write_text
+from harmolab.files import named_faults, plain, write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.corpus_study import Pieces
@@ -70,6 +70,7 @@ def make(
     common.check_pages("harmolab data study make")
     if against is not None and kind == "pick":
         raise ValueError("--against compares two dances; it goes with --kind choice or rate")
+    common.check_untold(context, ("wrong",), "is the other dance without --against", when=against is not None)
     if against is None and kind == "rate":
         raise ValueError("--kind rate has the dances of two systems marked; name the folder of the other: --against")
     if (out / TRIALS_FILE).exists():
@@ -155,11 +156,9 @@ def analyse(
 
     files = merge(answer_files(study))
     key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
-    try:
+    with named_faults(study):
         answers = files.of(raters)
         tables = study_tables(answers, key, scores, seed=seed)
-    except ValueError as error:
-        raise ValueError(f"{study}: {error}") from None
     summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
     text = json.dumps(plain(summary), indent=2)
     if out is not None:

@@ -204,8 +204,8 @@ def write_dance(
         rate = rate or RATE
         drawn_score = (score or _score(clip, motion, params)) if marks else None
         frames = render_dance(motion, fps=rate, height=height, score=drawn_score, begin=begin, follow=follow)
-    elif rate is not None:
-        raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
+    elif rate is not None or follow:
+        raise ValueError(f"{over}: is drawn as it was filmed, at its own frame rate; leave out --rate and --follow")
     else:
         check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
