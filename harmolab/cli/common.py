@@ -156,7 +156,7 @@ class FileOptions:
 
     Parameters
     ----------
-    joints : Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).
+    joints : Keep these joints only, as in: neck,left_wrist (a camera that sees no legs).
     """
 
     fps: Fps = None

@@ -139,7 +139,7 @@ class DancerOptions:
     dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. Left out, of several dances
         in --from the one whose meter and tempo are nearest. With --weights of music2dance, --dance "" asks their
         classifier.
-    system : choreographer (default), harmogan, or another; package.module:Class.
+    system : choreographer (default), harmogan, or another; module:Class.
     weights : Folder of `harmolab train`, or a weights file; it knows its system.
     """
 

@@ -302,7 +302,8 @@ def score(
     lag : Seconds by which this dancer is expected after the beat.
     clock : Time stretch of the motion; 1.013 fits most Tang 2018 data.
     csv : Write a table, .csv, of a folder of recordings, a row each.
-    plot : Save a picture of beats, hits and misses as PNG, of ten minutes at most; its p is that of being in time.
+    plot : Save a picture (png, svg, pdf) of beats, hits and misses, of ten minutes at most; its p is that of being in
+        time.
     others : Print the field's other measures too: beat alignment, mir_eval.
     """
     from harmolab.clips import check_dance
