@@ -664,7 +664,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
     out = tmp_path / "demo.html"
     result = succeed("demo", "--out", out)
-    assert "You are on the beat" in result.stdout and "late for a rest on the beat" in result.stdout
+    assert "The dance is on the beat" in result.stdout and "late for a rest on the beat" in result.stdout
     assert result.stdout.count("  harmolab ") == 2
     page = out.read_text()
     assert "The song is synthetic" in page and "mocap.cs.cmu.edu" in page
