@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from harmolab.files import plain
 from harmolab.params import CHOICES, HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_hits, rotations
-from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
+from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray, frozen_array
 
 # Salience of beats (Eq. 11-13)
 
@@ -219,7 +219,7 @@ EDGE = 1e-9
 
 def checked_times(times: ArrayLike, name: str) -> FloatArray:
     """Moments (B,) as an array; ValueError names them where they are no list of finite numbers."""
-    array = np.asarray(times, dtype=np.float64)
+    array = np.asarray(times) if getattr(times, "dtype", None) == np.float64 else frozen_array(times, name)
     if array.ndim != 1:
         raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
     if not np.isfinite(array).all():

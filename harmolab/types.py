@@ -25,17 +25,21 @@ FRAME_EDGE = 1e-6
 SURE = 0.75
 
 
-def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:
-    """A read-only contiguous copy of `values`; ValueError names the field when it is not a finite numeric array."""
-    if np.iscomplexobj(values):
-        raise ValueError(f"{name} must be real numbers, got complex ones")
+def frozen_array(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:
+    """A read-only contiguous copy of `values`; ValueError names the field when it is not a finite numeric array.
+
+    With `dtype` None it is of single precision where `values` are, else of double.
+    """
     if np.ma.is_masked(values):
         raise ValueError(f"{name} has masked entries; interpolate or cut them first")
     try:
         original = np.asarray(values)
+        if values is None or np.iscomplexobj(original):
+            raise TypeError(f"real ones are needed, got {None if values is None else original.dtype}")
+        dtype = dtype or (np.float32 if original.dtype == np.float32 else np.float64)
         with np.errstate(invalid="ignore"):
             array = np.array(original, dtype=dtype, order="C")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:  # torch has the last for what has a gradient
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
     if array.dtype.kind != "f" and not np.array_equal(array, original):
         raise ValueError(f"{name} must be {'True or False' if array.dtype.kind == 'b' else 'whole numbers'}")
@@ -98,8 +102,7 @@ class Audio(Display):
     sample_rate: float
 
     def __post_init__(self) -> None:
-        dtype = np.float32 if np.asarray(self.samples).dtype == np.float32 else np.float64
-        samples = _frozen(self.samples, "samples", dtype)
+        samples = frozen_array(self.samples, "samples", None)
         if samples.ndim != 1 or samples.size == 0:
             raise ValueError(f"samples must be a non-empty mono array (S,), got shape {samples.shape}")
         if np.asarray(self.samples).dtype.kind in "iu" and np.abs(samples).max() > 1:
@@ -140,7 +143,7 @@ class Motion(Display):
     valid: BoolArray = None  # type: ignore[assignment]  # filled in below
 
     def __post_init__(self) -> None:
-        positions = _frozen(self.positions, "positions")
+        positions = frozen_array(self.positions, "positions")
         check_kind(self.skeleton, Skeleton, "skeleton")
         if positions.ndim != 3 or positions.shape[2] not in (2, 3):
             raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got {positions.shape}")
@@ -150,7 +153,7 @@ class Motion(Display):
             raise ValueError(f"positions have {positions.shape[1]} joints, the skeleton {len(self.skeleton.joints)}")
         if np.abs(positions).max(initial=0.0) > 1e12:
             raise ValueError("positions exceed 1e12: not metres, nor any other unit of length")
-        valid = _frozen(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
+        valid = frozen_array(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
         vars(self).update(positions=positions, valid=valid, fps=_positive(self.fps, "fps"))
@@ -206,7 +209,7 @@ class BeatTrack(Display):
     windows: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
+        times, strengths = frozen_array(self.times, "beat times"), frozen_array(self.strengths, "beat strengths")
         fps, duration = _positive(self.fps, "fps"), _positive(self.duration, "duration")
         vars(self).update(times=times, strengths=strengths, fps=fps, duration=duration)
         if times.ndim != 1 or times.shape != strengths.shape:
@@ -220,14 +223,14 @@ class BeatTrack(Display):
         if (strengths < 0).any():
             raise ValueError("beat strengths must not be negative")
         if self.bar_places is not None:
-            places = _frozen(self.bar_places, "bar_places", np.int64)
+            places = frozen_array(self.bar_places, "bar_places", np.int64)
             if places.shape != times.shape:
                 raise ValueError(f"bar_places must have one entry per beat ({times.size}), got shape {places.shape}")
             if (places < 0).any():
                 raise ValueError(f"bar_places must not be negative, got {places.min()}; 0 is the downbeat")
             object.__setattr__(self, "bar_places", places)
         if self.windows is not None:
-            windows = _frozen(self.windows, "windows")
+            windows = frozen_array(self.windows, "windows")
             if windows.shape[1:] != (2,):
                 raise ValueError(f"windows must be (W, 2), moments and 0 or 1, got shape {windows.shape}")
             vars(self).update(windows=windows, fit=float(windows[:, 1].mean()) if len(windows) else 0.0)
@@ -290,11 +293,11 @@ class Notes(Record):
     def __post_init__(self) -> None:
         count = np.size(self.onsets)
         values = {
-            "onsets": _frozen(self.onsets, "note onsets"),
-            "offsets": _frozen(self.offsets, "note offsets"),
-            "pitches": _frozen(self.pitches, "pitches", np.int64),
-            "loudness": _frozen(np.ones(count) if self.loudness is None else self.loudness, "loudness"),
-            "hands": _frozen(np.full(count, -1) if self.hands is None else self.hands, "hands", np.int64),
+            "onsets": frozen_array(self.onsets, "note onsets"),
+            "offsets": frozen_array(self.offsets, "note offsets"),
+            "pitches": frozen_array(self.pitches, "pitches", np.int64),
+            "loudness": frozen_array(np.ones(count) if self.loudness is None else self.loudness, "loudness"),
+            "hands": frozen_array(np.full(count, -1) if self.hands is None else self.hands, "hands", np.int64),
         }
         for name, array in values.items():
             if array.shape != (count,):

@@ -25,9 +25,8 @@ STEADY = np.arange(1.0, 20.0, 0.5)
 
 def test_beat_alignment_falls_as_a_gaussian_of_the_distance():
     # One beat exact, one a sigma away, one two sigmas away.
-    queries = np.array([1.0, 2.05, 3.1])
     expected = (1 + np.exp(-0.5) + np.exp(-2)) / 3
-    assert alignment.beat_align(queries, np.array([1.0, 2.0, 3.0]), sigma=0.05) == pytest.approx(expected)
+    assert alignment.beat_align([1.0, 2.05, 3.1], np.array([1.0, 2.0, 3.0]), sigma=0.05) == pytest.approx(expected)
 
 
 def test_beat_alignment_has_two_directions():
@@ -39,6 +38,7 @@ def test_beat_alignment_has_two_directions():
     "message, call, arguments, options",
     (r"queries holds NaN or infinity \(first at index 1\)", alignment.beat_align, ([1.0, np.nan], STEADY), {}),
     (r"targets must be a list of moments \(B,\), got shape \(1, 38\)", alignment.beat_align, ([], [STEADY]), {}),
+    ("queries must be an array of numbers: .*not 'BeatTrack'", alignment.beat_align, (track([1.0]), STEADY), {}),
     ("sigma must be positive, got 0", alignment.beat_align, ([1.0], STEADY), {"sigma": 0}),
     ("visual_times holds NaN", alignment.mir_eval_scores, (STEADY, [np.nan]), {}),
     ("no measure is called recall; there are f, cemgil", alignment.mir_eval_scores, ([], []), {"only": ["recall"]}),
@@ -675,6 +675,7 @@ GOOD = np.arange(12.0).reshape(6, 2) % 5
     ("features_a must have at least 4 rows, got 3", lambda: distance(GOOD[:3], GOOD)),
     ("features_b must have at least 4 rows, got 0", lambda: distance(GOOD, np.zeros((0, 2)))),
     ("features_b holds NaN", lambda: distance(GOOD, np.where(GOOD == 4, np.nan, GOOD))),
+    ("features_b must be an array of numbers: real ones", lambda: distance(GOOD, GOOD * 1j)),
     ("same columns, got 2 and 1", lambda: distance(GOOD, GOOD[:, :1])),
     ("at least 2 rows, got 1", lambda: distance([[0.0]], [[3.0], [5.0]], correct_bias=False)),
     ("same columns, got 1 and 2", lambda: features.standardise([[1.0]], [[1.0, 2.0]])),

@@ -49,7 +49,7 @@ def test_audio_keeps_single_precision_of_a_tensor_too():
 
 
 MUSIC = track([1.0]), track([1.0])
-SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
+SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.zeros(4, requires_grad=True)
 
 
 @cases(
@@ -60,12 +60,12 @@ SILENCE, FRAMES = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3))
     ("samples are whole numbers; divide them by full scale", Audio, (np.array([0, 9], np.int16), 8000)),
     *((f"sample_rate must be positive and finite, got {n}", Audio, ([0.0], n)) for n in (0, np.nan)),
     ("sample_rate must be a number, got 'fast'", Audio, ([0.0], "fast")),
-    ("samples must be an array of numbers", Audio, (["loud"], 8000)),
+    *(("samples must be an array of numbers", Audio, (x, 8000)) for x in (["loud"], None, [10**400], [1j], TRAINED)),
     *((f"no audio from {n} s for 1.0 s in a recording of 5.00 s", SILENCE.span, (n, 1.0)) for n in (-1.0, 5.0, np.nan)),
     ("a skeleton needs one parent per joint, got 0 joints, 0 parents", Skeleton, ((), ())),
     ("got 1 joints, 2 parents", Skeleton, (("hip",), (-1, 0))),
     ("joints must be a list of names, got the text 'hip'", Skeleton, ("hip", (-1, 0, 1))),
-    *(("parents must be -1 or the index of another joint", Skeleton, (("hip",), (one,))) for one in (0, -1.5, "-1")),
+    *(("parents must be -1 or the index of another joint", Skeleton, (("hip",), (n,))) for n in (0, -1.5, "-1", None)),
     ("parents must be -1 or the index of another joint", Skeleton, (("hip", "knee"), (-1, 2))),
     (r"be \(frames, joints, 3\) or \(frames, joints, 2\), got \(4, 2\)", Motion, (np.zeros((4, 2)), 15.0, PAIR)),
     (r"got \(4, 2, 4\)", Motion, (np.zeros((4, 2, 4)), 15.0, PAIR)),

@@ -48,7 +48,7 @@ class Skeleton:
     parents: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        joints, parents = tuple(map(str, self.joints)), tuple(np.asarray(self.parents).tolist())
+        joints, parents = tuple(map(str, self.joints)), tuple(np.atleast_1d(self.parents).tolist())
         count = len(joints)
         if isinstance(self.joints, str):
             raise ValueError(f"joints must be a list of names, got the text {self.joints!r}")

@@ -27,7 +27,7 @@ from scipy.spatial.distance import pdist
 from harmolab.body.skeletons import Skeleton, named_joints
 from harmolab.metrics.quality import Sampled, sampled
 from harmolab.score import check_whole
-from harmolab.types import BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion, frozen_array
 
 # Kinetic features (Onuma et al. 2008)
 
@@ -331,13 +331,11 @@ def multimodality(groups: Sequence[ArrayLike]) -> float:
 
 
 def _checked(features: ArrayLike, name: str, least: int) -> FloatArray:
-    array = np.asarray(features, dtype=np.float64)
+    array = frozen_array(features, name)
     if array.ndim != 2 or array.shape[1] == 0:
         raise ValueError(f"{name} must be (samples, features), got shape {array.shape}")
     if len(array) < least:
         raise ValueError(f"{name} must have at least {least} rows, got {len(array)}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds NaN or infinity")
     return array
 
 
