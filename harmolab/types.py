@@ -358,8 +358,8 @@ class Clip(Display):
         for value, kind, name in ((self.motion, Motion, "motion"), (self.beats, BeatTrack, "beats")):
             if value is not None:
                 check_kind(value, kind, name)
-        if not np.isfinite(self.offset):
-            raise ValueError(f"offset must be finite, got {self.offset}")
+        if np.asarray(self.offset).dtype.kind not in "biuf" or not np.isfinite(self.offset):
+            raise ValueError(f"offset must be finite, got {self.offset!r}")
         if self.motion is not None and not -self.motion.duration < self.offset < self.audio.duration:
             length = f"audio of {self.audio.duration:.2f} s"
             raise ValueError(f"{self.name}: motion starting at {self.offset:.2f} s does not overlap {length}")
@@ -389,17 +389,17 @@ class Clip(Display):
     def shared_frame(self, *, clock: float = 1.0) -> int:
         """Number of the motion's first frame that lies within the music; `clock` as in `shared`."""
         fps = 1.0 if self.motion is None else self.motion.fps
-        return max(0, int(np.ceil(-self.offset * fps / clock - FRAME_EDGE)))
+        return max(0, int(np.ceil(-self.offset * fps / _positive(clock, "clock") - FRAME_EDGE)))
 
     def shared(self, *, clock: float = 1.0) -> "Clip":
         """The stretch that music and motion have in common, on the motion's time line: its `offset` is 0.
 
-        `clock` is seconds of music for each second of the motion. ValueError if the clip has no motion, or motion and
-        music meet in less than two frames.
+        `clock` is seconds of music for each second of the motion. ValueError if it is not positive, the clip has no
+        motion, or motion and music meet in less than two frames.
         """
         if self.motion is None:
             raise ValueError(f"{self.name}: there is no motion to score")
-        frame = clock / self.motion.fps  # seconds of music
+        frame = _positive(clock, "clock") / self.motion.fps  # seconds of music
         skipped = self.shared_frame(clock=clock)
         start = max(self.offset + skipped * frame, 0.0)
         seconds = min((self.motion.n_frames - skipped) * frame, self.audio.duration - start)

@@ -119,7 +119,7 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     ),
     ("a harmolab.BeatTrack is needed, got list", save_beats, ("song.beats", [1.0])),
     (r"held must have one entry per frame \(4\), got shape \(1,\)", partial(likeness, motion(), held=np.ones(1)), ()),
-    ("offset must be finite, got nan", Clip, ("waltz", SILENCE, None, float("nan"))),
+    *((f"offset must be finite, got {n!r}", Clip, ("waltz", SILENCE, None, n)) for n in (float("nan"), None, "1")),
 )
 def test_what_is_no_record_is_refused_by_name(message, record, values):
     refused(message, record, *values)
@@ -294,6 +294,7 @@ def test_the_shared_stretch_of_a_motion_that_outlasts_the_music_ends_with_the_mu
 def test_a_clock_stretches_the_shared_motion_over_more_music():
     shared = clip_of(0.0).shared(clock=1.5)
     assert (shared.motion.n_frames, shared.audio.duration) == (60, 9.0)
+    refused("clock must be positive and finite, got 0", clip_of(0.0).shared, clock=0)
 
 
 def test_training_settings_are_those_of_section_5_2():
@@ -301,8 +302,7 @@ def test_training_settings_are_those_of_section_5_2():
     assert (paper.pretrain_epochs, paper.adversarial_epochs, paper.batch_size) == (225, 45, 10)
     assert (paper.pretrain_rate, paper.pretrain_drops, paper.pretrain_drop_epochs) == (0.001, (0.5, 0.2, 0.2, 0.5), 50)
     # "divided by 2 and 5 alternatively every 5 epochs"
-    adversarial = (paper.adversarial_rate, paper.adversarial_drops, paper.adversarial_drop_epochs)
-    assert adversarial == (0.0001, (1 / 2, 1 / 5), 5)
+    assert (paper.adversarial_rate, paper.adversarial_drops, paper.adversarial_drop_epochs) == (0.0001, (0.5, 0.2), 5)
     assert (paper.pretrain_kl_weight, paper.kl_weight) == (0.1, 0.0001)
     assert (paper.harmony_weight, paper.cross_domain_weight) == (1, 1)
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
