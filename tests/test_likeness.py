@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -172,9 +172,9 @@ def test_a_pose_that_is_held_on_purpose_counts_nowhere() -> None:
     positions[300:480], held[300:480] = positions[300], True
     motion = replace(dancer(0), positions=positions)
     assert "poorest" in likeness(motion, limits=others()).fails
-    filler = replace(motion, valid=~held)
-    assert likeness(motion, limits=others(), held=held) == likeness(filler, limits=others())
-    assert likeness(filler, limits=others(), held=np.zeros_like(held)) == likeness(filler, limits=others())
+    filler, judged = replace(motion, valid=~held), partial(likeness, limits=others())
+    assert judged(motion, held=held) == judged(motion, held=held.tolist()) == judged(filler)
+    assert judged(filler, held=np.zeros_like(held)) == judged(filler)
     assert likeness(motion, limits=others(), held=np.ones_like(held)).cannot.startswith("too short")
 
 

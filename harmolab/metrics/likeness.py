@@ -410,10 +410,10 @@ def likeness(
     'cannot be judged: no joints are named left and right hip, or shoulder'
     """
     check_kind(motion, Motion)
-    if held is not None and np.shape(held) != motion.valid.shape:
-        raise ValueError(f"held must have one entry per frame ({motion.n_frames}), got shape {np.shape(held)}")
-    if held is not None:
-        motion = replace(motion, valid=motion.valid & ~held)
+    held = np.zeros(motion.n_frames, bool) if held is None else np.asarray(held, bool)
+    if held.shape != motion.valid.shape:
+        raise ValueError(f"held must have one entry per frame ({motion.n_frames}), got shape {held.shape}")
+    motion = replace(motion, valid=motion.valid & ~held)
     if motion.positions.shape[2] != 3:
         return Likeness(cannot="cannot be judged: places in a picture do not show how far the body moves")
     if not side_pairs(motion.skeleton):
@@ -421,7 +421,7 @@ def likeness(
     limits, windows = limits or LikenessLimits.recorded(), window_measures(motion)
     if not windows:
         needed, seconds = f"{SHORTEST:g} s of movement are needed", motion.valid.sum() / motion.fps
-        rest = "" if held is None or not held.any() else f", without {held.sum() / motion.fps:.3g} s of a held pose"
+        rest = "" if not held.any() else f", without {held.sum() / motion.fps:.3g} s of a held pose"
         return Likeness(cannot=f"too short to be judged: {needed}, these are {seconds:.3g} s{rest}")
     measured = {name: [window[name] for window in windows if name in window] for name in MEASURES}
     recorded = {name: reference for name in MEASURES if measured[name] and (reference := limits.reference(name, dance))}
