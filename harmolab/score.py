@@ -132,6 +132,7 @@ class HarmonyScore(Display):
         percentile rank among all moments.
     mean_share : float
         Their mean, weighted by the strengths of the beats: what `chance` is taken off. `chance` itself where none is.
+        In the measure "shape" all beats of whole cycles count alike; NaN where no place was tested.
     null : (R,) array, that mean after each rotation in time, or at each lag; empty when not computed
     harmony, audio_harmony, visual_harmony : float
         h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
