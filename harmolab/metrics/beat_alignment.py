@@ -113,6 +113,8 @@ def mir_eval_scores(
         If the times are no rising lists of finite numbers, or `only` names what is no measure.
     """
     audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
+    if any((np.diff(times) < 0).any() for times in (audio_times, visual_times)):
+        raise ValueError("audio_times and visual_times must rise; sort them")
     if unknown := set(only) - set(MIR_EVAL_NAMES):
         raise ValueError(f"no measure is called {', '.join(unknown)}; there are {', '.join(MIR_EVAL_NAMES)}")
     if min(len(audio_times), len(visual_times)) < 2 or min(np.ptp(audio_times), np.ptp(visual_times)) <= 0.01:
