@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from harmolab.body.kinematics import ROUNDING, smooth_positions, upsample_motion
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, Record
 
 RATE = 100.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
 SMOOTHING = 0.06  # seconds, Gaussian over the positions: sensors tremble faster than people move
@@ -37,7 +37,7 @@ _speeds: WeakKeyDictionary[Motion, dict[float, "ShapeSpeed"]] = WeakKeyDictionar
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSpeed:
+class ShapeSpeed(Record):
     """The speed of a body's shape at every moment, and what it is made of. Arrays are read-only.
 
     Parameters

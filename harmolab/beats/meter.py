@@ -6,7 +6,7 @@ import numpy as np
 
 from harmolab.beats.audio import LATENESS, onset_envelope
 from harmolab.beats.tempo import STEADY
-from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray, check_kind
+from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray, Record, check_kind
 
 COURSE = 8  # beats over which the tempo of a moment is told
 MOMENTS, FEWEST = 4, 24  # of a beat at which onsets are heard; beats of music whose bar can be heard
@@ -23,7 +23,7 @@ CATEGORIES: dict[tuple[bool, ...], str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class MeterUnit:
+class MeterUnit(Record):
     """One meter: a group of beats that the music repeats (paper Fig. 6).
 
     Parameters
