@@ -19,7 +19,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.files import WRITTEN_BY, PathLike, atomic_write, reading
+from harmolab.files import WRITTEN_BY, PathLike, atomic_write, named_faults, reading
 from harmolab.readers.video import is_video, opened_container, tagged_seconds
 from harmolab.types import Audio
 
@@ -80,7 +80,8 @@ def load_audio(
     sample_rate : float or None, hertz
         Resampled to this rate (soxr, high quality). None keeps the file's rate.
     max_seconds : float
-        More than this, or than MAX_SAMPLES, is refused before any sample is read.
+        More than this, or than MAX_SAMPLES, is refused before any sample is read; of an M4A while it is read, and the
+        whole of it counts.
 
     Returns
     -------
@@ -89,7 +90,8 @@ def load_audio(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read.
+        Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read, but
+        for an M4A, which is read whole.
     """
     if Path(path).suffix.lower() == ".m4a":
         return _span(path, start, duration, sample_rate, max_seconds)
@@ -226,11 +228,16 @@ def resampled(audio: Audio, sample_rate: float) -> Audio:
     """The sound at another sample rate R, ceil(S * R / sample_rate) samples of it, as librosa.load gives them."""
     if sample_rate == audio.sample_rate:
         return audio
-    if not MIN_RATE <= sample_rate <= MAX_RATE:
-        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {sample_rate}")
-    count = math.ceil(audio.samples.size * sample_rate / audio.sample_rate)
+    count = math.ceil(audio.samples.size * _possible_rate(sample_rate) / audio.sample_rate)
     samples = soxr.resample(audio.samples, audio.sample_rate, sample_rate, quality="HQ")[:count]
     return Audio(np.pad(samples, (0, count - samples.size)), sample_rate)
+
+
+def _possible_rate(sample_rate: float) -> float:
+    """`sample_rate` itself; ValueError where no sound has it."""
+    if not MIN_RATE <= sample_rate <= MAX_RATE:
+        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {sample_rate}")
+    return sample_rate
 
 
 # The sound of video files, through PyAV; and the sound of any file that has one
@@ -242,10 +249,9 @@ MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
 def load_sound(
     path: PathLike, *, start: float = 0.0, duration: float | None = None, sample_rate: float | None = 22050.0
 ) -> Audio:
-    """A sound file, or the sound of a video; the parameters and errors are those of `load_audio`."""
-    if not is_video(path):
-        return load_audio(path, start=start, duration=duration, sample_rate=sample_rate)
-    return _span(path, start, duration, sample_rate)
+    """A sound file, or the sound of a video, read whole as an M4A is; parameters and errors are as of `load_audio`."""
+    read = _span if is_video(path) else load_audio
+    return read(path, start=start, duration=duration, sample_rate=sample_rate)
 
 
 def _span(
@@ -253,9 +259,9 @@ def _span(
 ) -> Audio:
     """A span of the sound of a video, or of a file in such a container."""
     sound = video_sound(path, sample_rate=sample_rate, max_seconds=max_seconds)
-    if not 0 <= start < sound.duration:
-        raise ValueError(f"{path}: has {sound.duration:.2f} s of sound, none from {start:g} s on")
-    return sound.span(start, sound.duration - start if duration is None else duration)
+    with named_faults(path):
+        _span_frames(sound.samples.size, round(sound.sample_rate), start, duration, max_seconds)
+        return sound.span(start, sound.duration - start if duration is None else duration)
 
 
 def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seconds: float = 3600.0) -> Audio:
@@ -265,7 +271,7 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
     ----------
     path : str or path
     sample_rate : float or None, hertz
-        Resampled to this rate. None keeps the file's rate.
+        Resampled to this rate, in whole hertz. None keeps the file's rate.
     max_seconds : float
         More than this, or than MAX_SAMPLES of all channels, is an error.
 
@@ -279,7 +285,7 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
         Both name the file; a video without sound is an error.
     """
     with _sound_stream(path) as (container, stream):
-        rate = round(sample_rate or stream.codec_context.sample_rate)
+        rate = round(stream.codec_context.sample_rate if sample_rate is None else _possible_rate(sample_rate))
         pieces = list(_pieces(container, stream, rate, max_seconds))
         if not any(map(len, pieces)):
             raise ValueError("holds no samples of sound")
@@ -324,8 +330,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
         if block is not None and block.time is not None:
             due = (block.time if due is None or gap > GAP else due) + block.samples / block.sample_rate
         for part in parts:
-            samples = part[skip:]
-            skip = max(0, skip - len(part))
+            samples, skip = part[skip:], max(0, skip - len(part))
             count += len(samples)
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
