@@ -652,6 +652,7 @@ def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
     frame = np.zeros((32, 32, 3), np.uint8)
     refused("at least one frame", write_gif, tmp_path / "x.gif", [], 10.0)
     refused("frame 1 has shape", write_gif, tmp_path / "x.gif", [frame, frame[:20]], 10.0)
+    refused("x.gif: frame 0 has shape", write_gif, tmp_path / "x.gif", [frame[..., 0]], 10.0)
     assert not list(tmp_path.iterdir())
 
 

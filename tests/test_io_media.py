@@ -444,7 +444,7 @@ def sample(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-@cases("name, fps", *(("v.mp4", fps) for fps in (15.0, 23.976, 29.97, 120.0)), ("v.webm", 29.97))
+@cases("name, fps", *(("v.mp4", fps) for fps in (15.0, 23.976, 29.97, 120.0, np.float32(30.0))), ("v.webm", 29.97))
 def test_every_frame_comes_back_once_and_in_order_whenever_it_is_read(tmp_path: Path, name: str, fps: float):
     write_video(tmp_path / name, grey_levels(50), fps)
     video = video_frames(tmp_path / name)

@@ -302,7 +302,7 @@ def write_video(
         av.open(f"file:{part}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
         container.metadata.update({"comment": WRITTEN_BY} | ({"title": title} if title else {}))
-        _encode(container, coding, path, map(np.asarray, frames), Fraction(fps).limit_denominator(100_000), audio)
+        _encode(container, coding, path, map(np.asarray, frames), Fraction(float(fps)).limit_denominator(10**5), audio)
 
 
 def check_frame(path: Path, frame: Frame, number: int) -> None:
@@ -379,18 +379,18 @@ def write_gif(path: PathLike, frames: Iterable[Frame], fps: float) -> None:
     path = Path(path)
     if not MIN_FPS <= fps <= MAX_FPS:
         raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
-    pictures = iter(frames)
+    pictures = map(np.asarray, frames)
     first = next(pictures, None)
     if first is None:
         raise ValueError(f"{path}: a moving picture needs at least one frame, got none")
     check_frame(path, first, 0)
-    rate = Fraction(fps).limit_denominator(1000)
+    rate = Fraction(float(fps)).limit_denominator(1000)
     with atomic_write(path) as part:
         with av.open(f"file:{part}", "w", format="gif", options={"loop": "0"}) as container:
             stream = container.add_stream("gif", rate=rate)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "pal8"
-            for picture in _with_palette(path, itertools.chain([first], pictures), first.shape, rate):
+            for picture in _with_palette(path, itertools.chain([first], pictures), (*first.shape[:2], 3), rate):
                 container.mux(stream.encode(picture))
             container.mux(stream.encode(None))
         content, words = part.read_bytes().removesuffix(END), WRITTEN_BY.encode()
@@ -412,7 +412,7 @@ def _with_palette(path: Path, frames: Iterable[Frame], shape: Sequence[int], rat
     graph.configure()
     for index, frame in enumerate(frames):
         if frame.shape != shape:
-            raise ValueError(f"{path}: frame {index} has shape {frame.shape}, the first has {shape}")
+            raise ValueError(f"{path}: frame {index} has shape {frame.shape}; all must be {shape}")
         picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
         picture.pts, picture.time_base = index, 1 / rate
         source.push(picture)
