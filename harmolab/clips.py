@@ -83,7 +83,7 @@ def load_clip(
     song : str or path: wav, flac, ogg, mp3 or m4a, or a video with sound
     motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
     offset : float, seconds, audio time of motion frame 0
-        Left out, what the motion's file or folder says, else 0, and the clip says that it has no start.
+        Left out, what the motion's file or folder says, else 0, and the clip says that it has no start; 0 of a Motion.
     seconds : float, length of the motion that is taken; all of it when left out
     dance : str, a prior of the tempo where it is one of `DANCES`
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
@@ -98,8 +98,8 @@ def load_clip(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
-        beat is near `one`.
+        Of a file, both name it. ValueError also for an unknown dance without annotated beats or with `one`, where no
+        beat is near `one`, and for `seconds` or `up` that cannot be.
     """
     check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
@@ -112,12 +112,11 @@ def load_clip(
         if isinstance(motion, Motion)
         else recordings.load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
     )
-    if seconds is not None:
-        movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
     sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
     annotated = None if beats is None else annotated_beats(beats, sound)
     with named_faults(name):
+        movement = movement if seconds is None else movement.span(0.0, seconds)
         clip = Clip(
             Path(path).stem or Path(path).name, audio, movement, offset or 0.0, beats=annotated, dance=dance,
             has_start=offset is not None or isinstance(motion, Motion),

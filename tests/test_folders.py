@@ -363,3 +363,4 @@ def test_a_one_without_a_dance_or_a_beat_and_a_length_that_is_none_are_refused(s
     refused("no beat is near", load_clip, song, clip.motion, dance="waltz", one=99.0)
     for seconds in (0.0, -1.0, float("inf"), float("nan")):
         refused("seconds must be positive and finite", load_clip, song, clip.motion, seconds=seconds)
+    refused(f"{song}: no motion from 0.0 s for 0.001 s", load_clip, song, clip.motion, seconds=0.001)
