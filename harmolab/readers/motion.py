@@ -249,17 +249,18 @@ def save_motion(
     Raises
     ------
     ValueError
-        The name ends in neither, the motion has no skeleton that BVH can hold, or the offset is no time in a song.
+        The name ends in neither, the motion has no skeleton that BVH can hold, the offset is no time in a song, or
+        `detected` has another shape.
     """
     check_kind(motion, Motion)
     path = Path(path)
     optional: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
     _offset(optional)
     optional |= {} if detected is None else {"detected": np.asarray(detected, bool)}
-    optional |= {"about": np.array(about)} if about else {}
-    optional |= {WRITTEN_BY.replace(" ", "_"): np.array(True)}
-    suffix = path.suffix.lower()
-    if suffix == ".bvh":
+    optional |= ({"about": np.array(about)} if about else {}) | {WRITTEN_BY.replace(" ", "_"): np.array(True)}
+    if detected is not None and np.shape(detected) != (size := motion.positions.shape[:2]):
+        raise ValueError(f"{path}: detected must be {size}, frames and joints, got {np.shape(detected)}")
+    if (suffix := path.suffix.lower()) == ".bvh":
         save_bvh(path, motion)
         return
     if suffix != ".npz":
