@@ -83,6 +83,7 @@ def visual_beats(motion: Motion, *, params: HarmonyParams | None = None) -> Beat
     """Visual beats of a motion, in seconds from its first frame.
 
     Beats on frames that are not valid (splices, occlusions) are left out, as is everything when nothing moves.
+    `params` are ``HarmonyParams.paper()`` when left out.
 
     Examples
     --------
