@@ -18,7 +18,7 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
-from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, audio_beats, load_motion, synthetic_clip, systems
+from harmolab import Audio, BeatTrack, Clip, Motion, Skeleton, load_motion, synthetic_clip, systems
 from harmolab.body.kinematics import resample_motion
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
@@ -41,11 +41,12 @@ from harmolab.systems.training.checkpoints import load_state, open_folder
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, fit, make_fabric
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
+from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank
 from harmolab.systems.training.splits import split_units
 from harmolab.systems.training.units import load_units
 from harmolab.systems.training.weights import load_weights, save_weights
-from tests.builders import cases, refused
+from tests.builders import cases, missing, refused
 
 TOY = f"{__name__}:Toy"
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
@@ -86,18 +87,14 @@ class Toy:
         self, audio: Audio, beats: BeatTrack | None = None, *, start: float = 0.0, seconds: float | None = None,
         seed: int = 0, initial: Motion | None = None,
     ) -> Motion:  # fmt: skip
-        length = min(audio.duration - start, np.inf if seconds is None else seconds)
-        if start < 0 or length <= 0:
-            raise ValueError(f"start and seconds must lie within the music, got {start} and {seconds}")
-        times = start + np.arange(int(length * FEATURES.fps + 1e-6)) / FEATURES.fps
-        track = audio_beats(audio) if beats is None else beats
-        heard = torch.from_numpy(audio_features(audio, track, times, FEATURES))
+        request = DanceRequest(audio, beats, start, seconds, seed, initial)
+        times = start + np.arange(request.n_frames(FEATURES.fps)) / FEATURES.fps
+        heard = torch.from_numpy(audio_features(audio, request.track(), times, FEATURES))
         code = self.net(heard[None])[0].detach().double().numpy()
         positions = decode_motion(code, FEATURES.fps, self.net.skeleton)
         place = np.random.default_rng(seed).uniform(-1, 1, 3) * (1, 0, 1)
         if initial is not None:
-            if initial.skeleton.joints != self.net.skeleton.joints:
-                raise ValueError("initial has other joints than the toy")
+            check_initial(initial, self.net.skeleton, "the toy")
             place = initial.positions[-1].mean(axis=0) - positions[0].mean(axis=0)
         return Motion(positions + place, FEATURES.fps, self.net.skeleton)
 
@@ -236,9 +233,7 @@ of_dancers, of_players = (
 )
 
 
-@cache
-def made(name: str) -> System:
-    return SYSTEMS[name]()
+made: Callable[[str], System] = cache(lambda name: SYSTEMS[name]())
 
 
 @pytest.fixture
@@ -280,7 +275,7 @@ def test_what_is_saved_dances_the_same_when_it_is_loaded(saved: Path, name: str,
     np.testing.assert_array_equal(motions[0].positions, motions[1].positions)
 
 
-@cases("start, asked, seconds", (0, 0.5, 0.5), (4.3, 6, 6), (21, 0.7, 0.7), (18, 60, 4), (18, None, 4))
+@cases("start, asked, seconds", (0, 0.5, 0.5), (4.3, 6, 6), (21, 0.7, 0.7), (18, 60, 4), (18, np.inf, 4), (18, None, 4))
 def test_dance_is_as_long_as_asked_for_or_the_music_is(start: float, asked: float, seconds: float, generate: Generate):
     motion = generate(start=start, seconds=asked)
     assert motion.n_frames == pytest.approx(seconds * motion.fps, abs=1)
@@ -325,6 +320,11 @@ def test_a_time_outside_the_music_is_refused(options: dict[str, float], generate
     refused(r"start|seconds", generate, **options)
 
 
+def test_what_is_no_sound_motion_time_or_seed_is_refused(system: System, clip: Clip):
+    for option, value in {"audio": "song.wav", "initial": "walk.npz", "start": "1", "seed": -1}.items():
+        refused(f"{option} must be a ", system.generate, **{"audio": clip.audio, option: value})
+
+
 def test_beats_may_be_left_out(system: System, clip: Clip):
     assert system.generate(clip.audio.span(0.0, 8.0), seconds=2.0).duration == pytest.approx(2.0, abs=0.1)
 
@@ -366,8 +366,7 @@ def test_weights_of_another_system_are_refused(saved: Path, name: str):
 
 
 def test_a_folder_without_weights_is_named(tmp_path: Path, name: str):
-    with pytest.raises(FileNotFoundError, match=r"model\.json: no such file"):
-        load(tmp_path, system=name)
+    missing(r"model\.json: no such file", load, tmp_path, system=name)
 
 
 @pytest.mark.parametrize("stranger", ["this", "harmogan.os", "..training", "", "Harmogan", "this:s", TOY])

@@ -22,6 +22,7 @@ from harmolab.systems.training.about import DEFAULT_STEM, read_about
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.network_system import Learner, changed
+from harmolab.systems.training.requests import DanceRequest
 from harmolab.systems.training.splits import SIDES
 from harmolab.systems.training.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion, Notes
@@ -73,6 +74,7 @@ class Audio2Body(Learner):
         audio, start, seconds : as `harmolab.systems.System`
         notes : of the recording, for a network that hears them in place of the sound
         """
+        DanceRequest(audio, beats, start, seconds, seed, initial)  # an error for what is no sound, number or motion
         if initial is not None and initial.skeleton != self.network.skeleton:
             raise ValueError(f"initial has other joints than this {self.network.instrument} player")
         return synthesize_performance(self.network, audio, start=start, seconds=seconds, notes=notes)
@@ -132,8 +134,7 @@ class Audio2Body(Learner):
         performances = _performances(data, instrument, fps, hears_sound, options)
         params = changed(getattr(Audio2BodyParams, preset)(performances[0].instrument), changes)
         split = piece_split(performances, params, seed=split_seed)
-        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
-        options.notice(f"units: performances, {counts}")
+        options.notice(", ".join(["units: performances", *(f"{len(getattr(split, side))} {side}" for side in SIDES)]))
         train_audio2body(played_set(performances, params, split, progress=options.progress), split, options)
 
 

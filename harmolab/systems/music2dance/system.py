@@ -56,6 +56,7 @@ class Music2Dance(NetworkSystem):
     """
 
     network = DanceNetwork
+    generator: DanceNetwork
 
     def __init__(
         self,
@@ -105,9 +106,7 @@ class Music2Dance(NetworkSystem):
 
     def dance_code(self, request: DanceRequest, *, temperature: float | None = None) -> Danced:
         """A dance as the network makes it, before the feet and the floor; `temperature` as of `generate`."""
-        network: DanceNetwork = (
-            self.generator if temperature is None else drawn_with(self.generator, temperature=temperature)
-        )
+        network = self.generator if temperature is None else drawn_with(self.generator, temperature=temperature)
         request.check_dance(network.dances)
         params, seed = network.params, request.seed
         frames = request.n_frames(params.fps)

@@ -3,16 +3,16 @@
 No torch here: the choreographer dances without.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-
-import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.files import Progress, silent
-from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.params import DANCES, check_kinds
+from harmolab.score import check_whole
+from harmolab.types import Audio, BeatTrack, Clip, Motion, check_kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +45,22 @@ class DanceRequest:
     plant_feet: bool = True
     progress: Progress = silent
 
+    def __post_init__(self) -> None:
+        check_kinds(self)
+        check_whole(seed=self.seed)
+        check_kind(self.audio, Audio, "audio")
+        if self.initial is not None:
+            check_kind(self.initial, Motion, "initial")
+
     def n_frames(self, fps: float) -> int:
         """Frames of the dance; ValueError if `start` or `seconds` lies outside the music, or there are not two."""
-        audio, start, seconds = self.audio, self.start, self.seconds
-        if not 0 <= start < audio.duration:
-            raise ValueError(f"start must lie within the music (0 to {audio.duration:.2f} s), got {start:g} s")
-        if seconds is not None and not 0 < seconds < np.inf:
+        start, seconds = self.start, math.inf if self.seconds is None else self.seconds
+        if not 0 <= start < self.audio.duration:
+            raise ValueError(f"start must lie within the music (0 to {self.audio.duration:.2f} s), got {start:g} s")
+        if not seconds > 0:
             raise ValueError(f"seconds must be positive, got {seconds:g}")
-        length = min(audio.duration - start, np.inf if seconds is None else seconds)
-        frames = int(length * fps + 1e-6)
-        if frames < 2:
+        length = min(self.audio.duration - start, seconds)
+        if (frames := int(length * fps + 1e-6)) < 2:
             raise ValueError(f"{length:.3f} s of music are less than two frames at {fps:g} per second")
         return frames
 
