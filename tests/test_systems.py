@@ -30,7 +30,7 @@ from harmolab.musician.sequences import PointSpace
 from harmolab.musician.system import Audio2Body
 from harmolab.readers.player_points import PLAYER_50
 from harmolab.systems import System, find, load, names
-from harmolab.systems.contract import PLAYERS
+from harmolab.systems.contract import PARTS, PLAYERS, trainable
 from harmolab.systems.lee2019.networks import DancingToMusic
 from harmolab.systems.music2dance.codes import PositionCode
 from harmolab.systems.music2dance.networks import DanceNetwork
@@ -399,6 +399,12 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
 )
 def test_an_unknown_system_is_named(stranger: str, message: str):
     refused(message, find, stranger)
+
+
+@pytest.mark.parametrize("name", (*names(), *PARTS))
+def test_a_path_is_no_list_of_corpora(name: str, tmp_path: Path):
+    for data in ("corpus", tmp_path):
+        refused("put the one that there is into a list", trainable(name).train, data, tmp_path / "run")
 
 
 # The toy from corpus to comparison, by the commands

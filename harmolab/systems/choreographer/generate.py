@@ -31,7 +31,7 @@ from harmolab.systems.choreographer.takes import (
     save_takes,
     take_of,
 )
-from harmolab.systems.training.about import json_file, read_about, weights_stem
+from harmolab.systems.training.about import corpora, json_file, read_about, weights_stem
 from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
 from harmolab.types import Audio, BeatTrack, BoolArray, IntArray, Motion
 
@@ -277,7 +277,7 @@ class Choreographer(DanceSystem):
         The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
         metres in one unit of the files, if they do not say (`harmolab.readers.motion.load_motion`).
         """
-        corpus = read_takes(data, scale=scale, progress=progress)
+        corpus = read_takes(corpora(data), scale=scale, progress=progress)
         return cls(corpus.takes, params=params, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:

@@ -187,9 +187,8 @@ def same_skeleton(takes: Sequence[Take]) -> Skeleton:
     for take in takes:
         if take.motion.skeleton != first.motion.skeleton:
             sizes = [len(one.motion.skeleton.joints) for one in (first, take)]
-            fault = f"have different skeletons ({sizes[0]} and {sizes[1]} joints)"
-            remedy = "a dance is made from one: name a folder that holds one of them"
-            raise ValueError(f"{first.name} and {take.name} {fault}; {remedy}")
+            fault = f"{first.name} and {take.name} have different skeletons ({sizes[0]} and {sizes[1]} joints)"
+            raise ValueError(f"{fault}; a dance is made from one: name a folder that holds one of them")
     return first.motion.skeleton
 
 

@@ -5,7 +5,7 @@
     adds about training.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,13 @@ def weights_stem(path: PathLike) -> Path:
     if path.suffix in _SUFFIXES:
         return path.with_suffix("")
     return path / DEFAULT_STEM if path.is_dir() else path
+
+
+def corpora(data: Iterable[PathLike]) -> list[PathLike]:
+    """The folders of some corpora; ValueError for a single path, whose letters would be taken for folders."""
+    if isinstance(data, str | Path):
+        raise ValueError(f"data are folders of corpora: put the one that there is into a list; got {str(data)!r}")
+    return [*data]
 
 
 def json_file(stem: Path) -> Path:

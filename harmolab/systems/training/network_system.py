@@ -12,7 +12,7 @@ from torch import nn
 
 from harmolab.data.recordings import find_recordings, recorded_files
 from harmolab.files import PathLike, Progress, silent
-from harmolab.systems.training.about import DEFAULT_STEM, read_about
+from harmolab.systems.training.about import DEFAULT_STEM, corpora, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
 from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.loop import check_accelerator
@@ -90,13 +90,14 @@ class Learner:
         Raises
         ------
         ValueError
-            For an unknown name or value, a folder that holds something else, or too few recordings.
+            For an unknown name or value, a path in place of a list, a folder that holds something else, or too few
+            recordings.
         """
         check_accelerator(accelerator)
-        corpus = partial(cls.digests, [*data])
+        corpus = partial(cls.digests, folders := corpora(data))
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume, corpus=corpus)
-        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus), **own)
+        cls.learn(folders, TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus), **own)
         return cls.load(out)
 
 
