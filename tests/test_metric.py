@@ -271,6 +271,7 @@ def test_a_reference_of_another_pose_network_has_no_pose_features():
     ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "songs": []}, None),
     ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "songs": ["a", "b"]}, "songs must have one entry a dance"),
     ([np.zeros((30, 24, 3))], [[0.5]], {"fps": 30.0, "reference": []}, "the reference holds no motion"),
+    ([], [], {"reference": ["dance.npz"]}, r"reference: motions\[0\] must be a Motion or an array of joint positions"),
 )
 def test_what_cannot_be_measured_is_named(motions: Any, beats: Any, options: dict[str, Any], fault: str | None):
     if fault is None:

@@ -70,9 +70,11 @@ def evaluate(
 
     Raises
     ------
+    FileNotFoundError
+        There is no file of that name for `reference`.
     ValueError
         A motion has a gradient, no frame rate, a wrong shape, or no two frames at 15 a second, or beats are not on its
-        time line; names which. Or `seed` is no whole number from 0 on.
+        time line; names which. Or `reference` holds no recorded dances, or `seed` is no whole number from 0 on.
 
     Examples
     --------
@@ -119,7 +121,8 @@ class DanceMetric:
         if reference is None:
             return None
         if not isinstance(reference, Reference | str | os.PathLike):
-            return reference_of(_motions(reference, self.fps, self.skeleton), pose_net=self.pose_net)
+            with named_faults("reference"):
+                return reference_of(_motions(reference, self.fps, self.skeleton), pose_net=self.pose_net)
         saved = reference if isinstance(reference, Reference) else load_reference(reference)
         return saved.for_pose_net(measured.weights_digest(self.pose_net))
 
@@ -276,8 +279,7 @@ def _array(value: Any, name: str) -> NDArray[Any]:
 def _tracks(beats: Iterable[Any], motions: Sequence[Motion]) -> list[BeatTrack]:
     """The beats of each motion, on its time line and no longer than it; ValueError that names the first that fails."""
     if not isinstance(beats, Iterable):
-        kind = type(beats).__name__
-        raise ValueError(f"beats are those of several dances: pass a list with one entry a dance; got {kind}")
+        raise ValueError(f"beats are those of several dances: one entry a dance in a list; got {type(beats).__name__}")
     tracks = list(beats)
     if len(tracks) != len(motions):
         raise ValueError(f"beats must have one entry a dance ({len(motions)}), got {len(tracks)}")
