@@ -133,7 +133,7 @@ def test_without_beats_nothing_moves_nor_where_nothing_can_be_bettered():
 
 def test_the_seed_decides():
     motion, beats = dance(2, seconds=4.0)
-    first, again, other = (harmonise(motion, beats, steps=6, seed=seed).positions for seed in (0, 0, 1))
+    first, again, other = (harmonise(motion, beats, steps=6, seed=seed).positions for seed in (0, np.int64(0), 1))
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 1e-6
 
@@ -208,6 +208,7 @@ def test_splines_add_up_to_one_and_meet_a_straight_line():
     ({"reach": 0.0}, "reach must be positive, got 0.0"),
     ({"reach": float("nan")}, "reach must be positive, got nan"),
     ({"steps": 0}, "steps must be at least 1, got 0"),
+    ({"seed": -1}, "seed must be a whole number, not negative, got -1"),
     ({"params": replace(HarmonyParams.paper(), detector="direction")}, "'direction' has no relaxation"),
 )
 def test_what_cannot_be_done_is_refused_by_name(options: dict[str, object], message: str):

@@ -15,6 +15,7 @@ from torch import Tensor
 from harmolab.body.skeletons import ancestors
 from harmolab.files import Progress, silent
 from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
+from harmolab.score import check_whole
 from harmolab.soft_score import anneal, soft_harmony
 from harmolab.systems.harmogan.losses import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion, check_kind
@@ -72,12 +73,13 @@ def harmonise(
     Raises
     ------
     ValueError
-        For a reach that is not positive, no steps, or params that have no relaxation.
+        For a reach that is not positive, no steps, a seed that is no whole number, or params that have no relaxation.
     """
     check_kind(motion, Motion)
     check_kind(beats, BeatTrack)
     if not 0 < reach < float("inf"):
         raise ValueError(f"reach must be positive, got {reach}")
+    check_whole(steps=steps, seed=seed)
     if steps < 1:
         raise ValueError(f"steps must be at least 1, got {steps}")
     params = params or HarmonyParams.recommended()
@@ -170,7 +172,7 @@ def _search(
     sparse = Motion(motion.positions[::stride], motion.fps / stride, motion.skeleton, motion.valid[::stride])
     body, splines = _Body.of(sparse), _Splines.of(sparse)
     free = _Splines.of(motion).free(motion)
-    shape, generator = (len(free), *motion.positions.shape[1:]), torch.Generator().manual_seed(seed)
+    shape, generator = (len(free), *motion.positions.shape[1:]), torch.Generator().manual_seed(int(seed))
     knots = (FIRST_MOVE * reach * torch.randn(shape, generator=generator, dtype=torch.float64) * free).requires_grad_()
     knots.register_hook(free.mul)
     adam = torch.optim.Adam([knots], lr=RATE_OF_STEPS * reach)
@@ -229,6 +231,5 @@ def _place(judgement: Judgement) -> PlaceTest | None:
     signal, beats, pattern = judgement.signal, judgement.beats, judgement.pattern
     if judgement.place is not None or signal is None or pattern is None:
         return judgement.place
-    if signal.pulse < LEAST_PULSE or len(beats) <= pattern.beats:
-        return None
-    return place_test(signal, beats.times, beats.bar_places, pattern)
+    is_little = signal.pulse < LEAST_PULSE or len(beats) <= pattern.beats
+    return None if is_little else place_test(signal, beats.times, beats.bar_places, pattern)
