@@ -219,7 +219,7 @@ def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str
     rng = _rng(seed, 0)
     plan = {"pick": _plan_pick, "choice": _plan_choice, "rate": _plan_rate}[kind](items, versions, n, truth, rng)
     entries = [plan[place] for place in rng.permutation(n)]
-    study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
+    study = hashlib.sha256(json.dumps([kind, int(seed), [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
     return Key(study, kind, dict(zip(_random_ids(n, seed), entries, strict=True)))
 
 
