@@ -15,7 +15,7 @@ from harmolab.lab import person
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
 from harmolab.lab.render.stick import BACKGROUND, DANCER, HIT, MISS, MUSIC, captioned, hit_times, render_skeleton
-from harmolab.lab.render.video import CORE, load_points, overlay_skeleton, points_in_picture
+from harmolab.lab.render.video import CORE, load_points, overlay_skeleton, points_in_picture, write_dance
 from harmolab.params import HarmonyParams
 from harmolab.readers.keypoints import COCO_17
 from harmolab.readers.motion import save_motion
@@ -318,12 +318,13 @@ def test_real_skeleton_and_one_without_bones_are_drawn() -> None:
     assert 200 < dark(next(render_dance(dots)))[0].size < 10_000
 
 
-def test_what_cannot_be_drawn_is_refused() -> None:
+def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
     motion = dance(STANDING, STANDING)
     refused("at least 64 x 64 pixels, got 53 x 40", render_dance, motion, height=40)
     refused("at least 16 x 16 pixels, got 20 x 8", render_skeleton, motion, height=8, width=20)
     refused("fps must be positive", render_dance, motion, fps=float("nan"))
     refused("fps must be positive", render_skeleton, motion, fps=0.0)
+    refused("fps must be positive", write_dance, tmp_path / "x.mp4", synthetic_clip("waltz", seconds=2.0), rate=0.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.2, np.pi])

@@ -201,7 +201,7 @@ def write_dance(
     """
     motion = _motion(clip)
     if over is None:
-        rate = rate or RATE
+        rate = RATE if rate is None else rate
         drawn_score = (score or _score(clip, motion, params)) if marks else None
         frames = render_dance(motion, fps=rate, height=height, score=drawn_score, begin=begin, follow=follow)
     elif rate is not None or follow:
