@@ -230,7 +230,7 @@ class Player:
     Parameters
     ----------
     audio : Audio that starts with the motions' first frame
-    dancers : one Dancer, or two side by side
+    dancers : list of one Dancer, or of two side by side
     music : BeatTrack on the same time line; beats after the last frame are left out
     title : str
     facts : name -> text, shown as a table
@@ -448,7 +448,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     Parameters
     ----------
     audio : Audio that starts with the motions' first frame
-    motions : one Motion, or two side by side; (T, J, 3) metres or (T, J, 2) image coordinates
+    motions : list of one Motion, or of two side by side; (T, J, 3) metres or (T, J, 2) image coordinates
 
     Raises
     ------

@@ -512,7 +512,7 @@ def explain_performance(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file.
+        Both name the file; ValueError also for a setting out of range.
     """
     unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats, one=one)
     music = music_beats(unplaced)
