@@ -800,7 +800,7 @@ def test_training_is_reading_and_saving(tmp_path: Path):
     Choreographer.train([corpus], tmp_path / "run")
     about = json.loads((tmp_path / "run" / "model.json").read_text())
     (tmp_path / "run" / "model.json").write_text(json.dumps(about | {"system": "harmogan"}))
-    for out in (corpus, tmp_path / "run"):
+    for out in (corpus, corpus / "corpus.json", tmp_path / "run"):
         refused("holds something else", Choreographer.train, [corpus], out)
     refused("no setting 'epochs'", Choreographer.train, [corpus], tmp_path / "other", epochs=3)
 

@@ -306,7 +306,7 @@ class Choreographer(DanceSystem):
         """
         if unknown := sorted(more.keys() - {"report", "notice"}):
             raise ValueError(f"a choreographer has no setting {unknown[0]!r}: it learns nothing but bar patterns")
-        if Path(out).is_dir() and any(Path(out).iterdir()) and not _is_choreographer(out):
+        if Path(out).is_file() or (Path(out).is_dir() and any(Path(out).iterdir()) and not _is_choreographer(out)):
             raise ValueError(f"{out}: holds something else; name a new or empty folder")
         choreographer = cls.read(data, progress=progress)
         choreographer.save(out)
