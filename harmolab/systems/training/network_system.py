@@ -40,7 +40,7 @@ class Learner:
 
     @classmethod
     def learn(cls, data: list[PathLike], options: TrainOptions, **own: Any) -> None:
-        """Train on corpora, in the folder of `options`; `own` keywords are checked before anything is read."""
+        """Train on corpora, in the folder of `options`; `own` keywords are checked before anything is written."""
         raise NotImplementedError
 
     @classmethod
