@@ -161,6 +161,9 @@ def test_player_sits_on_the_stool_and_the_feet_rest_on_the_floor(pianist: Player
     for side in SIDES:
         assert np.ptp(of(result, f"{side}_toe"), axis=0).max() < 1e-9
         assert 0 <= of(result, f"{side}_toe")[0, 1] < 0.05
+    high = avatars.legs({name: of(result, name) + 2.0 for name in ("pelvis", "left_hip", "right_hip")}, 0.0)
+    foot = high["left_toe"] - high["left_ankle"]  # keeps its length where the leg is too short
+    np.testing.assert_allclose(np.linalg.norm(foot, axis=1), np.hypot(avatars.TOE, 0.02 - avatars.ANKLE))
 
 
 # Step 3: arms

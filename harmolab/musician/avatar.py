@@ -255,9 +255,9 @@ def legs(trunk: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
     for side in SIDES:
         foot = np.array([SIGNS[side] * KNEES, ANKLE, 0.9 * THIGH])
         ankle = np.broadcast_to(middle + turned(foot, turn), trunk["pelvis"].shape)
-        toe = ankle + turned(np.array([0.0, 0.02 - ANKLE, TOE]), turn)
+        toe = turned(np.array([0.0, 0.02 - ANKLE, TOE]), turn)
         knee, ankle = two_bones(trunk[f"{side}_hip"], ankle, THIGH, SHANK, turned(FRONT, turn) + UP)
-        joints |= {f"{side}_knee": knee, f"{side}_ankle": ankle, f"{side}_toe": ankle + (toe - ankle)}
+        joints |= {f"{side}_knee": knee, f"{side}_ankle": ankle, f"{side}_toe": ankle + toe}
     return joints
 
 
