@@ -14,10 +14,10 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton, heading, root_position
 from harmolab.files import Progress, silent
 from harmolab.systems.choreographer import moves as mv
-from harmolab.systems.choreographer.moves import ChoreographerParams, Clouds, Course, Float32, Moves
+from harmolab.systems.choreographer.moves import ChoreographerParams, Clouds, Course, Moves
 from harmolab.systems.training.feet import grounded
 from harmolab.systems.training.motion_code import bone_lengths, continued, fixed_bones
-from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion, SingleArray
 
 LONGEST_INTERVAL = 1.75  # in usual intervals; beats are put into longer ones
 NOISE_SHARE = 0.3
@@ -91,7 +91,7 @@ def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, per
     return MusicBeats(filled[inside], counted[inside], meter)
 
 
-def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, seed: int) -> Float32:
+def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, seed: int) -> SingleArray:
     """Cost of each of the N nodes at each of the M beats, (M, N), whatever is danced before it."""
     meter = music.meter or mv.USUAL_METER
     off = np.abs(np.log(music.lengths)[:, None] - np.log(moves.lengths))
@@ -160,7 +160,7 @@ def choose(
     return _traced(links, int(total.argmin()))
 
 
-def _columns(rows: Float32, nodes: IntArray) -> Float32:
+def _columns(rows: SingleArray, nodes: IntArray) -> SingleArray:
     """The columns (P, Q) of rows (P, N) that belong to nodes; the rows themselves where these are all."""
     return rows if nodes.size == rows.shape[1] else rows[:, nodes]
 
@@ -175,15 +175,15 @@ class Steps:
     def __init__(self, moves: Moves, params: ChoreographerParams, shortest: int) -> None:
         self._moves, self._params, self._shortest = moves, params, shortest
         self._every = np.arange(len(moves))
-        self._kinds: list[Float32] = []
-        self._likeness: Float32 | None = None
+        self._kinds: list[SingleArray] = []
+        self._likeness: SingleArray | None = None
         if moves.seams.is_dense:
             lengths = (0, shortest, max(shortest, params.longest_run))
             seams = moves.seam_rows(self._every, params)
             self._kinds = [self._priced(self._every, np.full(len(moves), run), *seams) for run in lengths]
             self._likeness = self._alike(self._every)
 
-    def costs(self, nodes: IntArray, run: IntArray) -> Float32:
+    def costs(self, nodes: IntArray, run: IntArray) -> SingleArray:
         """Cost (P, N) of going from each of `nodes` to any, after runs of so many beats (P,)."""
         if not self._kinds:
             return self._priced(nodes, run, *self._moves.seam_rows(nodes, self._params))
@@ -193,7 +193,7 @@ class Steps:
             rows[kind == number] = kept[nodes[kind == number]]
         return rows
 
-    def likeness(self, nodes: IntArray) -> Float32:
+    def likeness(self, nodes: IntArray) -> SingleArray:
         """Likeness of each of `nodes` to any, (P, N), 1 for the same."""
         return self._alike(nodes) if self._likeness is None else self._likeness[nodes]
 
@@ -202,7 +202,7 @@ class Steps:
         distance = self._moves.seams.pairs(self._moves.start[before] + 1, self._moves.start[now])
         return np.asarray((self._moves.following[before] == now) | (distance < self._params.twin))
 
-    def _priced(self, nodes: IntArray, run: IntArray, distance: Float32, seam: Float32) -> Float32:
+    def _priced(self, nodes: IntArray, run: IntArray, distance: SingleArray, seam: SingleArray) -> SingleArray:
         """`costs`, computed of the distances and prices (P, N) of `Moves.seam_rows`."""
         moves, params = self._moves, self._params
         twins, is_long, cost = distance < params.twin, run >= params.longest_run, seam.copy()
@@ -212,7 +212,7 @@ class Steps:
         cost[rows, moves.following[nodes[rows]]] = np.where(is_long[rows], mv.TOO_LONG, 0.0)
         return cost
 
-    def _alike(self, nodes: IntArray) -> Float32:
+    def _alike(self, nodes: IntArray) -> SingleArray:
         return np.exp(-np.square(self._moves.alike.rows(nodes) / np.float32(self._params.alike)))
 
 

@@ -152,7 +152,6 @@ def pulse(signal: ShapeSignal, period: float) -> FloatArray:
 # Beats as nodes, the distances of their clouds, and bar patterns
 
 Complex64 = NDArray[np.complex64]
-Float32 = SingleArray
 
 CENTIMETRES = 100.0  # in a metre
 BLOCK = 2**22  # distances computed at a time: 32 MB
@@ -204,7 +203,7 @@ class Clouds(NamedTuple):
     """N clouds of K points: places on the floor as x + i z, heights (metres), both times root weight; the N middles."""
 
     floor: Complex64
-    heights: Float32
+    heights: SingleArray
     middles: NDArray[np.complex128]
 
 
@@ -230,7 +229,7 @@ def clouds_of(positions: FloatArray, weights: FloatArray) -> Clouds:
     return Clouds(((floor - middles[:, None]) * root).astype(np.complex64), heights, middles)
 
 
-def distances(one: Clouds, other: Clouds) -> Float32:
+def distances(one: Clouds, other: Clouds) -> SingleArray:
     """Distance D of every cloud of `one` to every one of `other`, (N, M) centimetres."""
     level = other.heights.mean(axis=0) if len(other.heights) else 0.0  # single precision does not like large heights
     own, others = one.heights - level, other.heights - level
@@ -240,7 +239,7 @@ def distances(one: Clouds, other: Clouds) -> Float32:
     return np.sqrt(np.maximum(square, 0, out=square), out=square) * np.float32(CENTIMETRES)
 
 
-def _squares(floor: Complex64, heights: Float32) -> Float32:
+def _squares(floor: Complex64, heights: SingleArray) -> SingleArray:
     return (floor.real**2 + floor.imag**2 + heights**2).sum(axis=1)
 
 
@@ -262,7 +261,7 @@ class Distances:
             near = np.argpartition(block, count - 1, axis=1)[:, :count]
             self._nearest[rows], self._matrix[rows] = near, np.take_along_axis(block, near, axis=1)
 
-    def rows(self, numbers: IntArray) -> Float32:
+    def rows(self, numbers: IntArray) -> SingleArray:
         """Distances (P, N) of the clouds of those numbers to all, centimetres."""
         if self.is_dense:
             return self._matrix[numbers]
@@ -270,7 +269,7 @@ class Distances:
         np.put_along_axis(rows, self._nearest[numbers], self._matrix[numbers], axis=1)
         return rows
 
-    def pairs(self, one: IntArray, other: IntArray) -> Float32:
+    def pairs(self, one: IntArray, other: IntArray) -> SingleArray:
         """Distance (P,) of each cloud of `one` to that of `other` at the same place."""
         if self.is_dense:
             return self._matrix[one, other]
@@ -323,7 +322,7 @@ class Moves:
         meters = self.meters[self.places >= 0]
         return int(np.bincount(meters).argmax()) if meters.size else 0
 
-    def seam_rows(self, nodes: IntArray, params: ChoreographerParams) -> tuple[Float32, Float32]:
+    def seam_rows(self, nodes: IntArray, params: ChoreographerParams) -> tuple[SingleArray, SingleArray]:
         """Distance (P, N) between the end of each of `nodes` and the start of any, and what a seam there costs."""
         ends = self.start[nodes] + 1
         distance = self.seams.rows(ends)[:, self.start]
