@@ -468,7 +468,7 @@ def _duration(motions: Sequence[Motion]) -> float:
         raise ValueError(f"the player shows one dancer or two, got {len(motions)}")
     duration = max(motion.duration for motion in motions)
     if duration > LONGEST:
-        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
+        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut it (--start, --seconds)")
     return duration
 
 
