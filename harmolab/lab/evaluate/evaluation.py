@@ -288,10 +288,17 @@ def begun(
 
 def _check_shard(out: Path, shard: str | None) -> None:
     """ValueError where the run in a folder is of another shard, before its dances are read."""
-    with files.reading(out / MARK, "the settings of an evaluation") as file:
-        former = files.read_json(file).get("shard")
-    if former != shard:
+    if (former := read_mark(out).get("shard")) != shard:
         raise ValueError(f"{out}: the run was begun otherwise: shard was {former} and is {shard}; name another folder")
+
+
+def read_mark(out: Path) -> Mapping[str, Any]:
+    """What `write_mark` wrote to a folder; FileNotFoundError or ValueError names the file."""
+    with files.reading(out / MARK, "the settings of an evaluation") as file:
+        about = files.read_json(file)
+        if not isinstance(about, dict) or not isinstance(about.get("settings"), dict):
+            raise ValueError("holds no settings of an evaluation")
+        return about
 
 
 def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:

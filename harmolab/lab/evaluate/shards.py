@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from harmolab.files import PathLike, Progress, check_output, read_json, reading, silent
+from harmolab.files import PathLike, Progress, check_output, reading, silent
 from harmolab.lab.evaluate import evaluation
 from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_alike, check_engine_installed, read_manifest
 from harmolab.lab.evaluate.evaluation import MARK, PART_DANCES, ROWS, Evaluation, EvaluationSettings
@@ -93,7 +93,7 @@ def merge_shards(
     """
     out = Path(out)
     check_output(out, folders)
-    shards = {Path(folder): _mark(Path(folder) / MARK) for folder in folders}
+    shards = {Path(folder): evaluation.read_mark(Path(folder)) for folder in folders}
     _check_complete(shards)
     settings = _common_settings(shards)
     evaluation.check_table_folder(out, settings, force=force)
@@ -120,14 +120,6 @@ def _check_complete(shards: Mapping[Path, Mapping[str, Any]]) -> None:
         raise ValueError(f"shards are missing: {', '.join(f'{number}/{total}' for number in missing[:10])}")
     if unfinished := [path for path, about in shards.items() if about.get("rows") is None]:
         raise ValueError(f"{unfinished[0]}: is not finished; go on with it by --resume")
-
-
-def _mark(path: Path) -> Mapping[str, Any]:
-    with reading(path, "the settings of an evaluation") as file:
-        about = read_json(file)
-        if not isinstance(about, dict) or not isinstance(about.get("settings"), dict):
-            raise ValueError("holds no settings of an evaluation")
-        return about
 
 
 def _common_settings(shards: Mapping[Path, Mapping[str, Any]]) -> EvaluationSettings:
