@@ -293,7 +293,7 @@ def _check_shard(out: Path, shard: str | None) -> None:
 
 
 def read_mark(out: Path) -> Mapping[str, Any]:
-    """What `write_mark` wrote to a folder; FileNotFoundError or ValueError names the file."""
+    """The folder's mark, as `write_mark` wrote it; FileNotFoundError or ValueError names the file."""
     with files.reading(out / MARK, "the settings of an evaluation") as file:
         about = files.read_json(file)
         if not isinstance(about, dict) or not isinstance(about.get("settings"), dict):
