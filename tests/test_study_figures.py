@@ -158,10 +158,14 @@ def test_ablation_has_a_row_of_panels_a_corpus_and_marks_only_the_synthetic_one(
 def test_trade_off_has_a_mark_a_variant_with_both_intervals_and_small_ones_for_other_weights(ax: Axes):
     rows = both_measures("made up").reset_index(drop=True)
     rows.loc[(rows["variant"] == "paper") & (rows["measure"] == "fid"), ["low", "high"]] = -2.0, 18.0
-    variants.draw_trade_off(ax, rows, pd.DataFrame([{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}]), "fid")
-    assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9), (6.5, 0.6)} == set(marks_of(ax))
+    sweep = pd.DataFrame({"harmony_weight": [2.0, 0.1], "above_chance": 0.6, "fid": 6.5, "jerk": [2.5, 6.5]})
+    variants.draw_trade_off(ax, rows, sweep, "fid")  # one training's FID has another unit
+    assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9)} == set(marks_of(ax))
     assert spans(ax) == [[0.0, 18.0]]  # a distance does not go below 0
-    assert texts(ax) == ["0.1"]
+    variants.draw_trade_off(ax, rows, sweep, "jerk")
+    light, heavy = (line for line in ax.lines if line.get_gid() == "sweep")
+    assert (light.get_xdata()[0], heavy.get_xdata()[0]) == (6.5, 2.5)
+    assert light.get_markersize() < heavy.get_markersize()
 
 
 def test_titles_of_the_trade_off_are_changes_by_our_harmony_term():
@@ -169,7 +173,7 @@ def test_titles_of_the_trade_off_are_changes_by_our_harmony_term():
     figure = variants.trade_off_figure(both_measures("one", "synthetic"), sweep)
     assert titles(figure)[:2] == ["One, our harmony term:\nharmony 0.30 → 0.90, jerk 3 → 4", "FID 7.0 → 6.0"]
     assert titles(figure, "right")[3] == "synthetic data"
-    assert [len(spans(ax, "sweep")) for ax in figure.axes] == [1, 1, 0, 0]
+    assert [len(spans(ax, "sweep")) for ax in figure.axes] == [1, 0, 0, 0]
     assert smallest_text(figure) >= 9
 
 
@@ -464,16 +468,18 @@ def test_trainings_are_dots(ax: Axes):
     assert spans(ax, "seed") == [[15.0, 25.0]]
 
 
-def test_the_distance_of_poses_of_the_first_corpus_is_drawn_and_its_title_names_the_nearest_generator():
-    rows = pd.concat(MEASURED.assign(corpus=corpus) for corpus in ("beatlocked", "synthetic"))
-    (title,) = titles(figure := variants.distances_figure(pd.concat([rows, rows.assign(measure="fid_kinetic")])))
+def test_the_distance_of_speeds_of_the_first_corpus_is_drawn_and_its_title_names_the_nearest_generator():
+    poses = pd.concat(MEASURED.assign(corpus=corpus) for corpus in ("beatlocked", "synthetic"))
+    speeds = poses.assign(measure="fid_kinetic")
+    (title,) = titles(figure := variants.distances_figure(pd.concat([poses.assign(mean=-poses["mean"]), speeds])))
     assert f"Nearest, not clearly: “{LOOKS['paper, without'].label}”\n(recordings on the beat)" in title
-    assert "distance of poses" in figure.axes[0].get_xlabel()
+    assert "distance of joint speeds" in figure.axes[0].get_xlabel()
 
 
 @cases("high, words", (21.9, "Nearest: "), (22.1, "Nearest, not clearly: "))
 def test_a_generator_is_the_nearest_where_no_other_interval_reaches_into_its_own(high: float, words: str):
-    rows = pd.DataFrame([record("recommended", "fid", 20.0, 18.0, high), record("paper", "fid", 25.0, 22.0, 28.0)])
+    rivals = {"recommended": (20.0, 18.0, high), "paper": (25.0, 22.0, 28.0)}
+    rows = pd.DataFrame([record(name, "fid_kinetic", *numbers) for name, numbers in rivals.items()])
     assert f"{words}“{LOOKS['recommended'].label}”" in titles(variants.distances_figure(rows))[0]
 
 

@@ -169,13 +169,14 @@ def corpus_of(part: pd.DataFrame) -> str:
 
 # Distances of dances to recordings beside those between recordings (Fig. 9)
 
-DISTANCES: Mapping[str, str] = {"fid": "distance of poses", "fid_kinetic": "distance of speeds"}  # Frechet
+DISTANCES: Mapping[str, str] = {"fid": "distance of poses", "fid_kinetic": "distance of joint speeds"}  # Frechet
 # Recorded motion against recorded motion: name -> label.
 _REFERENCES = {
     "recorded, other figures": "recorded dance, other figures",
     "recorded, halves": "recorded dance, two halves",
 }
 _REFERENCE = Look("", COLOURS["chance"], "D", filled=True)
+WIDE = 100.0  # a distance above which the axis goes by powers of ten: one training lies far off
 SEEDS = "^seed "  # columns that hold the value of one training each
 
 
@@ -200,10 +201,11 @@ def draw_distances(ax: Axes, rows: pd.DataFrame, measure: str) -> str:
         seeds = row.filter(regex=SEEDS).to_numpy(np.float64)
         ax.plot(seeds, np.full(seeds.size, place + 0.22), ".", color=look.colour, markersize=6, gid="seed")
     ax.axvline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
+    ax.set_xscale("symlog", linthresh=WIDE)
     ax.set(xlabel=f"Fréchet {DISTANCES[measure]} to recorded dance (0: the same)", ylim=(-0.8, len(places) - 0.5))
     ax.hlines([*places.values()], *ax.get_xlim(), color=COLOURS["faint"], linewidth=0.8, zorder=0)
     nearest = _nearest(table[table.index.isin([*LOOKS])])
-    return f"Which losses move most like recorded dance? {nearest}\n({corpus_of(table)})"
+    return f"Who moves most like recorded dance? {nearest}\n({corpus_of(table)})"
 
 
 def _nearest(table: pd.DataFrame) -> str:
@@ -214,13 +216,16 @@ def _nearest(table: pd.DataFrame) -> str:
 
 
 def distances_figure(table: pd.DataFrame) -> Figure:
-    """`draw_distances` of poses for the first corpus of the table of notebook 08, which has the others and speeds."""
+    """`draw_distances` of speeds for the first corpus of the table of notebook 08, which has the others.
+
+    Not of poses: each training measures these by a pose network of its own, so that their units differ.
+    """
     handles = [
         Line2D([], [], **_REFERENCE.mark, label="recorded beside recorded dance"),
         Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval"),
         Line2D([], [], linestyle="none", marker=".", color=COLOURS["ink"], label="one training"),
     ]
-    return one_panel(of_first(table, "corpus"), draw_distances, "fid", handles, height=lambda _: 3.3)
+    return one_panel(of_first(table, "corpus"), draw_distances, "fid_kinetic", handles, height=lambda _: 3.3)
 
 
 # Gain and cost of a harmony loss (Fig. 11): measures by loss, and harmony against its price
@@ -234,9 +239,9 @@ MEASURES = ("paper_harmony", "paper_hit_rate", "above_chance", "count_ratio", "j
 # Of the picture, with the name of the axis and of the subject; the table has them all.
 SHOWN: Mapping[str, tuple[str, str]] = {
     "above_chance": ("0: as many beats as chance meets; 1: every music beat", "Harmony above chance, {}"),
-    "fid": ("0: moves the same", "FID to recorded dance"),
+    "fid": ("0: the same; each losses' own unit", "FID to recorded dance"),
 }
-PRICES: Mapping[str, str] = {"jerk": "jerk (m/s³)", "fid": "distance to recorded dance (FID)"}
+PRICES: Mapping[str, str] = {"jerk": "jerk (m/s³)", "fid": "distance to recorded dance (FID); each losses' own unit"}
 
 
 def draw_measure(ax: Axes, rows: pd.DataFrame, measure: str) -> None:
@@ -310,8 +315,8 @@ def draw_trade_off(ax: Axes, rows: pd.DataFrame, sweep: pd.DataFrame, measure: s
     ----------
     ax : Axes
     rows : with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
-    sweep : with "harmony_weight", "above_chance" and the measure: small marks, each a single training of our losses
-        with another weight
+    sweep : with "harmony_weight", "above_chance" and the measure: small marks, each a single training of our losses,
+        the larger the greater its weight; none for FID, whose unit is another in each training
     measure : name in `PRICES`, on the x axis
     """
     heights, prices = (of_measure(rows, name) for name in ("above_chance", measure))
@@ -323,10 +328,10 @@ def draw_trade_off(ax: Axes, rows: pd.DataFrame, sweep: pd.DataFrame, measure: s
         if np.isfinite(height["low"]):
             ax.plot([price["mean"]] * 2, [height["low"], height["high"]], **line)
         ax.plot(price["mean"], height["mean"], **look.mark, zorder=4)
-    words: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.5, "color": LOOKS[WEIGHTED].colour}
-    for place in sweep[[measure, "above_chance", "harmony_weight"]].to_numpy(np.float64):
-        ax.plot(*place[:2], "o", markersize=4, color=LOOKS[WEIGHTED].colour, zorder=3, gid="sweep")
-        ax.annotate(f"{place[2]:g}", tuple(place[:2]), (4, 4), **words)
+    ordered = sweep.sort_values("harmony_weight") if measure != "fid" else sweep[:0]
+    dot: dict[str, Any] = {"color": LOOKS[WEIGHTED].colour, "markeredgecolor": "white", "zorder": 3, "gid": "sweep"}
+    for rank, place in enumerate(ordered[[measure, "above_chance"]].to_numpy(np.float64)):
+        ax.plot(*place, "o", markersize=4 + 1.2 * rank, **dot)
     ax.axhline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
     ax.set_xlabel(PRICES[measure])
     ax.set_xlim(left=0.0)
@@ -352,8 +357,9 @@ def trade_off_figure(table: pd.DataFrame, sweep: pd.DataFrame) -> Figure:
         return f"{sentence(corpus_of(part))}, our harmony term:\n{change}"
 
     handles = [Line2D([], [], **look.mark, label=look.label) for look in LOOKS.values()]
+    weights = " < ".join(f"{weight:g}" for weight in sorted(set(sweep["harmony_weight"])))
     dot = {**_DOT, "markersize": 4, "color": LOOKS[WEIGHTED].colour}
-    handles.append(Line2D([], [], **dot, label="one training with another weight of it"))
+    handles.append(Line2D([], [], **dot, label=f"one training, weight {weights}"))
     return panels_figure(table, draw, [*PRICES], handles, height=lambda _: 3.4, more=0.7, sharey="row")
 
 
