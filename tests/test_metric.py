@@ -152,6 +152,7 @@ def test_the_command_saves_a_reference_that_it_reads(evaluated: Evaluated, tmp_p
 def test_the_reference_that_is_shipped_is_of_synthetic_dances():
     reference = load_reference(SYNTHETIC)
     assert len(reference.features) == 28 and reference.limits is not None
+    assert set(MEASURES) <= set(reference.rows)  # a new one: python -m tools.reference
     harmony = reference.rows.groupby("system")["harmony"].mean()
     assert harmony[RECORDED] > 0.5 and harmony[FROZEN] == 0
 

@@ -9,21 +9,14 @@ from typing import Any
 
 from harmolab.lab.evaluate import tables
 from harmolab.lab.evaluate.evaluation import Evaluation
+from harmolab.lab.evaluate.measured import DANCE_MEASURES, MUSIC_MEASURES
 from harmolab.lab.evaluate.protocols import protocol_of
 from harmolab.lab.evaluate.summary import measure_of
 
-# Columns of the LaTeX table, those that were measured: name -> heading, in two tables that fit a page. The others are
-# in the CSV file.
-MUSIC_COLUMNS: Mapping[str, str] = {
-    **{"harmony": "Harmony", "harmony_dance": "H. of dance"},
-    **{"paper_harmony": r"$h$", "paper_harmony_chance": r"$h$ by chance"},
-    **{"beat_align_motion": r"BA$_\mathrm{motion}$", "beat_align_music": r"BA$_\mathrm{music}$"},
-    "mir_eval_f": "Beat $F$",
-}
-BODY_COLUMNS: Mapping[str, str] = {
+# Headings of measures of sets of dances, of those that were measured.
+SET_COLUMNS: Mapping[str, str] = {
     **{"fid_kinetic": r"FID$_k$", "fid_geometric": r"FID$_g$", "fid_pose": r"FID$_\mathrm{pose}$"},
     **{"diversity_kinetic": r"Div$_k$", "diversity_geometric": r"Div$_g$"},
-    **{"pfc": "PFC", "foot_skating": "Skating", "freezing": "Freezing", "likeness": "Likeness"},
 }
 PUBLISHED_COLUMNS = ("FID_k", "FID_g", "Div_k", "Div_g", "BeatAlign", "BAS", "PFC")  # in the order of papers
 DEAF, CONSTANT = r"$^\dagger$", r"$^\ddagger$"  # marks of a heading, and of a number
@@ -66,9 +59,13 @@ def table_tex(evaluation: Evaluation) -> str:
 def _heads(evaluation: Evaluation) -> dict[str, dict[str, str]]:
     """Groups of columns that were measured -> column -> heading in LaTeX: two of our own, then those of protocols."""
     columns = (*evaluation.measures, *evaluation.set_measures)
+    music, body = (
+        {name: measure.head for name, measure in own.items() if measure.head}
+        for own in (MUSIC_MEASURES, DANCE_MEASURES)
+    )
     heads: dict[str, dict[str, str]] = {
         group: {name: head for name, head in own.items() if name in columns}
-        for group, own in (("music", MUSIC_COLUMNS), ("body", BODY_COLUMNS))
+        for group, own in (("music", music), ("body", {**SET_COLUMNS, **body}))
     }
     for protocol in evaluation.settings.protocols:
         names = [name.partition(" ")[2] for name in columns if name.startswith(f"{protocol} ")]

@@ -121,33 +121,46 @@ class Dance(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """A measure of the table: its words, and 1 where more is better, -1 where less is, 0 where neither."""
+    """A measure of the table.
+
+    Parameters
+    ----------
+    words : str
+    better : int, 1 where more is better, -1 where less is, 0 where neither
+    head : str, of its column in the LaTeX table; "" for none there
+    drawn : bool, whether the page has a chart of it
+    """
 
     words: str
     better: int
+    head: str = ""
+    drawn: bool = False
 
 
-MEASURES: Mapping[str, Measure] = {
-    "harmony": Measure("harmony above chance", 1),
-    "harmony_dance": Measure("harmony above chance, by the song's dance", 1),
+MUSIC_MEASURES: Mapping[str, Measure] = {
+    "harmony": Measure("harmony above chance", 1, "Harmony", True),
+    "harmony_dance": Measure("harmony above chance, by the song's dance", 1, "H. of dance", True),
     "significant": Measure(f"share of dances with p <= {ALPHA:g}", 1),
-    "paper_harmony": Measure("harmony h (paper)", 1),
-    "paper_harmony_chance": Measure("h of as many beats at random moments", 0),
+    "paper_harmony": Measure("harmony h (paper)", 1, r"$h$", True),
+    "paper_harmony_chance": Measure("h of as many beats at random moments", 0, r"$h$ by chance"),
     "paper_hit_rate": Measure("hit rate (paper)", 1),
     "paper_hit_rate_chance": Measure("hit rate by chance", 0),
-    "beat_align_motion": Measure("beat alignment, over motion beats (AIST++)", 1),
-    "beat_align_music": Measure("beat alignment, over music beats (Bailando)", 1),
+    "beat_align_motion": Measure("beat alignment, over motion beats (AIST++)", 1, r"BA$_\mathrm{motion}$", True),
+    "beat_align_music": Measure("beat alignment, over music beats (Bailando)", 1, r"BA$_\mathrm{music}$", True),
     "beat_coverage": Measure("beat coverage", 0),
     "beat_hit_rate": Measure("beat hit rate", 1),
-    "mir_eval_f": Measure("F-measure of mir_eval", 1),
-    "pfc": Measure("physical foot contact, m²/s²", -1),
-    "foot_skating": Measure("foot skating, m/s", -1),
-    "freezing": Measure("freezing, share of windows", -1),
-    "jerk": Measure("jerk, m/s³", 0),
-    "likeness": Measure("share that moves like the recorded dancers", 1),
+    "mir_eval_f": Measure("F-measure of mir_eval", 1, "Beat $F$", True),
+}
+DANCE_MEASURES: Mapping[str, Measure] = {
+    "pfc": Measure("physical foot contact, m²/s²", -1, "PFC", True),
+    "foot_skating": Measure("foot skating, m/s", -1, "Skating", True),
+    "freezing": Measure("freezing, share of windows", -1, "Freezing", True),
+    "jerk": Measure("jerk, m/s³", 0, drawn=True),
+    "likeness": Measure("share that moves like the recorded dancers", 1, "Likeness", True),
     **{name: Measure(BODY_MEASURES[name], 0) for name in BODY},
     "seconds": Measure("length of a dance, s", 0),
 }
+MEASURES = MappingProxyType({**MUSIC_MEASURES, **DANCE_MEASURES})
 
 
 def dance_numbers(dance: Dance, measures: Iterable[str]) -> dict[str, float]:
@@ -329,6 +342,7 @@ HARMONY = (
 )
 PAPER = ("paper_harmony", "paper_harmony_chance", "paper_hit_rate", "paper_hit_rate_chance")
 BEATS = ("beat_align_motion", "beat_align_music", "beat_coverage", "beat_hit_rate", "mir_eval_f")
+NUMBERS = tuple(dict.fromkeys(("seconds", *HARMONY, *MEASURES)))  # of a dance in the table of clips, in their order
 # Name of a measure -> the function of a dance that gives it, with others.
 SOURCES: Mapping[str, Callable[[Dance], Mapping[str, float]]] = {
     "seconds": lambda dance: {"seconds": dance.motion.duration},

@@ -17,10 +17,10 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.data.oddities import brief_text, faults_of
 from harmolab.files import PathLike, named_faults
 from harmolab.lab.evaluate import measured
-from harmolab.lab.evaluate.measured import Dance, dance_numbers, motion_features
+from harmolab.lab.evaluate.measured import NUMBERS, Dance, dance_numbers, motion_features
 from harmolab.lab.evaluate.pairing import GENERATED, RECORDED
 from harmolab.lab.evaluate.reference import Reference, load_reference
-from harmolab.lab.evaluate.rows import NUMBERS, Row, skeleton_digest
+from harmolab.lab.evaluate.rows import Row, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
 from harmolab.params import DANCE_PATTERNS

@@ -22,10 +22,6 @@ from harmolab.lab.report.templates import rendered
 from harmolab.params import HarmonyParams
 
 SHOWN_SECONDS = 20.0  # of a dance in the page's players
-DRAWN = (
-    *("harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness"),
-    *("pfc", "foot_skating", "freezing", "jerk"),
-)
 LISTED = 200  # files that the page names as left out; table.json has them all
 
 
@@ -61,8 +57,7 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
 def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
     records = tables.table_records(evaluation)
-    drawn = (*DRAWN, *(name for name in evaluation.measures if name not in MEASURES))
-    charts = [name for name in drawn if name in evaluation.measures]
+    charts = [name for name in evaluation.measures if name not in MEASURES or MEASURES[name].drawn]
     left_out = [*evaluation.errors, *evaluation.unpaired]
     notes = list(tables.table_notes(evaluation))
     return rendered(

@@ -20,7 +20,6 @@ from harmolab.data import oddities
 from harmolab.data.recordings import read_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, plain
 from harmolab.lab.evaluate import measured, pairing
-from harmolab.lab.evaluate.measured import BEATS, BODY, HARMONY, PAPER
 from harmolab.lab.evaluate.pairing import FROZEN, GENERATED, OTHER_SONG, RECORDED, Pair
 from harmolab.lab.evaluate.protocols import protocol_of, published_music_and_motion
 from harmolab.lab.evaluate.sets import feature_cells
@@ -32,8 +31,6 @@ from harmolab.readers.smpl import FACT_SEED
 from harmolab.types import Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
-# Columns of a dance's numbers, in their order.
-NUMBERS = (*("seconds", *HARMONY, *PAPER, *BEATS), *("pfc", "foot_skating", "freezing", "jerk", "likeness", *BODY))
 KEPT, ASSUMED, ASSUMED_OF_EDGE = "kept in the file", "assumed", "assumed, file of EDGE"
 BEGINS = (pairing.LISTED, pairing.SLICED, KEPT, ASSUMED, ASSUMED_OF_EDGE)  # sources of the start of a dance in its song
 SONGS_KEPT = 2  # songs that a process holds, as dances to one song come in a row
@@ -101,7 +98,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "begins": _begins(pair, file), "odd": oddities.brief_text(odd), "oddities": "; ".join(odd),
     }  # fmt: skip
     dance = measured.Dance(pair.system, pair.song, motion, music, pair.seed, clip.dance, options.limits, silent)
-    numbers = measured.dance_numbers(dance, NUMBERS)
+    numbers = measured.dance_numbers(dance, measured.NUMBERS)
     # Distances count a recorded dance once, with its own song.
     features = {} if pair.kind == OTHER_SONG else measured.motion_features(motion, options.pose_net)
     remarks = []
