@@ -60,7 +60,7 @@ HANDEDNESS = ("mirrored", "picture")
 _HANDS = (*hand_joints("left"), *hand_joints("right"))
 _FACE, _COCO = ("",) * 68, keypoints.COCO_17.joints
 _AT = {name: number for number, name in enumerate(NAMES)}
-_HAND_LIST, _POSE_LISTS = "hands", ("pose_landmarks", "landmarks")
+_HAND_LIST, _POSE_LISTS = "hands", keypoints.POSE_LISTS
 _SIDE_LISTS = {side: f"{side}_hand_landmarks" for side in SIDES}
 _LANDMARK_KEYS = {_HAND_LIST, *_POSE_LISTS, *_SIDE_LISTS.values()}
 _LONGEST_SIDE = 100_000  # pixels
@@ -127,8 +127,7 @@ def player_landmarks(content: Any) -> FloatArray:
     ValueError
         The content is damaged, or does not say whose hands the labels of "hands" name.
     """
-    frames = content["frames"] if isinstance(content, dict) else content
-    keypoints.check_frames(len(frames))
+    frames = keypoints.landmark_frames(content)
     handedness = content.get("handedness") if isinstance(content, dict) else None
     if handedness not in (None, *HANDEDNESS):
         raise ValueError(f"'handedness' is {str(handedness)[:30]!r}; it must be 'mirrored' or 'picture'")

@@ -5,7 +5,8 @@ is. Frames that are not named, between the first and the last, are empty.
 
 MediaPipe's landmarks of one body are objects, not files: save a list of frames, or
 ``{"fps": 30.0, "aspect": 1.5, "world": false, "frames": [...]}``. A frame is a list of 33
-``{"x", "y", "z", "visibility"}`` (or ``{"landmarks": [...]}``), or null or an empty list where the picture is empty.
+``{"x", "y", "z", "visibility"}`` (or ``{"frame": 12, "landmarks": [...]}``), or null or an empty list where the picture
+is empty. Where all frames have a number, those that are left out are empty.
 
 A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
 not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
@@ -120,6 +121,7 @@ LAYOUTS = (
 )
 OPENPOSE = LAYOUTS[-1]
 
+POSE_LISTS = ("pose_landmarks", "landmarks")  # keys of a body's landmarks in a frame
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
 SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
 
@@ -184,15 +186,20 @@ def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatAr
     for place, entry in enumerate(entries):
         poses = entry_poses(entry, layout, f"entry {place}", pose)
         people.setdefault(_frame_number(entry.get(layout.frame, place), place), []).extend(poses)
-    first, last = min(people), max(people)
-    if last - first + 1 > min(MAX_FRAMES, SPARSE * len(people)):
+    return [poses or [] for poses in _by_number(people)]
+
+
+def _by_number(frames: Mapping[int, Any]) -> list[Any]:
+    """Frames in the order of their numbers, None for each that is left out; ValueError where most of them are."""
+    first, last = min(frames), max(frames)
+    if last - first + 1 > min(MAX_FRAMES, SPARSE * len(frames)):
         raise ValueError(
-            f"names {len(people)} frames between {first} and {last}: these are no frames of one video; "
+            f"names {len(frames)} frames between {first} and {last}: these are no frames of one video; "
             "name each image by its frame number"
         )
-    if 1 < first <= len(people):
+    if 1 < first <= len(frames):
         first = 0
-    return [people.get(number, []) for number in range(first, last + 1)]
+    return [frames.get(number) for number in range(first, last + 1)]
 
 
 def _summary(content: Any) -> str:
@@ -255,17 +262,38 @@ def is_landmarks(content: Any) -> bool:
     if not isinstance(frames, list) or not frames:
         return False
     first = next((frame for frame in frames if frame), None)
-    points = first.get("landmarks") if isinstance(first, dict) else first
+    points = _pose_landmarks(first)
     landmark = points[0] if isinstance(points, list) and points else None
     return first is None or (isinstance(landmark, dict) and "x" in landmark)
 
 
+def landmark_frames(content: Any) -> list[Any]:
+    """The frames of landmarks; where each has a number, as in "frame", in their order, and None for those left out."""
+    frames = content["frames"] if isinstance(content, dict) else content
+    numbered = {_own_number(frame): frame for frame in frames}
+    if -1 not in numbered:
+        if len(numbered) < len(frames):
+            raise ValueError("names a frame twice; one body in each is read")
+        frames = _by_number(numbered)
+    check_frames(len(frames))
+    return frames
+
+
+def _own_number(frame: Any) -> int:
+    """The number that a frame has under a key such as "frame" or "frame_id"; -1 without one."""
+    fields = frame.items() if isinstance(frame, dict) else ()
+    return next((value for key, value in fields if key.startswith("frame") and isinstance(value, int)), -1)
+
+
+def _pose_landmarks(frame: Any) -> Any:
+    """The landmarks of a frame's body."""
+    return next((frame[key] for key in POSE_LISTS if key in frame), None) if isinstance(frame, dict) else frame
+
+
 def landmarks_by_frame(content: Any) -> FloatArray:
     """(T, 33, 4) x, y, z and visibility, NaN in empty frames, of content that `is_landmarks`."""
-    frames = content["frames"] if isinstance(content, dict) else content
-    check_frames(len(frames))
-    lists = [frame.get("landmarks") if isinstance(frame, dict) else frame for frame in frames]
-    return np.stack([landmark_array(points, f"frame {number}") for number, points in enumerate(lists)])
+    frames = enumerate(landmark_frames(content))
+    return np.stack([landmark_array(_pose_landmarks(frame), f"frame {number}") for number, frame in frames])
 
 
 def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)) -> FloatArray:
