@@ -251,8 +251,8 @@ def test_frame_time_of_a_bvh_that_tells_its_rate_is_left_as_it_is(tmp_path: Path
     assert load_motion(tmp_path / "walk.bvh").fps == 1 / float(step)
 
 
-@pytest.mark.parametrize(("leg", "factor"), [("0.9", 1.0), ("90", 0.01)])
-def test_bvh_over_3_units_tall_is_taken_for_centimetres(tmp_path: Path, leg: str, factor: float):
+@pytest.mark.parametrize(("leg", "factor"), [("0.9", 1.0), ("90", 0.01), ("1700", 0.001)])
+def test_bvh_over_3_units_tall_is_in_centimetres_and_over_1000_in_millimetres(tmp_path: Path, leg: str, factor: float):
     (tmp_path / "walk.bvh").write_text(GOOD.replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0"))
     assert load_bvh(tmp_path / "walk.bvh").positions[0, 2, 1] == pytest.approx(-float(leg) * factor)
     assert load_bvh(tmp_path / "walk.bvh", scale=0.5).positions[0, 2, 1] == pytest.approx(-float(leg) * 0.5)

@@ -17,14 +17,15 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import harmolab.readers.c3d as c3d_reader
-from harmolab.body.skeletons import Skeleton, standing_height
+from harmolab.body.skeletons import Skeleton, standing_height, tree_order
 from harmolab.cli import app
 from harmolab.cli.data_check import check
 from harmolab.files import MissingFrameRate
 from harmolab.lab.evaluate.pairing import Song, folder_pairs
 from harmolab.readers.keypoints import COCO_17, HUMAN36M_17
-from harmolab.readers.motion import load_motion, read_motion
+from harmolab.readers.motion import load_motion, read_motion, save_motion
 from harmolab.readers.smpl import SMPL_22, SMPL_24, load_body, neutral_body
+from harmolab.types import Motion
 from tests.builders import called, cases, complaint, done, missing, refused
 from tests.test_hostile import Malicious
 
@@ -474,6 +475,24 @@ def test_units_and_axis_are_guessed_from_the_body_and_said(tmp_path: Path, unit:
     passed = load_motion(tmp_path / "d.npy", fps=60, scale=1 / factor, up="y").positions
     np.testing.assert_allclose(passed, to_z_up(joints), atol=1e-9)
     refused(r"d\.npy: .*pass scale", load_motion, saved(tmp_path / "d.npy", joints * 1e6), fps=60)
+
+
+def test_the_way_from_feet_to_head_is_up_where_a_file_leaves_it_open_or_its_kind_is_known_by_habit(tmp_path: Path):
+    joints, (z_up, way, expected) = moving_joints(), z_up_parameters()
+    openpose = np.zeros((12, 25, 3)) + joints[:, :1]
+    openpose[:, [0, 11]] = joints[:, [15, 7]]  # nose and an ankle
+    for up, turn in (("z", to_z_up), ("-y", lambda places: places * [1, -1, -1])):
+        save_motion(tmp_path / "d.bvh", Motion(turn(joints), 60, SMPL_24))
+        saved(tmp_path / "d.npy", turn(openpose) * 1000)
+        for name, places in (("d.bvh", joints[:, tree_order(SMPL_24.parents)]), ("d.npy", openpose)):
+            file = read_motion(tmp_path / name, fps=60)
+            np.testing.assert_allclose(file.motion.positions, places, atol=1e-4)
+            assert file.assumptions[-1].brief == f"axis guessed: {up} up"
+    for poses, places, up in ((z_up, way, "z up (as AMASS"), (dance()[0].reshape(-1, 72), dance()[1], "y up (guessed")):
+        np.savez(tmp_path / "walk.npz", poses=poses, trans=places, mocap_framerate=50.0)
+        motion, _, notes = read_motion(tmp_path / "walk.npz")
+        np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
+        assert any(note.startswith(up) for note in notes)
 
 
 def test_joints_of_another_order_have_a_long_and_a_short_thigh_and_a_remark_says_so(tmp_path: Path):

@@ -100,7 +100,7 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     skeleton, remarks = steady_skeleton(joints)
     _check_thighs(joints, skeleton)
     factor, unit = motion_file.metre_factor(joints, options)
-    places, up = _upright(in_metres(joints, factor), skeleton, options)
+    places, up = motion_file.upright(in_metres(joints, factor), skeleton.joints, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
     return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
 
@@ -129,15 +129,6 @@ def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -
             frames.append(number_array(content[_FRAME_KEY], _FRAME_KEY, (len(SMPL_24.joints), 3)))
     with named_faults(folder):
         return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
-
-
-def _upright(places: FloatArray, skeleton: Skeleton, options: ReadingOptions) -> tuple[FloatArray, str]:
-    """Places with y up and a sentence; y where the body does not tell, as in files of our own."""
-    try:
-        return motion_file.guessed_up(places, skeleton.joints, options)
-    except ValueError:
-        reason = "assumed: the body lies, or turns over, and does not tell; --up overrules it"
-        return places, Assumption(f"y up ({reason})", "axis assumed: y up")
 
 
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
@@ -321,11 +312,11 @@ def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
         if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
             return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
-        unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
-        places = in_metres(values, 1.0 if options.scale is None else options.scale)
+        factor, unit = motion_file.metre_factor(values, options)
+        unit = _METRES if options.scale is None and factor == 1 else unit
         skeleton = keypoints.named_skeleton(values.shape[1])
         notes += (_OPENPOSE,) if skeleton else ()
-        motion = checked_motion(places, rate, skeleton)
+        motion = checked_motion(in_metres(values, factor), rate, skeleton)
         return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 

@@ -6,8 +6,10 @@ Files are read with any skeleton and any order of channels:
 * Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world); a
   joint whose positions are all 0 stays at its OFFSET, as in files that write what is added to it.
 * An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
-* BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
-  for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
+* BVH says nothing about its unit. A rest skeleton that extends over more than 1000 units is taken for millimetres, over
+  more than 3 for centimetres, else for metres; pass `scale` where that is wrong (the CMU files, for one, are in units
+  of 5.6 cm: `scale=0.056444`).
+* Nor does it tell which axis points up: the way from the feet to the head does (Blender writes z up), else it is y.
 * A Frame Time that is rounded is that of the usual rate: 0.033 means 30 frames per second; at 30.3 a dance would be
   half a beat off after half a minute.
 
@@ -49,7 +51,7 @@ _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "z
 _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_NAME, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 200, 2**24
 _BLOCK_PLACES = 2**17
-_LARGEST_METRES = 3.0  # extent at rest, in units of the file, that is read as metres
+_UNITS = ((1000.0, 0.001), (3.0, 0.01))  # extent at rest, in units of the file, above which a unit is so many metres
 _USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
 
 
@@ -73,7 +75,7 @@ def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = 
     fps : float or None, frames per second
         None: from the file's Frame Time.
     scale : float or None, metres in one unit of the file
-        None: 0.01 if the rest skeleton extends over more than 3 units, else 1.
+        None: by the extent of the rest skeleton, as above.
 
     Raises
     ------
@@ -93,14 +95,9 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
         values, step = _table(table, sum(len(joint.channels) for joint in joints))
         if len(values) * len(joints) > _MAX_PLACES:
             raise ValueError(f"has {len(values)} frames of {len(joints)} joints; cut it into parts")
-        factor = _guessed_scale(joints) if options.scale is None else options.scale
-        unit = f"{factor:g} m a unit (as passed)"
-        if options.scale is None:
-            size = f"{'is' if factor < 1 else 'is not'} larger than {_LARGEST_METRES:g} units"
-            unit = Assumption(
-                f"{factor:g} m a unit (guessed: its rest skeleton {size}; --scale overrules it)",
-                f"unit guessed: {factor:g} m",
-            )
+        factor, unit = _guessed_scale(joints)
+        if options.scale is not None:
+            factor, unit = options.scale, f"{options.scale:g} m a unit (as passed)"
         skeleton = Skeleton(tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints))
         # Angles and offsets out of all bounds end as infinity, which is refused by frame and joint.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -221,10 +218,14 @@ def _numbers(text: str) -> FloatArray:
             raise ValueError("holds something else than numbers in its motion table") from None
 
 
-def _guessed_scale(joints: list[_Joint]) -> float:
-    """0.01 if the rest skeleton extends over more than 3 units in any direction, else 1."""
+def _guessed_scale(joints: list[_Joint]) -> tuple[float, str]:
+    """Metres in one unit, by the extent of the rest skeleton, and a sentence."""
     rest = ancestors([joint.parent for joint in joints]) @ np.array([joint.offset for joint in joints])
-    return 0.01 if np.ptp(rest, axis=0).max() > _LARGEST_METRES else 1.0
+    extent = np.ptp(rest, axis=0).max()
+    limit, factor = next((row for row in _UNITS if extent > row[0]), (_UNITS[-1][0], 1.0))
+    size = f"{'is' if factor < 1 else 'is not'} larger than {limit:g} units"
+    reason = f"guessed: its rest skeleton {size}; --scale overrules it"
+    return factor, Assumption(f"{factor:g} m a unit ({reason})", f"unit guessed: {factor:g} m")
 
 
 def _positions(joints: list[_Joint], values: FloatArray) -> FloatArray:

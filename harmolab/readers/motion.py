@@ -94,8 +94,8 @@ def load_motion(
     fps : float or None, frames per second
         Needed where the file holds no rate (`.npy`, OpenPose, COCO, EDGE); elsewhere it takes the place of the file's.
     scale : float or None
-        Metres in one unit of a 3-D file. None: 1 for `.npz` and `.npy`, 0.01 for AIST++, see `load_bvh` for BVH;
-        joints in space of 17, 22 or 24 by the extent of the body.
+        Metres in one unit of a 3-D file. None: 1 for `.npz`, 0.01 for AIST++, see `load_bvh` for BVH; of bare joints in
+        space by the extent of the body.
     joints : names, optional
         Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
     smpl : str or path, optional

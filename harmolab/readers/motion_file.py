@@ -6,7 +6,7 @@ Units and axes that a file does not tell are guessed from the body, and every gu
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict
 
 import numpy as np
@@ -102,11 +102,13 @@ class MotionFile(NamedTuple):
 
 
 def turned_upright(positions: FloatArray, up: str) -> FloatArray:
-    """Positions (..., 3) with y up: of "z", the body turned by a quarter about x, so that it stays right-handed.
+    """Positions (..., 3) with y up: of "z" turned by a quarter about x, of "-y" by a half, so that sides stay.
 
     >>> turned_upright(np.array([1.0, 2.0, 3.0]), "z")
     array([ 1.,  3., -2.])
     """
+    if up == "-y":
+        return positions * [1.0, -1.0, -1.0]
     return np.stack([positions[..., 0], positions[..., 2], -positions[..., 1]], axis=-1) if up == "z" else positions
 
 
@@ -117,7 +119,7 @@ def stated_up(positions: FloatArray, own: str, reason: str, options: ReadingOpti
     """
     is_passed = options.up and not (own and options.as_defaults)
     up, why = (options.up, "as passed") if is_passed else (own, reason)
-    return turned_upright(positions, up), f"{up} up ({why}){', turned to y up' if up == 'z' else ''}"
+    return turned_upright(positions, up), f"{up} up ({why}){', turned to y up' if up != 'y' else ''}"
 
 
 def head_above_feet(positions: FloatArray, names: Sequence[str]) -> FloatArray | None:
@@ -130,21 +132,36 @@ def head_above_feet(positions: FloatArray, names: Sequence[str]) -> FloatArray |
     return way
 
 
-def guessed_up(positions: FloatArray, names: Sequence[str], options: ReadingOptions) -> tuple[FloatArray, str]:
-    """Positions with y up and a sentence, where nothing in the file tells: the way from feet to head decides.
+def guessed_up(
+    positions: FloatArray, names: Sequence[str], options: ReadingOptions, own: str = "", reason: str = ""
+) -> tuple[FloatArray, str]:
+    """Positions with y up and a sentence: the way from feet to head decides, else the kind's `own` axis, for a reason.
 
-    ValueError where that way leads along neither y nor z, or joints are not named so, and the option is not passed.
+    A kind's y and z may be exchanged; where it has no axis, y may point down, as a camera's does: "-y" up.
+
+    Raises
+    ------
+    ValueError
+        The way leads along none of these axes, or no joints are named so, and no axis is the kind's or passed.
     """
-    if options.up:
+    if options.up and not (own and options.as_defaults):
         return stated_up(positions, "", "", options)
-    if (ways := head_above_feet(positions, names)) is not None:
-        way = np.median(ways, axis=0)
-        for axis, up in ((1, "y"), (2, "z")):
-            if np.isfinite(way).all() and way[axis] > UPRIGHT * np.linalg.norm(way):
-                reason = f"guessed: the head is {way[axis]:.2f} m from the feet along {up}, median; --up overrules it"
-                places, note = stated_up(positions, up, reason, options)
-                return places, Assumption(note, f"axis guessed: {up} up")
-    raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
+    up, length = _way_up(positions, names)
+    if not (up or own):
+        raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
+    if own and up not in {"y", "z"} - {own}:
+        return stated_up(positions, own, reason, options)
+    why = f"guessed: the head is {length:.2f} m from the feet along {up}, median; --up overrules it"
+    places, note = stated_up(positions, up, why, replace(options, up=""))
+    return places, Assumption(note, f"axis guessed: {up} up")
+
+
+def _way_up(positions: FloatArray, names: Sequence[str]) -> tuple[str, float]:
+    """The axis along which the head is above the feet, median, and how far; "" where it is none or nothing tells."""
+    ways = head_above_feet(positions, names)
+    way = np.zeros(3) if ways is None or not len(ways) else np.median(ways, axis=0)
+    rows = (("y", way[1]), ("z", way[2]), ("-y", -way[1]))
+    return next(((up, float(part)) for up, part in rows if part > UPRIGHT * np.linalg.norm(way)), ("", 0.0))
 
 
 def metre_factor(positions: FloatArray, options: ReadingOptions) -> tuple[float, str]:
@@ -163,13 +180,21 @@ def metre_factor(positions: FloatArray, options: ReadingOptions) -> tuple[float,
 
 
 def as_read(motion: Motion, kind: str, options: ReadingOptions, *notes: str, is_open: bool = False) -> MotionFile:
-    """A motion whose kind is y up, by its definition or, where that `is_open`, by habit; with the option, turned."""
+    """A motion whose kind is y up by its definition or, where that `is_open`, `upright`; with the option, turned."""
     options.check_no_body()
-    if not options.up and is_open:
-        notes = (*notes, Assumption("y up (assumed, as most are; --up overrules it)", "axis assumed: y up"))
-    if not options.up or (options.as_defaults and not is_open):
+    if not is_open and (not options.up or options.as_defaults):
         return MotionFile(motion, kind, notes)
     if motion.positions.shape[2] != 3:
         raise ValueError("holds image coordinates, in which y points down; leave out up")
-    positions, note = stated_up(motion.positions, "", "", options)
-    return MotionFile(Motion(positions, motion.fps, motion.skeleton, motion.valid), kind, (*notes, note))
+    positions, note = upright(motion.positions, motion.skeleton.joints, options)
+    if positions is not motion.positions:
+        motion = Motion(positions, motion.fps, motion.skeleton, motion.valid)
+    return MotionFile(motion, kind, (*notes, note))
+
+
+def upright(positions: FloatArray, names: Sequence[str], options: ReadingOptions) -> tuple[FloatArray, str]:
+    """As `guessed_up`, but y up where nothing tells, as most are."""
+    try:
+        return guessed_up(positions, names, options)
+    except ValueError:
+        return positions, Assumption("y up (assumed: the body does not tell; --up overrules it)", "axis assumed: y up")

@@ -25,6 +25,8 @@ others, `.npy`               (T, 219): the same without the zeros               
                                                                                                          the body
 ===========================  =======================================================  =================  ===============
 
+Where the body stands along the other one of y and z, that is up.
+
 Translations are in metres once `smpl_scaling` is divided out; it is the size of a dancer in AIST++'s own unit. Where a
 file holds ``betas`` (S,), the shape of its body, joints at rest of the user's own SMPL file are shaped by them.
 """
@@ -396,9 +398,7 @@ def _placed(
     skeleton = body.body.skeleton
     with np.errstate(over="ignore", invalid="ignore"):
         positions = posed(turns, places, body)
-        positions, note = (
-            stated_up(positions, *axis, options) if axis[0] else guessed_up(positions, skeleton.joints, options)
-        )
+        positions, note = guessed_up(positions, skeleton.joints, options, *axis)
     return checked_motion(positions, rate, skeleton), (body.note, note)
 
 
