@@ -525,8 +525,9 @@ def test_17_joints_are_read_from_json_pickles_and_arrays_and_told_from_points_in
         np.testing.assert_allclose(motion.positions, joints)
     for size in ([640, 480, 1], [1, 1, 1]):
         points = np.random.default_rng(1).uniform(0.1, 1, (5, 17, 3)) * size
-        motion = load_motion(saved(tmp_path / "d.npy", points.reshape(5, 51)), fps=60)
-        np.testing.assert_allclose(motion.positions, points[..., :2])
+        (tmp_path / "p.json").write_text(json.dumps(points.tolist()))
+        for path in (saved(tmp_path / "d.npy", points.reshape(5, 51)), tmp_path / "p.json"):
+            np.testing.assert_allclose(load_motion(path, fps=60).positions, points[..., :2])
 
 
 def bailando_frames(folder: Path, joints: np.ndarray, key: str = "3d_pose") -> Path:

@@ -57,17 +57,15 @@ def positions_in(content: Any) -> Any:
     """The numbers of joints in the content of a JSON file or of a pickle; None where it holds none of these."""
     if isinstance(content, Mapping):
         return next((content[key] for key in KEYS if key in content), None)
-    frame = content[0] if isinstance(content, list) and content else None
-    if not isinstance(frame, list) or len(frame) not in (*SKELETONS, *(3 * count for count in SKELETONS)):
-        return None
-    return content if isinstance(frame[0], int | float | list) else None
+    frame = content[0] if isinstance(content, list) and content and isinstance(content[0], list) else []
+    first = frame[0] if frame else None
+    is_flat = isinstance(first, int | float) and is_joints((len(content), len(frame)))
+    return content if is_flat or isinstance(first, list) else None
 
 
 def is_joints(shape: tuple[int, ...]) -> bool:
     """True for the shape of joints in space, of one of the three skeletons."""
-    return (len(shape) == 3 and shape[1] in SKELETONS and shape[2] == 3) or (
-        len(shape) == 2 and shape[1] in {3 * count for count in SKELETONS}
-    )
+    return shape[1:] in {form for count in SKELETONS for form in ((count, 3), (3 * count,))}
 
 
 def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = None, kind: str = "") -> MotionFile:
@@ -85,10 +83,7 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     MissingFrameRate, ValueError
         There is no rate; the shape is another, the unit cannot be, or these are rotations.
     """
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"joints must be numbers of shape (T, J, 3): {error}") from None
+    array = _numbers(values)
     if not is_joints(array.shape) or not 2 <= len(array) <= keypoints.MAX_FRAMES:
         counts = ", ".join(map(str, SKELETONS))
         raise ValueError(f"joints must have shape (T, J, 3) or (T, 3J) with J of {counts}, got {array.shape}")
@@ -103,6 +98,14 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     places, up = motion_file.upright(in_metres(joints, factor), skeleton.joints, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
     return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
+
+
+def _numbers(values: Any) -> FloatArray:
+    """Joints as an array of numbers."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"joints must be numbers of shape (T, J, 3): {error}") from None
 
 
 def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -> MotionFile:
@@ -261,14 +264,15 @@ def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions
 
 def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
     """Joints in space at the rate that their file tells, else at that of its name."""
-    rate, notes = (own_fps, ()) if own_fps is not None else _named_rate(file, options)
+    rate, notes = _own_rate(own_fps, file, options)
     read = joint_motion(values, options, rate)
     return read._replace(notes=(*read.notes, *notes))
 
 
-def _named_rate(file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
-    """The rate of a file by its name, unless one is passed, and the note on it."""
-    return (AIST_FPS, (_NAMED,)) if options.fps is None and is_aist_name(file) else (None, ())
+def _own_rate(own: float | None, file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
+    """The rate that a file tells, else that of its name unless one is passed, and the note on the latter."""
+    is_named = own is None and options.fps is None and is_aist_name(file)
+    return (AIST_FPS, (_NAMED,)) if is_named else (own, ())
 
 
 def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -282,7 +286,7 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
             motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
             about = content if isinstance(content, dict) else {}
             return motion_file.as_read(motion, "key points", options, *_guess(motion, about))
-        return _joint_motion(values, file, options, own)
+        return _array_motion(_numbers(values), file, options, own)
 
 
 def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[Assumption, ...]:
@@ -304,20 +308,27 @@ def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
             return humanml_motion(values, options)
         if width in VECTORS:
             return vector_motion(values, options)
-        if is_joints(values.shape) and not _has_confidence(values):
-            return _joint_motion(values, file, options)
-        named, notes = _named_rate(file, options)
-        rate = options.rate(named)
-        is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
-        if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-            motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
-            return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
-        factor, unit = motion_file.metre_factor(values, options)
-        unit = _METRES if options.scale is None and factor == 1 else unit
-        skeleton = keypoints.named_skeleton(values.shape[1])
-        notes += (_OPENPOSE,) if skeleton else ()
-        motion = checked_motion(in_metres(values, factor), rate, skeleton)
-        return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
+        return _array_motion(values, file, options)
+
+
+def _array_motion(
+    values: NDArray[Any], file: Path, options: ReadingOptions, own_fps: float | None = None
+) -> MotionFile:
+    """Joints in space, image coordinates or landmarks, by the shape and the range of their numbers."""
+    if is_joints(values.shape) and not _has_confidence(values):
+        return _joint_motion(values, file, options, own_fps)
+    own, notes = _own_rate(own_fps, file, options)
+    rate = options.rate(own)
+    is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
+    if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
+        motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
+        return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
+    factor, unit = motion_file.metre_factor(values, options)
+    unit = _METRES if options.scale is None and factor == 1 else unit
+    skeleton = keypoints.named_skeleton(values.shape[1])
+    notes += (_OPENPOSE,) if skeleton else ()
+    motion = checked_motion(in_metres(values, factor), rate, skeleton)
+    return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:

@@ -144,13 +144,11 @@ def guessed_up(
     ValueError
         The way leads along none of these axes, or no joints are named so, and no axis is the kind's or passed.
     """
-    if options.up and not (own and options.as_defaults):
-        return stated_up(positions, "", "", options)
     up, length = _way_up(positions, names)
-    if not (up or own):
-        raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
-    if own and up not in {"y", "z"} - {own}:
+    if (own and up not in {"y", "z"} - {own}) or (options.up and not (own and options.as_defaults)):
         return stated_up(positions, own, reason, options)
+    if not up:
+        raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
     why = f"guessed: the head is {length:.2f} m from the feet along {up}, median; --up overrules it"
     places, note = stated_up(positions, up, why, replace(options, up=""))
     return places, Assumption(note, f"axis guessed: {up} up")
