@@ -462,10 +462,11 @@ def as_json(path: Path, content: object) -> Path:
     list(reversed(results([0, 1, 2]))),
     {"images": [], "annotations": results([0, 1, 2])},
     [{**entry, "image_id": f"clip2_{entry['image_id']:06d}.jpg"} for entry in results([0, 1, 2])],
+    [{**entry, "keypoints": [*coco_pose(x), *[9.0] * 27]} for x, entry in enumerate(results([0, 1, 2]))],
     mmpose([0, 1, 2]),
     {"meta_info": {}, "instance_info": mmpose([0, 1, 2])},
     "\n".join(json.dumps({"frame": n, "predictions": [{"keypoints": coco_pose(n)}]}) for n in range(3)) + "\n",
-    ids=["results", "with scores", "unsorted", "annotations", "named", "mmpose list", "mmpose", "openpifpaf"],
+    ids=["results", "with scores", "unsorted", "annotations", "named", "halpe", "mmpose list", "mmpose", "openpifpaf"],
 )
 def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: object):
     motion = load_motion(as_json(tmp_path / "dance.json", content), fps=30)

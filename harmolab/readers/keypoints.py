@@ -121,6 +121,7 @@ LAYOUTS = (
 )
 OPENPOSE = LAYOUTS[-1]
 
+WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
 POSE_LISTS = ("pose_landmarks", "landmarks")  # keys of a body's landmarks in a frame
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
 SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
@@ -233,9 +234,14 @@ def entry_poses(entry: Any, layout: Layout, name: str, pose: Pose | None = None)
 
 
 def _body(person: Any, layout: Layout, name: str) -> FloatArray:
-    """(J, 3) x, y, confidence of one person's body."""
+    """(J, 3) x, y, confidence of one person's body, with which the whole body's points begin."""
     counts = [len(skeleton.joints) for skeleton in layout.skeletons]
-    return point_array(person if isinstance(person, dict) else {}, layout.points, counts, layout.name, name)
+    values = person.get(layout.points) if isinstance(person, dict) else None
+    length = len(values) if isinstance(values, list) and COCO_17 in layout.skeletons else 0
+    wider = [count for count in WHOLE_BODIES if length in (count, 3 * count)]
+    return point_array(person if isinstance(person, dict) else {}, layout.points, wider or counts, layout.name, name)[
+        : max(counts)
+    ]
 
 
 def point_array(person: Mapping[str, Any], key: str, counts: Sequence[int], estimator: str, name: str) -> FloatArray:
@@ -433,8 +439,6 @@ def keypoints_motion(
     points = points[:, keep]
     visible = np.ones(points.shape[:2], dtype=bool) if points.shape[2] == 2 else np.asarray(points[..., 2] > 0)
     visible &= ~_unseen(points[..., :2])
-    if visible.all():
-        return checked_motion(points[..., :2], fps, part)
     return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
 
 
