@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.files import PathLike
-from harmolab.readers.arrays import checked_motion, in_metres
+from harmolab.readers.arrays import SAVING, checked_motion, in_metres
 from harmolab.readers.keypoints import COCO_17
 from harmolab.types import Motion
 
@@ -57,7 +57,7 @@ def aist_motion(content: Mapping[str, Any], fps: float, scale: float) -> Motion:
     name = "keypoints3d_optim" if isinstance(content.get("keypoints3d_optim"), np.ndarray) else "keypoints3d"
     points = content.get(name)
     if not isinstance(points, np.ndarray):
-        raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; other kinds are not read")
+        raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; of others {SAVING}")
     if points.ndim != 3 or points.shape[1:] != (17, 3):
         raise ValueError(f"{name} must have shape (frames, 17, 3), got {points.shape}")
     return checked_motion(in_metres(points, scale), fps, COCO_17)
@@ -100,7 +100,8 @@ def _check_instructions(data: bytes) -> None:
         if count > _MAX_INSTRUCTIONS:
             raise ValueError(f"holds more than {_MAX_INSTRUCTIONS} instructions: not a few arrays")
         if opcode.name not in _ALLOWED:
-            raise ValueError(f"holds the instruction {opcode.name} (byte {position}); only arrays of numbers are read")
+            reason = f"holds the instruction {opcode.name} (byte {position})"
+            raise ValueError(f"{reason}; only arrays of numbers are read, so load it where it was written and {SAVING}")
         # The unpickler makes room for the number told here, however large.
         if opcode.name in _PUTS and not 0 <= int(argument or 0) <= count:
             raise ValueError(f"is damaged: it numbers value {argument} after {count} instructions")

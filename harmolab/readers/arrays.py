@@ -18,6 +18,7 @@ from harmolab.types import BoolArray, FloatArray, Motion
 
 MIN_FPS, MAX_FPS = 1.0, 1000.0
 MAX_JOINTS = 10_000
+SAVING = "save joints (T, J, 3) in metres, y up: numpy.savez('dance.npz', positions=joints, fps=30)"
 # Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
 BOMB_BYTES, BOMB_RATIO = 64 * 2**20, 100
 

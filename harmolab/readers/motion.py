@@ -61,7 +61,7 @@ from numpy.typing import NDArray
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.files import WRITTEN_BY, PathLike, atomic_write, named_faults, reading
 from harmolab.readers.array_files import frame_motion, load_json, load_npy, load_pickle
-from harmolab.readers.arrays import check_joints, checked_motion, in_metres, npz_names, read_npz
+from harmolab.readers.arrays import SAVING, check_joints, checked_motion, in_metres, npz_names, read_npz
 from harmolab.readers.bvh import read_bvh, save_bvh
 from harmolab.readers.c3d import load_c3d
 from harmolab.readers.keypoints import BAILANDO_END, frame_files, load_keypoints
@@ -145,7 +145,8 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
     with reading(path, "a motion", max_bytes=None):
         if is_video(path):
             raise ValueError("is a video, no motion file; `harmolab score`, `play`, `lab` and `retime` read videos")
-        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json .c3d")
+        kinds = ".npz .npy .bvh .pkl .json .c3d are read; write BVH, as Blender does"
+        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); {kinds}, or {SAVING}")
 
 
 def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
@@ -169,7 +170,7 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(
-                    f"has no array {name!r}; our .npz needs positions and fps, or --fps; see harmolab.readers.motion"
+                    f"has no array {name!r}; .npz needs positions and fps (or --fps), or SMPL's poses and trans"
                 )
         positions, own_rate = arrays["positions"], arrays["fps"]
         units = str(arrays["units"]) if "units" in arrays else "m"
