@@ -478,8 +478,7 @@ def test_units_and_axis_are_guessed_from_the_body_and_said(tmp_path: Path, unit:
 
 
 def test_the_way_from_feet_to_head_is_up_where_a_file_leaves_it_open_or_its_kind_is_known_by_habit(tmp_path: Path):
-    joints, (z_up, way, expected) = moving_joints(), z_up_parameters()
-    openpose = np.zeros((12, 25, 3)) + joints[:, :1]
+    joints, openpose = moving_joints(), np.zeros((12, 25, 3))
     openpose[:, [0, 11]] = joints[:, [15, 7]]  # nose and an ankle
     for up, turn in (("z", to_z_up), ("-y", lambda places: places * [1, -1, -1])):
         save_motion(tmp_path / "d.bvh", Motion(turn(joints), 60, SMPL_24))
@@ -488,11 +487,10 @@ def test_the_way_from_feet_to_head_is_up_where_a_file_leaves_it_open_or_its_kind
             file = read_motion(tmp_path / name, fps=60)
             np.testing.assert_allclose(file.motion.positions, places, atol=1e-4)
             assert file.assumptions[-1].brief == f"axis guessed: {up} up"
-    for poses, places, up in ((z_up, way, "z up (as AMASS"), (dance()[0].reshape(-1, 72), dance()[1], "y up (guessed")):
-        np.savez(tmp_path / "walk.npz", poses=poses, trans=places, mocap_framerate=50.0)
-        motion, _, notes = read_motion(tmp_path / "walk.npz")
-        np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
-        assert any(note.startswith(up) for note in notes)
+    np.savez(tmp_path / "walk.npz", poses=dance()[0].reshape(-1, 72), trans=dance()[1], mocap_framerate=50.0)
+    file = read_motion(tmp_path / "walk.npz")
+    np.testing.assert_allclose(file.motion.positions, z_up_parameters()[2], atol=1e-9)
+    assert file.assumptions[-1].brief == "axis guessed: y up"
 
 
 def test_joints_of_another_order_have_a_long_and_a_short_thigh_and_a_remark_says_so(tmp_path: Path):

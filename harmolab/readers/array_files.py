@@ -93,7 +93,12 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     rate = options.rate(own_fps)
     joints = array.reshape(len(array), -1, 3)
     skeleton, remarks = steady_skeleton(joints)
-    _check_thighs(joints, skeleton)
+    spread, length = _spread_and_length(joints, _thigh(skeleton, "left"))
+    if not spread <= _STRETCH * length:
+        raise ValueError(
+            "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
+            "from .npz or .pkl with poses and trans"
+        )
     factor, unit = motion_file.metre_factor(joints, options)
     places, up = motion_file.upright(in_metres(joints, factor), skeleton.joints, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
@@ -134,16 +139,6 @@ def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -
         return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
 
 
-def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
-    """ValueError where the left thigh changes its length as no bone does."""
-    spread, length = _spread_and_length(joints, _thigh(skeleton, "left"))
-    if not spread <= _STRETCH * length:
-        raise ValueError(
-            "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
-            "from .npz or .pkl with poses and trans"
-        )
-
-
 def _thigh(skeleton: Skeleton, side: str) -> list[tuple[int, int]]:
     """The bone from a hip to its knee."""
     return [(skeleton.joints.index(f"{side}_hip"), skeleton.joints.index(f"{side}_knee"))]
@@ -156,14 +151,13 @@ def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[Assumption, ...
     other = _OTHERS.get(joints.shape[1], usual)
     # Not as shares of the lengths: those would favour whichever skeleton joins what lies far apart.
     if _spread_and_length(joints, other.bones)[0] < _BETTER * _spread_and_length(joints, usual.bones)[0]:
-        skeleton, name = other, _NAMES[other]
-        brief = f"order of joints guessed: {name}"
-        remarks.append(Assumption(f"the joints of {name} (guessed: its bones keep their lengths)", brief))
+        skeleton, order = other, f"the joints of {_NAMES[other]} (guessed: its bones keep their lengths)"
+        remarks.append(Assumption(order, f"order of joints guessed: {_NAMES[other]}"))
     shorter, longer = sorted(_spread_and_length(joints, _thigh(skeleton, side))[1] for side in ("left", "right"))
     if longer > _LOPSIDED * shorter:
-        doubt = f"the joints of {_NAMES[skeleton]} (guessed: one thigh is {shorter:.3g} long, one {longer:.3g}; "
-        brief = "order of joints in doubt"
-        remarks.append(Assumption(f"{doubt}an .npz holds names of its own)", brief))
+        doubt = f"one thigh is {shorter:.3g} long, one {longer:.3g}; an .npz holds names of its own"
+        order = f"the joints of {_NAMES[skeleton]} (guessed: {doubt})"
+        remarks.append(Assumption(order, "order of joints in doubt"))
     spread, length = _spread_and_length(joints, skeleton.bones)
     if not spread <= _STEADY * length:
         reason = f"bones change their lengths by {spread / length:.0%}; SMPL rotations are read from .npz or .pkl"
@@ -259,7 +253,7 @@ def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions
         motion = aist_motion(content, options.rate(AIST_FPS), scale)
         units = f"{scale:g} m a unit, {motion.fps:g} frames a second"
         return motion_file.as_read(motion, "AIST++ key points", options, units)
-    return _joint_motion(values, file, options)
+    return _joint_motion(values, file, options, content.get("fps"))
 
 
 def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
@@ -280,11 +274,11 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
     with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
         content = keypoints.json_or_lines(file)
         values = None if keypoints.is_landmarks(content) else positions_in(content)
-        own = content.get("fps") if isinstance(content, dict) else None
+        about = content if isinstance(content, dict) else {}
+        own = about.get("fps")
         if values is None:
             rate = own if options.as_defaults and own is not None else options.fps
             motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
-            about = content if isinstance(content, dict) else {}
             return motion_file.as_read(motion, "key points", options, *_guess(motion, about))
         return _array_motion(_numbers(values), file, options, own)
 

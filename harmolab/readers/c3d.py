@@ -9,7 +9,7 @@ a file has none, the markers of head and feet tell, else it must be passed.
 import io
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -62,15 +62,11 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         places, up = _upright(in_metres(filled, factor), skeleton.joints, str(arrays["y_screen"]), options)
         own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
         valid = np.asarray(present[:, keep].all(axis=1))
-        notes = (unit, up, *_left_out(outputs if options.joints is None else []))
-        return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", notes)
-
-
-def _left_out(outputs: Sequence[str]) -> Iterator[Assumption]:
-    """A sentence on what is no marker, if there is any."""
-    if outputs:
-        names = ", ".join(outputs[:3]) + ", ..." * (len(outputs) > 3)
-        yield Assumption(f"{len(outputs)} points left out that are no markers: {names}", "points left out: no markers")
+        notes = [unit, up]
+        if outputs and options.joints is None:
+            reason = f"that are no markers: {', '.join(outputs[:3])}{', ...' * (len(outputs) > 3)}"
+            notes.append(Assumption(f"{len(outputs)} points left out {reason}", "points left out: no markers"))
+        return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", tuple(notes))
 
 
 def _content(file: Path) -> dict[str, NDArray[Any]]:
