@@ -177,6 +177,10 @@ def test_parameters_of_unknown_origin_stand_as_their_body_does(tmp_path: Path):
         motion, _, notes = read_motion(path, fps=30)
         np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
         assert any(note.startswith(f"{up} up (guessed: the head is") for note in notes)
+    root, body = poses[:, :3], poses[:, 3:].reshape(12, 23, 3)
+    for names in (("root_orient", "pose_body", "trans"), ("global_orient", "body_pose", "transl")):
+        np.savez(tmp_path / "parts.npz", fps=30, **dict(zip(names, (root, body, way), strict=True)))
+        np.testing.assert_allclose(load_motion(tmp_path / "parts.npz").positions, expected, atol=1e-9)
     flat = np.tile([0, 0, math.pi / 2] + [0] * 69, (3, 1))
     lying = pickled(tmp_path / "lying.pkl", smpl_poses=flat, smpl_trans=way[:3])
     refused(r"lying\.pkl: does not tell which axis points up.* --up z", load_motion, lying, fps=30)
@@ -766,6 +770,7 @@ def parameters(**changes: Any) -> dict[str, Any]:
         (parameters(smpl_trans=np.zeros((12, 2))), r"translation must have shape \(T, 3\), got \(12, 2\)"),
         (parameters(smpl_scaling=np.zeros(1)), "smpl_scaling must lie between"),
         (parameters(smpl_scaling=np.ones(2)), "smpl_scaling must be one number"),
+        ({"pose_body": np.zeros((12, 63)), "trans": np.zeros((12, 3))}, "has no array root_orient"),
         (parameters(smpl_trans="none"), "has no array smpl_trans of numbers"),
         ({"smpl_poses": np.zeros((12, 72))}, "has no array smpl_trans"),
         ({"full_pose": np.zeros((12, 23, 3))}, r"full_pose must have shape \(T, 24, 3\)"),

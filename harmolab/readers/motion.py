@@ -36,7 +36,7 @@ Other formats
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
     Ultralytics and ViTPose write them (`harmolab.readers.keypoints`); joints in space. The content tells which.
-``.npz`` with ``poses``, ``.pkl``
+``.npz`` with ``poses`` or ``pose_body``, ``.pkl``
     SMPL parameters as AMASS, AIST++ and EDGE write them (`harmolab.readers.smpl`); AIST++ keypoints3d
     (`harmolab.readers.aist`); joints in space.
 ``.bvh``

@@ -16,7 +16,8 @@ AIST++, `.pkl`               ``smpl_poses`` (T, 72), ``smpl_trans``,            
 EDGE, `.pkl`                 ``smpl_poses`` (T, 72), ``smpl_trans``, ``full_pose``    none               z: its training
                              (T, 24, 3), the joints as EDGE placed them                                  turned AIST++
 others, `.npz`, `.pkl`       ``smpl_poses`` or ``poses``, ``smpl_trans`` or           ``fps``, or none   guessed from
-                             ``trans``                                                                   the body
+                             ``trans``; ``root_orient``, ``pose_body``, ``trans``;                       the body
+                             ``global_orient``, ``body_pose``, ``transl``
 LODGE, FineDance, `.npy`     (T, 135, 139, 315 or 319): four contacts in 139 and      none               guessed from
                              319, translation, 6-D rotations of 22 or 52 joints                          the body
 FACT, `.npy`                 (T, 225): six zeros, translation, 24 matrices; its       none               y: it learns
@@ -31,6 +32,7 @@ Translations are in metres once `smpl_scaling` is divided out; it is the size of
 file holds ``betas`` (S,), the shape of its body, joints at rest of the user's own SMPL file are shaped by them.
 """
 
+import itertools
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -299,11 +301,14 @@ def body_for(path: PathLike | None, betas: FloatArray | None = None) -> SmplBody
 # SMPL parameters to Motion
 
 # Arrays of an `.npz` that are looked at.
-MEMBERS = (
-    *("poses", "trans", "betas", "mocap_framerate", "mocap_frame_rate", "fps"),
-    *("smpl_poses", "smpl_trans", "smpl_scaling", "full_pose"),
-)
+_POSES = {  # arrays of rotations, the root's apart or not -> translation
+    ("smpl_poses",): "smpl_trans",
+    ("poses",): "trans",
+    ("root_orient", "pose_body"): "trans",
+    ("global_orient", "body_pose"): "transl",
+}
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+MEMBERS = (*itertools.chain(*_POSES), *_POSES.values(), *_RATES, "betas", "smpl_scaling", "full_pose")
 _EDGE_HINT = "such as --fps 30 of EDGE's own settings"
 _FACT_HINT = "such as --fps 60 of FACT's own settings"
 _MOST_BETAS = 1000
@@ -334,7 +339,7 @@ VECTORS = {  # numbers of a frame -> layout
 
 def is_parameters(content: Mapping[str, Any]) -> bool:
     """True for a content that holds SMPL parameters, or the joints that EDGE placed by them."""
-    return bool({"smpl_poses", "poses", "full_pose"} & content.keys())
+    return bool({"full_pose", *(names[-1] for names in _POSES)} & content.keys())
 
 
 def parameter_motion(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -355,11 +360,13 @@ def parameter_motion(content: Mapping[str, Any], path: PathLike, options: Readin
     """
     if "full_pose" in content and options.smpl is None:
         return _edge_joints(_array(content, "full_pose"), options)
-    prefix = "smpl_" if "smpl_poses" in content else ""
-    poses, translation = _array(content, f"{prefix}poses"), _array(content, f"{prefix}trans")
+    names = next((names for names in _POSES if names[-1] in content), ("smpl_poses",))
+    arrays = [_array(content, name) for name in names]
+    poses = arrays[0] if len(arrays) == 1 else np.hstack([values.reshape(max(len(values), 1), -1) for values in arrays])
+    translation = _array(content, _POSES[names])
     rate, rate_note = _rate(content, path, options)
     places, scale_note = _metres(content, translation, options)
-    turns, turns_note = rotation_matrices(poses, f"{prefix}poses")
+    turns, turns_note = rotation_matrices(poses, " and ".join(names))
     kind, up, reason = _kind(content)
     motion, notes = _placed(turns, places, rate, (up, reason), body_for(options.smpl, _betas(content)), options)
     return MotionFile(motion, kind, (turns_note, *notes, scale_note, *rate_note))
