@@ -362,8 +362,8 @@ def _measurement(evaluation: Evaluation) -> Iterator[str]:
     paper, limits = HarmonyParams.paper(), evaluation.options.limits
     yield (
         "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
-        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a "
-        "dance in which nothing moves has 0. Harmony h and "
+        "the movement's shape, expected to rest on the beats, or where it recurs every three beats to move as a waltz "
+        "does; 0 is chance, 1 the most there is); a dance in which nothing moves has 0. Harmony h and "
         f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
         f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
         "beside what as many visual beats at random moments reach."
