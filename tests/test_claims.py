@@ -50,7 +50,7 @@ def test_published_tables_bear_out_every_verdict():
         -0.01,
         {"corpus": "beatlocked", "loss": "paper", "measure": "paper_harmony"},
     ),
-    ("Fig. 8, Sec. 5.3", "table08b_auc", "AUC", 0.7, {"corpus": "tang2018", "score": "paper"}),
+    ("Fig. 8, Sec. 5.6", "table08b_auc", "AUC", 0.7, {"corpus": "tang2018", "score": "paper"}),
     ("Fig. 8", "table08j_readings", "AUC low", 0.6, {"reading": "librosa as it comes"}),
     ("Fig. 2", "table02_box", "found again", 7, {"without box": 7}),
     ("Fig. 5", "table05_omission_redundancy", "hit rate", 0.9, {"detector": "turns"}),

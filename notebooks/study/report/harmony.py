@@ -119,7 +119,7 @@ HARMONY = (
         "03_beats_from_joint_speed", "test_experiments.py",
     ),
     Claim(
-        "Fig. 8, Sec. 5.3", "h follows what people perceive: it tells a dance's own music from wrong music", "",
+        "Fig. 8, Sec. 5.6", "h follows what people perceive: it tells a dance's own music from wrong music", "",
         lambda tables: f"AUC {_auc(tables, CORPUS)}; recordings of Tang et al. {_auc(tables, 'tang2018')}",
         lambda tables: f"{_band(tables, CORPUS)}; {_band(tables, 'tang2018')}",
         "refuted", lambda tables: _inside(tables, CORPUS) and _inside(tables, "tang2018"),

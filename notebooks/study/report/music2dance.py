@@ -148,13 +148,13 @@ MUSIC2DANCE = (
         "not reproduced", lambda tables: _contacts(tables, "predicted") < 0.85, "17_feet", "test_feet.py", TENTH,
     ),
     Claim(
-        "abstract, Fig. 7", "dances are natural and rich", "pictures",
+        "Sec. 1, Fig. 7", "dances are natural and rich", "pictures",
         lambda tables: f"as printed {_people(tables, 'Music2Dance')} move like people, by our guard; with our settings {_people(tables, 'Music2Dance, recommended')}",
         lambda tables: f"recorded dancers {_people(tables, 'recorded, right song')}, whom its limits are taken from",
         "not reproduced", lambda tables: _people(tables, "Music2Dance").startswith("0 of"), "16_music2dance", "test_likeness.py", TENTH,
     ),
     Claim(
-        "Sec. 5.2", "dances go with the music", "",
+        "Sec. 1", "dances go with the music", "",
         lambda tables: "as printed, own music is told from other music in {} of {} tests (four dances, two scores)".format(*_hears(tables)),
         lambda tables: "chance bands in `figures/m2d_table_right_music.csv`; one in forty tests is above by luck",
         "not reproduced", lambda tables: _hears(tables)[0] < 0.5 * _hears(tables)[1], "16_music2dance", "test_music2dance_dancing.py", TENTH,
