@@ -33,7 +33,7 @@ class Prediction(NamedTuple):
 
 
 class GatedBlock(nn.Module):
-    """A residual block of the WaveNet (Eq. 6): tanh x sigmoid of a dilated convolution, the music and the dance."""
+    """A residual block of the WaveNet: tanh x sigmoid of a dilated convolution, the music and the dance."""
 
     def __init__(self, params: Music2DanceParams, n_music: int, dilation: int, *, last: bool) -> None:
         super().__init__()
@@ -69,7 +69,7 @@ class Head(nn.Module):
 
 
 class WaveNet(nn.Module):
-    """Dilated convolutions over the frames so far, in front of them nothing (Sec. 4.4.3)."""
+    """Dilated convolutions over the frames so far, in front of them nothing (Sec. 4.4.3, Eq. 6)."""
 
     def __init__(self, params: Music2DanceParams, n_motion: int, n_music: int) -> None:
         super().__init__()
