@@ -1,6 +1,6 @@
 // The score by hits (Eq. 10-21) with its chance and null distribution, as harmolab.score has it: the only one of the labs.
 
-// Strengths over their maximum, over their mean, or as they are (Eq. 10).
+// Strengths over their maximum, over their mean, or as they are (a reading of Eq. 19).
 function normalised(strengths, how) {
   const scale = how === "raw" ? 1 : how === "max" ? Math.max(...strengths) : mean(strengths);
   return scale > 0 ? strengths.map(strength => strength / scale) : strengths;
