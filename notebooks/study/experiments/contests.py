@@ -124,7 +124,7 @@ def seven_dances(profile: RunProfile) -> tuple[str, list[Excerpt]]:
     """Songs of the seven dances that no system was trained on: what they are, and an excerpt of each.
 
     Files of the Ballroom set, where ``HARMOLAB_DATA`` holds some of every dance; else `synthetic_songs`. Beats are
-    tracked in all of a song, with the tempo of its dance as prior, as the paper tracks them.
+    tracked in all of a song, with the tempo of its dance as prior; the paper does not say how it tracks them.
     """
     root = data_root()
     files = {} if root is None else ballroom_files(root)
