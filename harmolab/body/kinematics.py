@@ -176,7 +176,7 @@ def _at_rate(motion: Motion, positions: FloatArray, fps: float) -> Motion:
 
 
 def resample_positions(positions: FloatArray, old_fps: float, fps: float) -> FloatArray:
-    """Positions (T, J, D) at another rate, by linear interpolation (READINGS: nearest-frame resampling invents beats).
+    """Positions (T, J, D) at another rate, by linear interpolation; nearest frames would invent beats.
 
     ValueError if there are no two frames at that rate, or more than `MAX_VALUES` numbers.
     """

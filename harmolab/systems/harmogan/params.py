@@ -34,7 +34,7 @@ class ModelParams:
 
     @classmethod
     def paper(cls) -> "ModelParams":
-        """Seven to nine million generator parameters: as many as the paper's Sec. 5.5 implies."""
+        """Seven to nine million generator parameters: as many as the paper's Sec. 5.5.2 implies."""
         return cls(hidden=512, layers=2, pose_features=256, discriminator=64)
 
     @classmethod
