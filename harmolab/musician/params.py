@@ -32,7 +32,7 @@ class Audio2BodyParams:
         Whether the log mean energy has a derivative, too: 28 numbers a frame, 27 without (A2B 4).
     tones : "none", or beside these the strength of 12 tones ("chroma") or of every semitone. The paper has none.
     components : int, principal components of the points; or float, the share of the variance to keep (A2B 11)
-    upsample : int, steps of the network for each frame, minus one (A2B 12)
+    upsample : int, steps of the network from each frame to the next (A2B 12)
     delay : float, seconds from what is heard to what is predicted (A2B 13)
     hidden : int, units of the LSTM
     layers : int, of the LSTM; the paper tried more, "which did not show improvement" (Sec. 4)

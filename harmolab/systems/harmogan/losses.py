@@ -418,7 +418,7 @@ def generator_terms(
 
 
 def paper_terms(networks: Networks, output: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float) -> Terms:
-    """L_kl, L_mse, L_feature and L_harmo, of joints in the room (Eq. 24-27)."""
+    """L_kl, L_mse, L_feat and L_harmo, of joints in the room (Eq. 24-27)."""
     generator, motion = networks.generator, output.motion
     terms = pose_terms(generator, output, batch, params)
     if params.feature_weight:
