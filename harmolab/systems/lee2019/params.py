@@ -107,7 +107,7 @@ class LeeParams:
 
     @classmethod
     def paper(cls) -> "LeeParams":
-        """As released, but for sequences of two units: 13.85 M parameters to generate."""
+        """As released, but for sequences of two units: 13.85 M parameters to generate its 28 numbers a pose."""
         return cls()
 
     @classmethod
