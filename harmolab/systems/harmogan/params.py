@@ -134,7 +134,7 @@ class TrainParams:
 
     @classmethod
     def paper(cls) -> "TrainParams":
-        """Section 5.2, number by number."""
+        """Section 5.2, number by number; `patience` is our reading of where its pretraining ends."""
         return cls()
 
     @classmethod
