@@ -1,7 +1,7 @@
 """Analysis of a study's answers: marks, agreement of raters, rates with intervals, correlation with scores.
 
 A mark is four whole numbers from 0 to 10, one for each of four sides of a dance: naturalness, richness, music, sliding,
-as in Music2Dance's study (Table 3). The mark of a dance is their weighted mean.
+as in Music2Dance's study (Sec. 5.1). The mark of a dance is their weighted mean.
 
 Every row of a table says in its field "simulated" whether the raters behind it were people; `answer_grid` refuses
 answers of both.
@@ -21,7 +21,7 @@ from harmolab.lab.listening.trials import CHOICES, MARKED, Key, is_answer, marks
 from harmolab.significance import auc, bootstrap_interval, bootstrap_interval_of, wilson_interval
 from harmolab.types import BoolArray, FloatArray
 
-# Marks for four sides of a dance (Music2Dance, Table 3), and agreement
+# Marks for four sides of a dance (Music2Dance, Sec. 5.1), and agreement
 
 WEIGHTS: Mapping[str, float] = MappingProxyType(dict(zip(MARKED, (0.25, 0.25, 0.4, 0.1), strict=True)))
 MARK = "mark"
