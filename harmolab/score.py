@@ -319,7 +319,7 @@ def hitting_score(hits: ArrayLike, strengths: ArrayLike) -> float:
 def f_score(audio_harmony: float, visual_harmony: float, beta: float) -> float:
     """h: weighted harmonic mean of h_a = h_s / N and h_v = h_s / M (Eq. 20); 0 when both are 0."""
     below = beta**2 * visual_harmony + audio_harmony
-    return (1 + beta**2) * audio_harmony * (visual_harmony / below) if below > 0 else 0.0
+    return (1 + beta**2) * audio_harmony * (visual_harmony / below) if below else 0.0
 
 
 def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) -> float:
@@ -337,10 +337,10 @@ def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> f
 
     That holds where one visual beat may serve many music beats (``matching="many"``); where each serves one music beat
     only, chance reaches less, and `HarmonyScore.p_value` tells whether a dance is above it. ValueError unless the times
-    are a list of finite numbers, and the duration (seconds) is positive.
+    are a list of finite numbers, the delay is zero or more, and the duration positive (both seconds).
     """
-    if not duration > 0:
-        raise ValueError(f"duration must be positive, got {duration}")
+    if not (duration > 0 and delay >= 0):
+        raise ValueError(f"duration must be positive, got {duration}, and delay zero or more, got {delay}")
     times = np.sort(checked_times(visual_times, "visual_times"))
     if times.size == 0:
         return 0.0
@@ -353,7 +353,7 @@ def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> f
 
 def above_chance(share: float, chance: float) -> float:
     """h_cc = (share - c) / (1 - c): 0 is chance, 1 is everything; 0 when chance already reaches everything."""
-    return (share - chance) / (1 - chance) if chance < 1 - EDGE else 0.0
+    return 0.0 if chance >= 1 - EDGE else (share - chance) / (1 - chance)
 
 
 # Harmony of two beat tracks (Eq. 10, 14-21), with its null distribution

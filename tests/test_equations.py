@@ -169,8 +169,7 @@ def test_equation_17_distance_to_the_nearest_visual_beat():
 
 
 def test_equation_18_a_beat_is_hit_up_to_and_including_the_delay():
-    hits = scoring.hit_mask(np.array([1.0, 2.0, 3.0]), np.array([1.25, 2.26]), delay=0.25)
-    np.testing.assert_array_equal(hits, [True, False, False])
+    assert scoring.hit_mask([1.0, 2.0, 3.0], [1.25, 2.26], delay=0.25).tolist() == [True, False, False]
 
 
 def test_equation_19_hitting_score_sums_the_strengths_of_hits():
@@ -180,6 +179,7 @@ def test_equation_19_hitting_score_sums_the_strengths_of_hits():
 def test_equation_20_weighted_harmonic_mean_of_both_sides():
     # 5 * 0.75 * 0.3 / (4 * 0.3 + 0.75) = 1.125 / 1.95.
     assert scoring.f_score(0.75, 0.3, 2.0) == pytest.approx(1.125 / 1.95)
+    assert np.isnan([scoring.f_score(np.nan, 0.3, 2.0), scoring.above_chance(0.5, np.nan)]).all()  # not 0: unknown
 
 
 def test_equation_21_harmony_from_the_hitting_score_at_fixed_numbers_of_beats():
