@@ -112,12 +112,8 @@ LEGS = Skeleton(("hip", "left toe", "left heel", "right toe", "right heel"), (-1
 STANDING = np.array([[0, 0.9, 0], [0.1, 0.02, 0.2], [0.1, 0.03, 0], [-0.1, 0.02, 0.2], [-0.1, 0.03, 0]])
 
 MEASURES: dict[str, Callable[[Motion], float]] = {
-    "jerk": jerk,
-    "relative_jerk": relative_jerk,
+    **{measure.__name__: measure for measure in (jerk, relative_jerk, foot_skating, pfc, bone_error)},
     "freezing": lambda motion: freezing(motion, threshold=0.6),
-    "foot_skating": foot_skating,
-    "pfc": pfc,
-    "bone_error": bone_error,
     "largest": lambda motion: largest_step(motion).largest,
     "percentile_999": lambda motion: largest_step(motion).percentile_999,
 }
@@ -200,8 +196,10 @@ def test_a_motion_shorter_than_the_window_is_one_window():
 
 
 @cases("sliding, speed", (range(5), pytest.approx(0.4)), ((1, 2), pytest.approx(0.2)), ((2,), 0.0))
-def test_feet_skate_at_the_speed_they_slide_with_one_of_two_by_half_and_one_on_its_ball_not(sliding, speed):
-    assert foot_skating(legs(dict.fromkeys(sliding, way(x=SLIDE)))) == speed
+@pytest.mark.parametrize("frames", [3, 90])
+def test_feet_skate_at_the_speed_they_slide_with_one_of_two_by_half_and_one_on_its_ball_not(sliding, speed, frames):
+    slide = way(x=SLIDE[:frames], frames=frames)
+    assert foot_skating(legs(dict.fromkeys(sliding, slide), frames=frames)) == speed
 
 
 def test_a_foot_in_the_air_may_move():
