@@ -32,7 +32,7 @@ import numpy as np
 
 from harmolab.beats.audio import audio_beats, beat_strengths, sounding_span
 from harmolab.beats.tempo import NEAR, STEADY, Grid
-from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, read_json, read_text, reading, write_text
+from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, named_faults, read_json, read_text, reading, write_text
 from harmolab.readers.arrays import number_array
 from harmolab.types import Audio, BeatTrack, FloatArray, IntArray, check_kind
 
@@ -219,7 +219,8 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
     Raises
     ------
     ValueError
-        For another suffix or no beats; names the file.
+        For another suffix, no beats, and what `load_beats` would refuse, as beats in one tenth of a millisecond; names
+        the file.
     """
     check_kind(track, BeatTrack)
     path = Path(path)
@@ -228,7 +229,10 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
     if len(track) == 0:
         raise ValueError(f"{path}: there are no beats to write")
     places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
-    lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
+    last = math.floor(1e4 * track.duration) / 1e4  # rounded up it would lie beyond the song
+    lines = [f"{min(time, last):.4f}{place}" for time, place in zip(track.times, places, strict=True)]
+    with named_faults(path):
+        _from_bars(*_columns("\n".join(lines), header=False))
     first = [f"# {': '.join([WRITTEN_BY, *([' '.join(comment.split())] if comment else [])])}"]
     fit = math.floor(100 * (track.fit or 0.0)) / 100  # never up to what is sure
     doubt = [] if track.is_sure else [f"# fit {fit:.2f}: unsure beats; take this line out once they are mended"]
@@ -325,16 +329,14 @@ def _from_json(path: Path) -> BeatAnnotation:
     units = content.get("units") or []
     if not isinstance(units, list):
         raise ValueError("'units' must be a list")
-    return BeatAnnotation(
-        content["beats_s"],
-        content.get("downbeats_s"),
-        None if content.get("meter") is None else int(_field(content, "meter")),
-        None if content.get("bpm") is None else _field(content, "bpm"),
-        str(content.get("dance") or ""),
-        tuple(_unit(unit, number) for number, unit in enumerate(units)),
-        None if content.get("motion_offset_s") is None else _field(content, "motion_offset_s"),
-        str(content.get("source") or ""),
+    meter, bpm, offset = (
+        None if content.get(name) is None else _field(content, name) for name in ("meter", "bpm", "motion_offset_s")
     )
+    return BeatAnnotation(
+        content["beats_s"], content.get("downbeats_s"), None if meter is None else int(meter), bpm,
+        str(content.get("dance") or ""), tuple(_unit(unit, number) for number, unit in enumerate(units)), offset,
+        str(content.get("source") or ""),
+    )  # fmt: skip
 
 
 def _unit(unit: Any, number: int) -> Unit:
