@@ -222,6 +222,8 @@ def test_shipped_limits_are_of_46_windows_and_all_measures() -> None:
     limits = LikenessLimits.recorded()
     assert (limits.windows, list(limits.pooled)) == (46, list(MEASURES))
     assert set(limits.dances) == {"cha-cha", "rumba", "tango", "waltz"}
+    limits.pooled.clear()
+    assert LikenessLimits.recorded().pooled  # who changes them changes nobody else's
 
 
 @pytest.mark.data

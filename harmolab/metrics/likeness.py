@@ -24,7 +24,7 @@ counts: what stands still for half a minute has stopped dancing, however it went
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -287,7 +287,6 @@ class LikenessLimits:
         return cls(_ranges([window for _, window in windows]), by_dance, len(windows))
 
     @classmethod
-    @cache
     def recorded(cls) -> "LikenessLimits":
         """The limits that are shipped: 46 windows of 23 recordings of cha-cha, rumba, tango and waltz."""
         with reading(RECORDED, "limits of likeness"):
