@@ -207,9 +207,11 @@ def atomic_write(path: PathLike) -> Iterator[Path]:
     Raises
     ------
     OSError
-        It cannot be written; names `path`.
+        It is a folder, or cannot be written; names `path`.
     """
     path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: is a folder; name a file in it")
     part = path.with_name(f".{path.name[-_LETTERS:]}.{os.getpid()}.{threading.get_native_id()}.tmp")
     with _naming(path, part):
         try:

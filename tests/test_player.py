@@ -228,6 +228,8 @@ def test_frame_holds_the_page_whatever_is_in_it() -> None:
 def test_shown_in_a_frame_and_saved_whole(clip: Clip, tmp_path: Path) -> None:
     player = Player(clip.audio, [dancer_of(clip.motion)], music=clip.beats, title='"quoted"')
     assert framed(player.page, title='"quoted": player', height=HEIGHT) == player._repr_html_()
+    with pytest.raises(IsADirectoryError, match=r"is a folder; name a file in it"):
+        player.save(tmp_path)
     player.save(tmp_path / "x.html")
     assert (tmp_path / "x.html").read_text("utf-8") == player.page
     assert [file.name for file in tmp_path.iterdir()] == ["x.html"]
