@@ -235,6 +235,9 @@ def test_a_motion_without_hands_or_another_hand_is_refused_by_name():
     assert events.playing_hands(motion) == ("left",)
     refused("of the right hand", strikes, motion, hand="right")
     refused("hand must be left or right, got 'both'", strikes, motion, hand="both")
+    refused("prominence must be a number, got nan", strikes, motion, prominence=np.nan)
+    for call in (strikes, events.bow_turns, events.onset_beats):
+        refused("a harmolab.(Motion|Audio) is needed, got NoneType", call, None)
     refused("instrument must be piano or violin, got 'oboe'", events.playing_events, motion, "oboe")
 
 

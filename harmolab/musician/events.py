@@ -28,7 +28,7 @@ from harmolab.readers.beats import ANNOTATION_RATE
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root
 from harmolab.score import HarmonyScore, hit_mask, hit_pairs, hitting_score, score_harmony
 from harmolab.significance import bootstrap_interval_of, p_value, rotated_hits, rotations
-from harmolab.types import FRAME_EDGE, Audio, BeatTrack, FloatArray, Motion, Notes
+from harmolab.types import FRAME_EDGE, Audio, BeatTrack, FloatArray, Motion, Notes, check_kind
 
 MERGE = 0.04  # seconds within which events are one: the notes of a chord, the fingers that strike it
 PALM_SHARE = 0.03  # of the palm's length that a strike goes down at least: 1.5 pixels where it is 50 pixels long
@@ -77,6 +77,7 @@ def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
 
     All notes that can be told apart, not the beats of a metre. Soft notes under louder ones are missed.
     """
+    check_kind(audio, Audio)
     envelope, rate = note_envelope(audio)
     loudest = float(np.percentile(envelope, LOUDEST))
     heights = np.minimum(envelope / loudest, 1.0) if loudest > 0 else np.zeros_like(envelope)
@@ -109,7 +110,7 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     Raises
     ------
     ValueError
-        For another hand, or one of which the motion has no wrist or no fingertips.
+        For another hand, one of which the motion has no wrist or no fingertips, or a prominence that is NaN.
 
     Notes
     -----
@@ -141,7 +142,8 @@ def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | 
     Raises
     ------
     ValueError
-        For another reading, or a motion that has no right hand, or no shoulder or hand on the left.
+        For another reading, a motion that has no right hand, or no shoulder or hand on the left, or a prominence that
+        is NaN.
     """
     path = _bow_path(motion)
     if reading == "distance":
@@ -168,6 +170,7 @@ def playing_events(motion: Motion, instrument: str) -> BeatTrack:
 
 def playing_hands(motion: Motion) -> tuple[str, ...]:
     """The hands of which a motion has a wrist and a fingertip at least."""
+    check_kind(motion, Motion)
     skeleton = motion.skeleton
     return tuple(side for side in SIDES if hand_root(skeleton, side) is not None and fingertips(skeleton, side))
 
@@ -204,7 +207,9 @@ def _track(events: Iterable[_Events], motion: Motion) -> BeatTrack:
 
 
 def _peaks(curve: FloatArray, fps: float, prominence: float) -> _Events:
-    """Peaks of a curve (T,) that stand out by `prominence`, at least by more than rounding."""
+    """Peaks of a curve (T,) that stand out by `prominence`, at least by more than rounding; ValueError for NaN."""
+    if np.isnan(prominence):
+        raise ValueError("prominence must be a number, got nan")
     least = max(prominence, 1e-9 * float(np.ptp(curve)), np.finfo(float).tiny)
     frames, properties = find_peaks(curve, prominence=least)
     return _Events(refine_extrema(curve, frames) / fps, properties["prominences"])
@@ -243,6 +248,7 @@ def _palm(motion: Motion, side: str) -> float:
 
 def _bow_path(motion: Motion) -> FloatArray:
     """(T, D) places of the bow hand from the bridge, frames that are not valid bridged over."""
+    check_kind(motion, Motion)
     hand = [number for name in hand_joints(BOW_HAND) if (number := _number(motion, name)) is not None]
     wrist = _number(motion, f"{BOW_HAND}_wrist")
     bow = hand or ([] if wrist is None else [wrist])
@@ -375,14 +381,9 @@ class PlayingScore:
 
 def _numbers(score: HarmonyScore) -> dict[str, Any]:
     return {
-        "share_hit": score.mean_share,
-        "chance": score.chance,
-        "harmony_above_chance": score.harmony_above_chance,
-        "interval": list(score.interval),
-        "p_value": score.p_value,
-        "onsets": score.n_audio,
-        "events": score.n_visual,
-    }
+        "share_hit": score.mean_share, "chance": score.chance, "harmony_above_chance": score.harmony_above_chance,
+        "interval": list(score.interval), "p_value": score.p_value, "onsets": score.n_audio, "events": score.n_visual,
+    }  # fmt: skip
 
 
 def playing_score(
@@ -419,13 +420,9 @@ def playing_score(
     own = hand_onsets(sound, motion.duration) if is_piano and isinstance(sound, Notes) else {}
     whole = score(onsets, events)
     return PlayingScore(
-        instrument,
-        whole,
-        score(onsets, visual_beats(motion, params=params)),
-        _lag(whole) if n_rotations else NO_LAG,
-        by_hand,
-        {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand},
-    )
+        instrument, whole, score(onsets, visual_beats(motion, params=params)), _lag(whole) if n_rotations else NO_LAG,
+        by_hand, {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand},
+    )  # fmt: skip
 
 
 def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
