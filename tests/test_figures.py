@@ -123,6 +123,8 @@ def test_stems_can_tell_the_strength(ax: Axes):
 def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     clip = synthetic_clip("waltz", seconds=20, seed=1)
     scores = {"paper": score_clip(clip, HarmonyParams.paper()), "recommended": score_clip(clip)}
+    for nothing in ({}, scores["paper"]):
+        refused("scores by their modes are needed, such as", beats.score_figure, nothing)
     figure = beats.score_figure(scores, title="a waltz")
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 15.0), (15.0, 30.0)] * 2
     words = f"paper: {scores['paper'].hits.sum()} of {scores['paper'].n_audio} music beats met"

@@ -179,6 +179,7 @@ def test_dance_that_begins_before_the_song_is_heard_from_the_first_note(folder: 
 
 def test_offset_outside_the_song_is_refused_by_name(folder: Path):
     refused(r"dance\.npz: .*does not overlap", told_of, folder, "dance.npz", offset=500.0)
+    refused("a performance is needed, got str", own.explain_performance, folder / "song.wav", "dance.npz")
 
 
 def test_numbers_are_plain_enough_for_json(late: OwnDance):

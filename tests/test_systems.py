@@ -206,14 +206,9 @@ def tiny_audio2body() -> Audio2Body:
 
 
 SYSTEMS: dict[str, Callable[[], System]] = {
-    "audio2body": tiny_audio2body,
-    "choreographer": tiny_choreographer,
-    "harmogan": tiny_harmogan,
-    "lee2019": tiny_lee2019,
-    "music2dance": tiny_music2dance,
-    "ren2020": tiny_ren2020,
-    TOY: tiny_toy,
-}
+    make.__name__.removeprefix("tiny_"): make
+    for make in (tiny_audio2body, tiny_choreographer, tiny_harmogan, tiny_lee2019, tiny_music2dance, tiny_ren2020)
+} | {TOY: tiny_toy}
 
 
 @pytest.fixture(scope="module")
@@ -392,12 +387,13 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
 @cases(
     "stranger, message",
     ("polka", "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020"),
+    (None, "unknown system None; there are audio2body"),
     ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
     (f"{__name__}:Nobody", "has no class Nobody"),
     ("json:dumps", "json has no class dumps"),
     ("json:JSONDecoder", "the class has no generate, save, load, train; see harmolab.systems.System"),
 )
-def test_an_unknown_system_is_named(stranger: str, message: str):
+def test_an_unknown_system_is_named(stranger: str | None, message: str):
     refused(message, find, stranger)
 
 

@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from harmolab import evaluate, frechet_distance
-from harmolab.beats.audio import audio_beats, onset_envelope, with_clicks
+from harmolab.beats.audio import audio_beats, music_beats, onset_envelope, with_clicks
 from harmolab.beats.meter import MeterUnit, describe_beats, meter_units, with_one
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
@@ -29,7 +29,7 @@ from harmolab.shape_speed import shape_speed
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
-from harmolab.verdict.judge import score_clip, score_motion
+from harmolab.verdict.judge import other_measures, score_clip, score_motion
 from study.profile import RunProfile
 from tests.builders import cases, refused, track
 
@@ -107,6 +107,10 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     ("are needed, got BeatTrack and ndarray", score_motion, (track([1.0]), FRAMES)),
     ("a harmolab.BeatTrack is needed, got list", score_harmony, (track([1.0]), [1.0])),
     ("a harmolab.HarmonyParams is needed, got str", partial(score_harmony, params="paper"), MUSIC),
+    ("a harmolab.HarmonyParams is needed, got str", partial(score_motion, params="paper"), (MUSIC[0], motion())),
+    ("a harmolab.HarmonyParams is needed, got str", score_clip, (Clip("waltz", SILENCE, motion()), "paper")),
+    ("a harmolab.HarmonyParams is needed, got str", partial(visual_beats, params="paper"), (motion(),)),
+    *(("a harmolab.Clip is needed, got NoneType", each, (None,)) for each in (music_beats, other_measures)),
     ("n_rotations must be a whole number, not negative, got -1", partial(score_harmony, n_rotations=-1), MUSIC),
     ("seed must be a whole number, not negative, got 0.5", partial(score_motion, seed=0.5), (MUSIC[0], motion())),
     *(("seed must be a whole .* got -1", partial(each, seed=-1), ([], [])) for each in (evaluate, frechet_distance)),

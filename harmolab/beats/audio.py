@@ -134,8 +134,9 @@ def audio_beats(
 def music_beats(clip: Clip) -> BeatTrack:
     """The music beats of a clip on its audio's time line: its annotated ones, else those of `audio_beats`.
 
-    The clip's dance, where it is one of `DANCES`, is the prior of the tempo.
+    The clip's dance, where it is one of `DANCES`, is the prior of the tempo. ValueError unless a Clip is passed.
     """
+    check_kind(clip, Clip)
     if clip.beats is not None:
         return clip.beats
     return audio_beats(clip.audio, tempo=clip.dance if clip.dance in DANCES else None)

@@ -26,8 +26,9 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     fps : float, hertz
         Of the curve.
     """
-    if not isinstance(motion, Motion):
-        raise ValueError(f"a harmolab.Motion is needed, got {type(motion).__name__}")
+    for kind, value in ((Motion, motion), (HarmonyParams, params)):
+        if not isinstance(value, kind):  # here, since a score that asks in another room walks farther
+            raise ValueError(f"a harmolab.{kind.__name__} is needed, got {type(value).__name__}")
     kinds = params.measure == "shape", params.detector == "direction"
     key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, params.speed, *kinds)
     curves = _curves.setdefault(motion, {})
@@ -72,9 +73,9 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
         ``detector``, ``plateau`` and ``subframe`` are read.
     """
     finders = {"turns": kinematics.turning_points, "valleys": kinematics.valley_frames}  # all others look for peaks
-    frames = finders.get(params.detector, kinematics.peak_frames)(curve, plateau=params.plateau)
-    positions = kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
-    positions -= curve_delay(params)
+    delay, find = curve_delay(params), finders.get(params.detector, kinematics.peak_frames)
+    frames = find(curve, plateau=params.plateau)
+    positions = (kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)) - delay
     # The speed may be signed in one reading; a strength never is.
     return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)
 

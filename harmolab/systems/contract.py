@@ -95,7 +95,7 @@ def find(name: str) -> type[System]:
         If there is no such system, it is a part of one, or the class lacks a method of `System`.
     """
     check_whole(name)
-    module, outside, _ = name.partition(":")
+    module, outside, _ = str(name).partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
     system: type[System] = _class(name, module if outside else PLAYERS.get(name, f"{__package__}.{name}"))

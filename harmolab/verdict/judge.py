@@ -36,7 +36,7 @@ from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, check_whole, hit_pairs, normalise_strengths, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
-from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind
 from harmolab.verdict import evidence, sentences
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
@@ -160,12 +160,13 @@ def score_motion(
 
     Cut beats and motion to what they share first (`Clip.shared` does it for a clip): all beats count. `params` are
     ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
-    ValueError unless a BeatTrack and a Motion are passed.
+    ValueError unless a BeatTrack, a Motion and HarmonyParams are passed.
     """
     if not (isinstance(audio_track, BeatTrack) and isinstance(motion, Motion)):
         kinds = f"{type(audio_track).__name__} and {type(motion).__name__}"
         raise ValueError(f"a harmolab.BeatTrack and a harmolab.Motion are needed, got {kinds}")
     params = params or HarmonyParams.recommended()
+    check_kind(params, HarmonyParams)
     timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
     visual = visual_beats(timed, params=params)
     if params.measure == "hits":
@@ -175,17 +176,17 @@ def score_motion(
 
 def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
     """The score of `judge`; in the paper's terms its movements are rests, or hits where hits were told."""
+    shape = shape_speed(motion, smoothing=params.position_smoothing)
     check_whole(seed=seed)
     track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
     late = track.times + params.lag
     music = track.select((late >= 0) & (late <= track.duration))
-    shape = shape_speed(motion, smoothing=params.position_smoothing)
     judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
     pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
     if place := judgement.place:
-        shares, share, chance, null = place.shares(len(music)), float(place.curve[0]), place.chance, place.curve
+        shares, share, chance, null = place.shares(pairs.size), float(place.curve[0]), place.chance, place.curve
     else:
-        shares, share, chance, null = np.full(len(music), np.nan), np.nan, np.nan, np.zeros(0)
+        shares, share, chance, null = np.full(pairs.size, np.nan), np.nan, np.nan, np.zeros(0)
     score = score_of_shares(params, music, visual, pairs, shares, share, chance)
     return _with_judgement(replace(score, null=null), judgement)
 
@@ -224,7 +225,7 @@ def score_clip(
     Raises
     ------
     ValueError
-        If `clip` is none, it has no motion, or motion and music hardly overlap.
+        If `clip` or `params` is none, the clip has no motion, or motion and music hardly overlap.
 
     Examples
     --------
@@ -238,10 +239,10 @@ def score_clip(
     if not isinstance(clip, Clip):
         raise ValueError(f"a harmolab.Clip is needed, got {type(clip).__name__}; score_files takes paths")
     params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
+    check_kind(params, HarmonyParams)
     if clip.beats is None and tracker is not None:
         clip = replace(clip, beats=tracker(clip.audio))
-    beats, motion = music_and_motion(clip, clock=params.clock)
-    score = score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+    score = score_motion(*music_and_motion(clip, clock=params.clock), params=params, n_rotations=n_rotations, seed=seed)
     return score if clip.has_start else without_start(score)
 
 
@@ -265,9 +266,7 @@ def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Moti
     Raises
     ------
     ValueError
-        If the clip has no motion, or motion and music hardly overlap.
+        If `clip` is none, it has no motion, or motion and music hardly overlap.
     """
-    if clip.beats is None:
-        clip = replace(clip, beats=music_beats(clip))
-    shared = clip.shared(clock=clock)
+    shared = replace(clip, beats=music_beats(clip)).shared(clock=clock)
     return cast(BeatTrack, shared.beats), cast(Motion, shared.motion)

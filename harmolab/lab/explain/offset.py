@@ -30,7 +30,7 @@ from harmolab.files import Progress, silent
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import p_value
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion, SingleArray
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion, SingleArray, check_kind
 
 STEP = 0.005  # seconds, between the lags that are tried
 FEWEST_BEATS = 4  # of the music inside the motion
@@ -99,7 +99,8 @@ def find_offset(
     Raises
     ------
     ValueError
-        When nothing moves, fewer than four music beats fall into the motion, or `search` is not positive.
+        When nothing moves, fewer than four music beats fall into the motion, `search` is not positive, or `motion` or
+        `params` is none.
 
     Examples
     --------
@@ -112,6 +113,8 @@ def find_offset(
     if not (np.isfinite(guess) and np.isfinite(search) and 0 < search <= 600):
         raise ValueError(f"search must lie between 0 and 600 s and guess be finite, got {search} and {guess}")
     params = params or HarmonyParams.recommended()
+    check_kind(motion, Motion)
+    check_kind(params, HarmonyParams)
     times, speed = _moving(motion, params)
     track = attack_beats(audio) if music is None else music
     beats = track.times + params.lag

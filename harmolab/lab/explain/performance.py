@@ -461,21 +461,13 @@ class OwnDance:
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""
         content = {
-            "song": self.song,
-            "recording": self.name,
-            "verdict": self.verdict,
-            "remarks": list(self.remarks),
-            "words": list(self.words.sentences),
-            "findings": [vars(one) for one in self.words.findings],
+            "song": self.song, "recording": self.name, "verdict": self.verdict, "remarks": list(self.remarks),
+            "words": list(self.words.sentences), "findings": [vars(one) for one in self.words.findings],
             "offset": {"text": str(self.placement), **vars(self.placement)},
-            "harmony_above_chance": self.score.harmony_above_chance,
-            "interval": self.score.interval,
-            "p_value": self.score.p_value,
-            "music": describe_beats(self.music),
-            "music_beats": len(self.music),
-            "movements": len(self.score.visual),
-            "seconds": self.motion.duration,
-        }
+            "harmony_above_chance": self.score.harmony_above_chance, "interval": self.score.interval,
+            "p_value": self.score.p_value, "music": describe_beats(self.music), "music_beats": len(self.music),
+            "movements": len(self.score.visual), "seconds": self.motion.duration,
+        }  # fmt: skip
         content = self.judgement.to_dict() | content
         if not self.placement.is_absolute:
             content |= dict.fromkeys(PLACED)
@@ -514,6 +506,8 @@ def explain_performance(
     FileNotFoundError, ValueError
         Both name the file; ValueError also for a setting out of range.
     """
+    if not isinstance(performance, Performance):
+        raise ValueError(f"a performance is needed, got {type(performance).__name__}; load_performance reads one")
     unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats, one=one)
     music = music_beats(unplaced)
     if offset is not None:
@@ -529,16 +523,10 @@ def explain_performance(
         check_sign(performance.path, performance.motion)
     words = explain(score)
     return OwnDance(
-        Path(song).name,
-        performance,
-        shared.audio,
-        cast(BeatTrack, shared.beats),
-        cast(Motion, shared.motion),
-        clip.shared_frame() / performance.motion.fps,
-        placement,
-        score,
+        Path(song).name, performance, shared.audio, cast(BeatTrack, shared.beats), cast(Motion, shared.motion),
+        clip.shared_frame() / performance.motion.fps, placement, score,
         words if placement.is_absolute else words.relative(),
-    )
+    )  # fmt: skip
 
 
 # One film, read by the body and by the flow

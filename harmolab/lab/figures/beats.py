@@ -216,7 +216,14 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
     scores : mode -> the score of one motion with its music
     title : str, above the first row
     longest : float, seconds that are drawn at most
+
+    Raises
+    ------
+    ValueError
+        There are no scores, or one without its mode.
     """
+    if not isinstance(scores, Mapping) or not scores:
+        raise ValueError(f'scores by their modes are needed, such as {{"recommended": score}}, got {scores!r:.80}')
     duration = min(max(score.music.duration for score in scores.values()), longest)
     rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
     across = min(duration, ROW_SECONDS)
