@@ -220,7 +220,7 @@ EDGE = 1e-9
 
 def checked_times(times: ArrayLike, name: str) -> FloatArray:
     """Moments (B,) as an array; ValueError names them where they are no list of finite numbers."""
-    array = np.asarray(times) if getattr(times, "dtype", None) == np.float64 else frozen_array(times, name)
+    array = times if type(times) is np.ndarray and times.dtype == np.float64 else frozen_array(times, name)
     if array.ndim != 1:
         raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
     if not np.isfinite(array).all():

@@ -37,6 +37,7 @@ def test_beat_alignment_has_two_directions():
 @cases(
     "message, call, arguments, options",
     (r"queries holds NaN or infinity \(first at index 1\)", alignment.beat_align, ([1.0, np.nan], STEADY), {}),
+    ("queries has masked entries", alignment.beat_align, (np.ma.masked_equal([0.5, 1.0], 1.0), STEADY), {}),
     (r"targets must be a list of moments \(B,\), got shape \(1, 38\)", alignment.beat_align, ([], [STEADY]), {}),
     ("queries must be an array of numbers: .*not 'BeatTrack'", alignment.beat_align, (track([1.0]), STEADY), {}),
     *(("must rise", alignment.mir_eval_scores, ([2.0, 1.0], STEADY), {"only": [each]}) for each in ("f", "p_score")),
