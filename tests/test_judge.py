@@ -272,15 +272,19 @@ def scored(motion: Motion, **settings: object) -> HarmonyScore:
 
 def test_the_score_keeps_the_judgement_and_its_number() -> None:
     score = scored(dancer())
-    assert score.judgement is not None and score.harmony_above_chance == score.judgement.harmony_above_chance
-    assert score.p_value == score.judgement.p_value
+    judgement = score.judgement
+    assert (score.harmony_above_chance, score.p_value) == (judgement.harmony_above_chance, judgement.p_value)
     content = score.to_dict()
     assert {"level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share"} <= content.keys()
 
 
 def test_a_lag_that_is_expected_is_no_lag() -> None:
-    score = scored(dancer(0.25), lag=0.125)
-    assert score.judgement is not None and score.judgement.level == 4
+    assert scored(dancer(0.25), lag=0.125).judgement.level == 4
+
+
+def test_beats_after_the_end_of_the_movement_do_not_count() -> None:
+    whole, cut = (score_motion(beats, dancer().span(0.0, 14.8)) for beats in (BEATS, BEATS.span(0.0, 14.8)))
+    assert (len(cut.music), whole.harmony_above_chance) == (29, cut.harmony_above_chance)
 
 
 @pytest.mark.parametrize("dance", ["cha-cha", "waltz"])

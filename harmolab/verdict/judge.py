@@ -158,8 +158,9 @@ def score_motion(
 ) -> HarmonyScore:
     """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
 
-    Cut beats and motion to what they share first (`Clip.shared` does it for a clip): all beats count. `params` are
-    ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
+    Cut beats and motion to what they share first (`Clip.shared` does it for a clip): of the measure "hits" all beats
+    count, of "shape" those that come while the motion lasts. `params` are ``HarmonyParams.recommended()`` when left
+    out. The measure "shape" has its p-value and spread without rotations.
     ValueError unless a BeatTrack, a Motion and HarmonyParams are passed.
     """
     if not (isinstance(audio_track, BeatTrack) and isinstance(motion, Motion)):
@@ -180,7 +181,7 @@ def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: Bea
     check_whole(seed=seed)
     track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
     late = track.times + params.lag
-    music = track.select((late >= 0) & (late <= track.duration))
+    music = track.select((late >= 0) & (late <= min(track.duration, motion.duration + 1 / motion.fps)))
     judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
     pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
     if place := judgement.place:
