@@ -219,8 +219,7 @@ def test_a_lag_of_two_frames_finds_the_same_stop() -> None:
 
 def test_turning_into_the_next_direction_counts_half_of_stopping() -> None:
     columns = np.zeros((9, 8))
-    columns[:5, 3] = 1.0
-    columns[5:, 4] = 1.0
+    columns[:5, 3] = columns[5:, 4] = 1.0
     assert flows.impact_envelope(columns).max() == pytest.approx(0.5)
 
 
@@ -250,8 +249,7 @@ def test_a_peak_exceeds_the_mean_around_it_by_more_than_the_threshold() -> None:
 
 
 def test_a_flat_top_is_one_peak_in_its_middle_and_equal_peaks_give_one() -> None:
-    flat = np.array([0, 1, 1, 1, 0, 0.0])
-    assert flows.local_peaks(flat, radius_frames=2, threshold=0.1, mean_frames=2).tolist() == [2]
+    assert list(flows.local_peaks(np.array([0, 1, 1, 1, 0, 0.0]), radius_frames=2, threshold=0.1, mean_frames=2)) == [2]
     assert len(flows.local_peaks(np.array([0, 1, 0, 1, 0, 0.0]), radius_frames=3, threshold=0.1)) == 1
 
 
@@ -273,8 +271,9 @@ def test_an_envelope_below_the_floor_is_zero() -> None:
 
 
 def test_beats_lie_between_frames_where_the_envelope_does() -> None:
-    envelope = np.array([0, 0, 0.5, 1.0, 1.0, 0.5, 0, 0, 0, 0.0])
+    envelope = [0, 0, 0.5, 1.0, 1.0, 0.5, 0, 0, 0, 0.0]
     assert flows.envelope_beats(envelope, 10.0, around=0.2).times.tolist() == pytest.approx([0.35])
+    refused("envelope holds NaN", flows.envelope_beats, [0.0, np.nan, 0.0], 10.0)
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 8.0])

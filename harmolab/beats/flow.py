@@ -25,7 +25,7 @@ from scipy.ndimage import correlate1d, maximum_filter, maximum_filter1d, median_
 
 from harmolab.body.kinematics import refine_extrema, smooth
 from harmolab.files import Progress, silent
-from harmolab.types import BeatTrack, FloatArray, IntArray, SingleArray
+from harmolab.types import BeatTrack, FloatArray, IntArray, SingleArray, frozen_array
 
 # Impact envelope and its peaks (Eq. 4-5)
 
@@ -142,7 +142,13 @@ def envelope_beats(
     around : float, seconds
         A beat is measured against the mean over this time on either side.
     threshold : float, c_2
+
+    Raises
+    ------
+    ValueError
+        The envelope is no list of finite numbers.
     """
+    envelope = frozen_array(envelope, "envelope")
     radius_frames, mean_frames = (max(1, round(window * fps)) for window in (radius, around))
     frames = local_peaks(envelope, radius_frames=radius_frames, threshold=threshold, mean_frames=mean_frames)
     return BeatTrack(refine_extrema(envelope, frames) / fps, envelope[frames], fps, len(envelope) / fps)
