@@ -307,8 +307,7 @@ def test_banks_missing_damaged_foreign_and_for_another_skeleton_are_refused_by_f
 @cases(
     "poses, dances, fault",
     (np.zeros((2, 3)), ("a", "b"), r"got shape \(2, 3\)"),
-    (np.full((1, 3, C), np.nan), ("a",), "must be finite"),
-    (np.full((1, 3, C), 1e6), ("a",), "must be finite"),
+    *((np.full((1, 3, C), each), ("a",), "must be finite") for each in (np.nan, 1e6)),
     (np.zeros((2, 3, C)), ("a",), "each of the 2 clips of poses needs a dance, got 1"),
 )
 def test_bank_checks_itself(poses: np.ndarray, dances: tuple[str, ...], fault: str):
@@ -317,5 +316,6 @@ def test_bank_checks_itself(poses: np.ndarray, dances: tuple[str, ...], fault: s
 
 def test_weights_of_a_training_that_was_stopped_are_named_as_such(tmp_path: Path):
     missing("model.json: no such file; name a folder that harmolab train wrote", read_about, tmp_path)
+    missing("nowhere.json: no such file; name a folder that harmolab train wrote", read_about, tmp_path / "nowhere")
     (tmp_path / "settings.json").write_text("{}")
     missing("its training has not ended; go on with the same command and --resume", read_about, tmp_path)

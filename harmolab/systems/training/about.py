@@ -24,7 +24,7 @@ _SUFFIXES = (".safetensors", ".npz", ".json")
 def read_about(path: PathLike) -> dict[str, Any]:
     """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
     file = json_file(weights_stem(path))
-    if Path(path).is_dir() and not file.exists():
+    if not file.exists():
         if file.with_name(SETTINGS).exists():
             raise FileNotFoundError(f"{path}: its training has not ended; go on with the same command and --resume")
         raise FileNotFoundError(f"{file}: no such file; name a folder that harmolab train wrote weights to (--out)")
