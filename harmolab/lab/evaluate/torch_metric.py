@@ -40,7 +40,7 @@ class TorchDanceMetric(Metric):
 
     def compute(self) -> dict[str, float]:
         """As `DanceMetric.compute`, of the dances of all processes."""
-        content = b"".join(part.cpu().numpy().tobytes() for part in self._parts())
+        content = b"".join(part.to("cpu", torch.uint8).numpy().tobytes() for part in self._parts())
         self.metric.reset()
         self.metric.merge_state(json.loads(line) for line in content.splitlines())
         return self.metric.compute()
