@@ -118,8 +118,7 @@ def events(folder: Path) -> list[tuple[int, str, float]]:
 def learner() -> tuple[torch.nn.Module, torch.optim.Optimizer]:
     """A layer after two steps of Adam."""
     torch.manual_seed(0)
-    layer = torch.nn.Linear(3, 2)
-    optimiser = torch.optim.Adam(layer.parameters(), lr=0.1)
+    optimiser = torch.optim.Adam((layer := torch.nn.Linear(3, 2)).parameters(), lr=0.1)
     for _ in range(2):
         step(layer, optimiser)
     return layer, optimiser
@@ -307,10 +306,11 @@ def test_somebody_elses_folder_is_no_run_to_resume(train: Train, tmp_path: Path)
     assert message.startswith(f"{tmp_path}: holds thesis.tex but no settings.json, so no run to resume")
 
 
-def test_a_file_is_no_folder(tmp_path: Path):
+@pytest.mark.parametrize("place", ["run", "run/below/it"])
+def test_a_file_is_no_folder(place: str, tmp_path: Path):
     (tmp_path / "run").write_text("")
     with pytest.raises(ValueError, match="run: is a file; a run needs a folder of its own"):
-        checkpoints.check_folder(tmp_path / "run", resume=True)
+        checkpoints.check_folder(tmp_path / place, resume=True)
 
 
 @cases(

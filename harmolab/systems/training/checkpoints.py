@@ -12,6 +12,7 @@ import hashlib
 import io
 import itertools
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -82,9 +83,8 @@ class EventLog:
 
 def _tag(name: str) -> str:
     """Name of a column with its group before the stroke, as TensorBoard shows it."""
-    if name in ("rate", "tau"):
-        return f"schedule/{name}"
-    return f"validation/{name.removeprefix('val_')}" if name.startswith("val_") else f"loss/{name}"
+    group = "schedule" if name in ("rate", "tau") else "validation" if name.startswith("val_") else "loss"
+    return f"{group}/{name.removeprefix('val_')}"
 
 
 Notice = Callable[[str], None]
@@ -210,8 +210,10 @@ def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 def check_folder(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> None:
     """ValueError unless `folder` is new or empty or, with `resume`, holds a run (on `corpus`); nothing is written."""
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"{folder}: is a file; a run needs a folder of its own")
+    place = next(each for each in (folder, *folder.parents) if each.exists())
+    if not (place.is_dir() and os.access(place, os.W_OK)):
+        fault = "nothing may be written there" if place.is_dir() else "is a file"
+        raise ValueError(f"{place}: {fault}; a run needs a folder of its own")
     held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) if folder.is_dir() else []
     if held and not resume:
         raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or choose another folder")
@@ -280,16 +282,14 @@ def check_pretrained(folder: Path, settings: dict[str, Any], split: Split, corpu
 
 def _read(path: Path) -> dict[str, Any]:
     with files.reading(path, "JSON", max_bytes=files.MAX_JSON_BYTES):
-        content = files.read_json(path)
-        if not isinstance(content, dict):
+        if not isinstance(content := files.read_json(path), dict):
             raise ValueError("holds no settings of a run")
     return renamed(content)
 
 
 def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
     """ValueError naming the first entry in which two dictionaries differ; older runs do not say their `_YOUNGER`."""
-    names = sorted(stored.keys() | settings.keys() - _YOUNGER)
-    pairs = {name: (stored.get(name), settings.get(name)) for name in names}
+    pairs = {key: (stored.get(key), settings.get(key)) for key in sorted(stored.keys() | settings.keys() - _YOUNGER)}
     # A seed says more than the groups that follow from it.
     for name, (old, new) in sorted(pairs.items(), key=lambda item: isinstance(item[1][0], dict | list)):
         if isinstance(old, dict) and isinstance(new, dict):
