@@ -341,7 +341,7 @@ PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams
     *((SMALL, field.name, 0, "positive") for field in fields(ModelParams) if field.name != "bounded"),
     *((PAPER, name, 0, "positive") for name in ("batch_size", "pose_epochs", "shards", "pretrain_drop_epochs")),
     *((PAPER, name, (0.5, 0.0), "positive factors") for name in ("pretrain_drops", "adversarial_drops")),
-    *((PAPER, name, -1, "zero or more") for name in ("pretrain_epochs", "seed", "sketches")),
+    *((PAPER, name, one, "zero or more") for name in ("pretrain_epochs", "seed", "sketches") for one in (-1, 2**32)),
     (PAPER, "harmony_weight", -0.5, "zero or more"),
     (PAPER, "discriminator_decay", float("nan"), "zero or more"),
     *((PAPER, name, -0.001, "positive") for name in ("pretrain_rate", "clip")),
@@ -352,9 +352,8 @@ PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams
     *((PAPER, name, "3", "a number") for name in ("pretrain_rate", "critic_share")),
     *((PAPER, name, value, "a whole number") for name, value in (("batch_size", 1.5), ("seed", float("nan")))),
     (PAPER, "pretrain_drops", 0.5, "a list of numbers, each zero or more"),
-    (FEATURES, "beat_channels", "no", "True or False"),
-    (FEATURES, "unit_beats", float("inf"), "a whole number"),
-    (FEATURES, "n_mfcc", 0, "positive"),
+    *((FEATURES, *row) for row in (("beat_channels", "no", "True or False"), ("unit_beats", np.inf, "a whole number"))),
+    *((FEATURES, "n_mfcc", value, "positive") for value in (0, 2**16 + 1)),
 )
 def test_a_setting_out_of_range_is_refused_by_name(
     settings: TrainParams | ModelParams | FeatureParams, name: str, value: object, rule: str

@@ -15,7 +15,7 @@ from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, reading
 FORMAT = 1
 DEFAULT_STEM = "model"
 SETTINGS = "settings.json"  # of a run, from its first moment on; the weights come at its end
-MOST_JOINTS = 1000  # a description beyond is not one of ours
+MOST_JOINTS, MOST_UNITS = 1000, 2**16  # a description beyond is not one of ours
 _WHAT = "weights of harmolab"
 _PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
 _SUFFIXES = (".safetensors", ".npz", ".json")

@@ -1,7 +1,7 @@
 """Audio features of the generator: MFCC at the motion's rate (paper Sec. 4.1, A_f), and each frame's beat position."""
 
 import hashlib
-import math
+import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import KINDS, check_kinds
+from harmolab.systems.training.about import MOST_UNITS
 from harmolab.systems.training.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray, SingleArray
 
@@ -36,10 +37,11 @@ def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: C
         elif is_list or (hint in (int, float, int | None, float | None) and name not in free):
             kind, can_be_zero = KINDS[(*get_args(hint), hint)[0]], name in not_negative
             entries = value if isinstance(value, tuple | list) else [value] * (value is not None)
-            rightful = [isinstance(each, kind) and 0 <= each < math.inf and (each or can_be_zero) for each in entries]
+            most = 2**32 - 1 if name == "seed" else MOST_UNITS if kind is KINDS[int] else sys.float_info.max
+            rightful = [isinstance(each, kind) and 0 <= each <= most and (each or can_be_zero) for each in entries]
             if isinstance(value, tuple | list) != is_list or not all(rightful):
                 least = "a list of numbers, each " * is_list + ("zero or more" if can_be_zero else "positive")
-                raise ValueError(f"{name} must be {least}, got {value}")
+                raise ValueError(f"{name} must be {least}, got {value}" + f"; {most} at most" * (kind is KINDS[int]))
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
@@ -137,11 +139,9 @@ def beat_numbers(beats: BeatTrack, times: FloatArray) -> FloatArray:
     """Beat position (T,) of moments: linear from beat to beat, on by the median interval; NaN without two beats."""
     if len(beats) < 2:
         return np.full(len(times), np.nan)
-    numbers = np.arange(len(beats))
     period = float(np.median(np.diff(beats.times)))
-    early, late = beats.times[0] - times, times - beats.times[-1]
-    position = np.interp(times, beats.times, numbers)
-    return position - np.maximum(early, 0.0) / period + np.maximum(late, 0.0) / period
+    early, late = np.maximum(beats.times[0] - times, 0.0), np.maximum(times - beats.times[-1], 0.0)
+    return np.interp(times, beats.times, np.arange(len(beats))) - early / period + late / period
 
 
 def bar_phase(beats: BeatTrack, times: FloatArray) -> FloatArray:

@@ -23,11 +23,11 @@ from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
 from harmolab.files import PathLike, atomic_write, reading, write_synced
-from harmolab.systems.training.about import FORMAT, json_file, read_about, weights_stem
+from harmolab.systems.training.about import FORMAT, MOST_UNITS, json_file, read_about, weights_stem
 
 _WHAT = "weights of harmolab"
 # A description beyond these is not one of ours; building it would only fill the memory.
-MOST_LAYERS, MOST_UNITS = 64, 2**16
+MOST_LAYERS = 64
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
 # Names of settings as versions before 0.2 wrote them into runs and weights.
@@ -186,7 +186,7 @@ R = TypeVar("R")
 def stored_record(record: type[R], stored: Mapping[str, Any]) -> R:
     """A dataclass of settings out of a description, where tuples have become lists; ValueError for what cannot be.
 
-    Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`; a seed may be any number.
+    Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`; a seed may be larger.
     """
     stored = {**_YOUNGER, **stored}
     values = {field.name: stored[field.name] for field in fields(record)}  # type: ignore[arg-type]
