@@ -125,12 +125,12 @@ class TrainParams:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
-        epochs = ("pretrain_epochs", "adversarial_epochs")
-        drops = "pretrain_drops", "adversarial_drops"
-        check_settings(self, not_negative=(*weights, *epochs, *drops, "seed", "sketches", "shifted"))
-        if name := next((each for each in drops if 0 in getattr(self, each)), ""):
+        zeros = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay", "_drops", "seed"))]
+        check_settings(self, not_negative=[*zeros, "pretrain_epochs", "adversarial_epochs", "sketches", "shifted"])
+        if name := next((each for each in zeros if each.endswith("_drops") and 0 in getattr(self, each)), ""):
             raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
+        if self.shifted > 1:
+            raise ValueError(f"shifted must be a share, 0 to 1, got {self.shifted}")
 
     @classmethod
     def paper(cls) -> "TrainParams":
