@@ -33,8 +33,7 @@ PARAMS = LeeParams(
     hidden=16, latent=6, pose_latent=4, pose_hidden=8, style=5, noise=3, style_layers=(8,), regressor_layers=(8,),
     critic_layers=(12, 6), style_epochs=2, unit_epochs=3, composition_epochs=2, batch_size=8,
 )  # fmt: skip
-SPLIT = tiny_split(beat_channels=False)
-N_MOTION = 18
+SPLIT, N_MOTION = tiny_split(beat_channels=False), 18
 
 
 @pytest.fixture
@@ -354,8 +353,7 @@ def test_a_gradient_is_not_longer_than_the_clip(clip: float | None, norm: float)
 def test_one_batch_is_learnt_by_heart(pieces: train.Pieces):
     torch.manual_seed(0)
     network = made_network(hidden=32)
-    parts = (network.poses, network.movements, network.unit_decoder)
-    batch = pieces.take(torch.arange(2))
+    parts, batch = (network.poses, network.movements, network.unit_decoder), pieces.take(torch.arange(2))
 
     def loss() -> Tensor:
         terms = train.unit_terms(train.coded_units(network, batch), 0.0)
@@ -365,14 +363,13 @@ def test_one_batch_is_learnt_by_heart(pieces: train.Pieces):
     assert errors[-1] < 0.4 * errors[0]
 
 
-def trained(folder: Path, **options: Any) -> DancingToMusic:
-    return train.train_lee2019(SPLIT, TrainOptions(folder, accelerator="cpu", **options), PARAMS)
+def trained(folder: Path, params: LeeParams = PARAMS, **options: Any) -> DancingToMusic:
+    return train.train_lee2019(SPLIT, TrainOptions(folder, accelerator="cpu", **options), params)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("runs") / "lee"
-    trained(folder)
+    trained(folder := tmp_path_factory.mktemp("runs") / "lee")
     return folder
 
 
@@ -386,6 +383,10 @@ def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
     units = {"own", "cross", "single", "same", "nats"}
     assert {"dance", *units, "critic_units", "gan", "val_style", "val_error"} <= set(header)
     assert load_weights(run, DancingToMusic).params == PARAMS
+
+
+def test_a_training_that_cannot_be_ends_there_and_says_why(tmp_path: Path):
+    refused(f"{tmp_path}: units epoch 3: the training has diverged", trained, tmp_path, replace(PARAMS, rate=1e30))
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from harmolab.files import write_text
+from harmolab.files import named_faults, write_text
 from harmolab.systems.training import checkpoints
 from harmolab.systems.training.features import check_choice
 from harmolab.systems.training.units import Batch, UnitSet, collate
@@ -156,15 +156,17 @@ def step(
 ) -> None:
     """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch.
 
-    A gradient whose norm is larger than `clip` is scaled down to it.
+    A gradient whose norm is larger than `clip` is scaled down to it; ValueError for one that is not finite.
     """
     parameters = [part for group in optimiser.param_groups for part in group["params"]]
     gradients = []
     for each, shard in zip(terms, shards, strict=True):
         parts = torch.autograd.grad(each["total"] * shard.share, parameters)
         gradients.append(torch.cat([part.flatten() for part in parts]))
-    pieces = _added(fabric, torch.stack(gradients)).split([part.numel() for part in parameters])
-    for part, piece in zip(parameters, pieces, strict=True):
+    gradient = _added(fabric, torch.stack(gradients))
+    if not bool(gradient.isfinite().all()):
+        raise ValueError("the training has diverged: a gradient is no finite number; begin anew with another seed")
+    for part, piece in zip(parameters, gradient.split([part.numel() for part in parameters]), strict=True):
         part.grad = piece.view_as(part)
     if clip is not None:
         torch.nn.utils.clip_grad_norm_(parameters, clip)
@@ -178,10 +180,7 @@ def _added(fabric: Fabric, values: Tensor) -> Tensor:
         gathered = [torch.empty_like(values) for _ in range(fabric.world_size)]
         torch.distributed.all_gather(gathered, values)
         values = torch.stack(gathered, dim=1).flatten(0, 1)
-    total = values[0]
-    for each in values[1:]:
-        total = total + each
-    return total
+    return sum(values[1:], values[0])
 
 
 # Phases and players
@@ -335,7 +334,7 @@ def fit(
     Raises
     ------
     ValueError
-        If the state in `folder` is damaged or belongs to other settings.
+        If the state in `folder` is damaged or belongs to other settings, or the training diverges.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
     new: tuple[None, dict[str, Any]] = None, {"settings": run.settings, "history": []}
@@ -374,7 +373,8 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
             group["lr"] = rate * group.get("share", 1.0)
         row: checkpoints.Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
-        row |= _epoch_means(run, phase, optimisers, row)
+        with named_faults(f"{run.folder}: {phase.name} epoch {epoch + 1}"):
+            row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
     if phase.epochs and phase.recall is not None:
         run.fabric.barrier()
