@@ -386,6 +386,7 @@ def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
 
 
 def test_a_training_that_cannot_be_ends_there_and_says_why(tmp_path: Path):
+    refused("step must be a whole number, not negative, got '2'", train.Lee2019.train, [tmp_path], tmp_path, step="2")
     refused(f"{tmp_path}: units epoch 3: the training has diverged", trained, tmp_path, replace(PARAMS, rate=1e30))
 
 

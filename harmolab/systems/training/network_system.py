@@ -12,6 +12,7 @@ from torch import nn
 
 from harmolab.data.recordings import find_recordings, recorded_files
 from harmolab.files import PathLike, Progress, silent
+from harmolab.score import check_whole
 from harmolab.systems.training.about import DEFAULT_STEM, corpora, read_about
 from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
 from harmolab.systems.training.features import FeatureParams, check_choice
@@ -52,11 +53,10 @@ class Learner:
     def digests(cls, data: Sequence[PathLike]) -> dict[str, str]:
         """File of some corpora, from the name of its corpus on -> SHA-256."""
         digests = {}
-        for root in data:
-            for file in cls.files(root):
-                name = Path(Path(root).resolve().name, file.relative_to(root)).as_posix()
-                with file.open("rb") as content:
-                    digests[name] = hashlib.file_digest(content, "sha256").hexdigest()
+        for root, file in ((top, file) for top in data for file in cls.files(top)):
+            name = Path(Path(root).resolve().name, file.relative_to(root)).as_posix()
+            with file.open("rb") as content:
+                digests[name] = hashlib.file_digest(content, "sha256").hexdigest()
         return digests
 
     @classmethod
@@ -94,6 +94,7 @@ class Learner:
             recordings.
         """
         check_accelerator(accelerator)
+        check_whole(**{name: own[name] for name in ("step", "split_seed") if name in own})
         corpus = partial(cls.digests, folders := corpora(data))
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume, corpus=corpus)
@@ -128,7 +129,6 @@ class NetworkSystem(Learner, DanceSystem):
 
     def save(self, folder: PathLike) -> None:
         """Write weights, and poses if there are any, to a folder; it is made unless it exists."""
-        Path(folder).mkdir(parents=True, exist_ok=True)
         save_weights(Path(folder) / DEFAULT_STEM, self.generator, self.meta)
         if self.poses is not None:
             save_poses(Path(folder) / DEFAULT_STEM, self.poses)
