@@ -370,12 +370,9 @@ def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) 
     page = opened(chromium, tmp_path / "x.html")
     inked = page.eval_on_selector(
         ".stage",
-        """canvas => {
-          const { width, height } = canvas, pen = canvas.getContext("2d");
-          const dark = (from, to) => pen.getImageData(0, from * height, width, (to - from) * height).data
-            .filter((value, index) => index % 4 === 0 && value < 90).length;
-          return [dark(0.15, 0.5), dark(0.5, 1)];
-        }""",
+        """canvas => [[0.15, 0.5], [0.5, 1]].map(([from, to]) => canvas.getContext("2d")
+          .getImageData(0, from * canvas.height, canvas.width, (to - from) * canvas.height).data
+          .filter((value, index) => index % 4 === 0 && value < 90).length)""",
     )
     assert min(inked) > 200  # head and arms above, legs below
     closed(page)
@@ -395,14 +392,10 @@ def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromi
 # The person, and buttons and keys
 
 COMMAND = "harmolab play 'a song.mp3' dance.bvh --out dance.mp4"
-MIXAMO = Skeleton(
-    (
-        "mixamorig:Hips", "Spine", "Neck", "Head", "LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand",
-        "RightShoulder", "RightArm", "RightForeArm", "RightHand", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase",
-        "RightUpLeg", "RightLeg", "RightFoot", "RightToeBase",
-    ),
-    (-1, 0, 1, 2, 1, 4, 5, 6, 1, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18),
-)  # fmt: skip
+ARM, LEG = (("Shoulder", "Arm", "ForeArm", "Hand"), ("UpLeg", "Leg", "Foot", "ToeBase"))
+LIMBS = [f"{side}{part}" for limb in (ARM, LEG) for side in ("Left", "Right") for part in limb]
+PARENTS = (-1, 0, 1, 2, 1, 4, 5, 6, 1, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
+MIXAMO = Skeleton(("mixamorig:Hips", "Spine", "Neck", "Head", *LIMBS), PARENTS)
 BODIES = {
     "21 joints": (PAPER_21, 3), "23 joints": (TANG_23, 3), "SMPL": (SMPL_24, 3), "BVH": (MIXAMO, 3),
     "picture": (COCO_17, 2), "musician": (PLAYER_50, 2), "no names": (Skeleton(("a", "b", "c"), (-1, 0, 1)), 3),
@@ -435,12 +428,9 @@ def pair_page(chromium: Any, pair: Path) -> Iterator[Any]:
 
 def moving(skeleton: Skeleton, axes: int) -> Motion:
     """The standing body, swaying and waving each joint a little, by a fixed seed."""
-    rng, frames = np.random.default_rng(1), np.arange(90) / 30
-    pose = standing(skeleton, axes)[:1]
-    phase = rng.uniform(0, 6, pose.shape)
-    size = 0.08 if axes == 3 else 8.0
-    wave = size * np.sin(2 * np.pi * 0.7 * frames[:, None, None] + phase)
-    return Motion(pose + wave + 2 * size * frames[:, None, None] * np.eye(axes)[0], 30.0, skeleton)
+    time, pose, size = np.arange(90)[:, None, None] / 30, standing(skeleton, axes)[:1], 0.08 if axes == 3 else 8.0
+    wave = np.sin(2 * np.pi * 0.7 * time + np.random.default_rng(1).uniform(0, 6, pose.shape))
+    return Motion(pose + size * (wave + 2 * time * np.eye(axes)[0]), 30.0, skeleton)
 
 
 @pytest.mark.parametrize("name", [*BODIES, "avatar"])
@@ -507,6 +497,18 @@ def test_overlay_draws_the_second_dancer_pale_behind_the_first(pair_page: Any) -
     assert "other (pale)" in pair_page.locator("figcaption").nth(1).text_content()
     pair_page.click("#overlay")
     assert pair_page.locator(".stage").nth(1).is_visible()
+
+
+def test_a_page_saved_while_it_plays_opens_as_it_was_made(chromium: Any, pair_page: Any, tmp_path: Path) -> None:
+    state = "[...document.querySelectorAll('button, .stages, #status')].map(one => one.cloneNode(one.id).outerHTML)"
+    new = pair_page.evaluate(state)
+    for key in "xho[":
+        pair_page.keyboard.press(key)
+    pair_page.evaluate("harmolabPlayer.seek(3); harmolabPlayer.play()")
+    (tmp_path / "x.html").write_text(pair_page.content(), "utf-8")
+    page = opened(chromium, tmp_path / "x.html")
+    assert page.evaluate(state) == new and audio_time(page) == 0
+    page.context.close()
 
 
 def test_next_miss_goes_through_the_misses_and_round(pair_page: Any) -> None:
