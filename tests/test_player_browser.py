@@ -268,8 +268,7 @@ def test_plays_again_after_the_end(page: Any) -> None:
 
 
 def test_drag_turns_and_wheel_zooms(page: Any) -> None:
-    box, first = page.locator(".stage").bounding_box(), picture(page, ".stage")
-    angle = page.evaluate("view.angle")
+    box, first, angle = page.locator(".stage").bounding_box(), picture(page, ".stage"), page.evaluate("view.angle")
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.wheel(0, 100)
     assert page.evaluate("view.zoom") == 1  # without the focus, the wheel is the page's
@@ -355,12 +354,13 @@ def test_plays_in_the_offline_report(chromium: Any, clip: Clip, tmp_path: Path) 
 
 
 def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, saved: Path, tmp_path: Path) -> None:
-    broken = saved.read_text("utf-8").replace('"ogg": "T2dnUw', '"ogg": "AAAAAA', 1)
-    (tmp_path / "x.html").write_text(broken, "utf-8")
+    (tmp_path / "x.html").write_text(saved.read_text("utf-8").replace('"ogg": "T2dnUw', '"ogg": "AAAAAA', 1), "utf-8")
     page = opened(chromium, tmp_path / "x.html")
-    assert page.is_visible("#silent")
+    assert page.get_by_role("alert").inner_text().startswith("This browser cannot decode the sound")
     page.click("#play")
     wait_until(page, "harmolabPlayer.time() > 0.3")
+    page.evaluate("sound.play = () => Promise.reject(new Error('no loudspeaker')); harmolabPlayer.play()")
+    assert page.get_by_role("alert").inner_text() == "The browser does not play the sound: no loudspeaker"
     closed(page)
 
 
