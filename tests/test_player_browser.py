@@ -25,7 +25,7 @@ from harmolab.readers.smpl import SMPL_24
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
 from tests.builders import planted_dance, track
-from tests.test_labs_browser import PHONE, WIDE, at_address, closed, picture
+from tests.test_labs_browser import PHONE, WIDE, at_address, closed, drag_by_mouse, picture
 from tests.test_player import delay_of
 from tests.test_render import standing
 
@@ -117,6 +117,14 @@ def test_pressed_buttons_and_the_legend_keep_their_colours_in_print_and_where_co
     look = "all => all.map(one => getComputedStyle(one)).map(one => [one.backgroundColor, one.printColorAdjust])"
     looks = page.eval_on_selector_all("[aria-pressed=true], .bar", look)
     assert looks == [["rgb(34, 34, 34)", "exact"], ["rgb(0, 114, 178)", "exact"]]
+
+
+def test_on_paper_the_pictures_are_as_wide_as_it_and_there_are_no_buttons(page: Any) -> None:
+    page.evaluate("widths = []; plain = show; void (show = () => { plain(); widths.push(timeline.width); })")
+    page.pdf(format="A4")
+    assert min(page.evaluate("widths")) < 800 < page.evaluate("timeline.width")
+    page.emulate_media(media="print")
+    assert not page.is_visible("#play")
 
 
 def test_where_it_stands_is_said_when_it_stands_and_not_while_it_plays(page: Any) -> None:
@@ -223,8 +231,7 @@ def test_loops_a_stretch(page: Any) -> None:
     page.evaluate("harmolabPlayer.play()")
     each_frame = "() => new Promise(requestAnimationFrame).then(harmolabPlayer.time)"
     seen = page.evaluate(f"Array.fromAsync({{ length: 150 }}, {each_frame})")
-    assert min(seen) >= 1.99
-    assert max(seen) <= 2.8 + 0.1
+    assert min(seen) >= 1.99 and max(seen) <= 2.8 + 0.1
     assert (np.diff(seen) < -0.5).sum() >= 1
 
 
@@ -272,9 +279,7 @@ def test_drag_turns_and_wheel_zooms(page: Any) -> None:
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.wheel(0, 100)
     assert page.evaluate("view.zoom") == 1  # without the focus, the wheel is the page's
-    page.mouse.down()
-    page.mouse.move(box["x"] + 300, box["y"] + 200, steps=4)
-    page.mouse.up()
+    drag_by_mouse(page, box["x"] + 200, box["x"] + 300, box["y"] + 200)
     assert picture(page, ".stage") != first
     assert page.evaluate("view.angle") - angle == pytest.approx(-1.0, abs=0.05)
     page.mouse.wheel(0, -200)
@@ -474,8 +479,7 @@ def test_mirror_swaps_the_sides_of_the_picture(pair_page: Any) -> None:
           return camera.project(points[5])[0];
         })"""
     )
-    assert abs(plain - 300) > 5
-    assert plain - 300 == pytest.approx(300 - mirrored)
+    assert abs(plain - 300) > 5 and plain - 300 == pytest.approx(300 - mirrored)
 
 
 def test_follow_keeps_the_hips_in_the_middle(pair_page: Any) -> None:
@@ -548,11 +552,9 @@ def test_count_is_that_of_the_bars_and_clicks_are_higher_on_one(pair_page: Any, 
 def test_voice_of_this_machine_speaks_the_count(pair_page: Any) -> None:
     pair_page.evaluate(
         """() => {
-          window.words = [];
-          window.SpeechSynthesisUtterance = function (text) { this.text = text; };
+          window.words = []; window.SpeechSynthesisUtterance = function (text) { this.text = text; };
           speechSynthesis.getVoices = () => [{ localService: false, lang: "en" }, { localService: true, lang: "en" }];
-          const noted = word => [word.text, word.voice.localService, harmolabPlayer.time()];
-          speechSynthesis.speak = word => window.words.push(noted(word));
+          speechSynthesis.speak = word => words.push([word.text, word.voice.localService, harmolabPlayer.time()]);
         }"""
     )
     pair_page.keyboard.press("c")

@@ -155,7 +155,7 @@ export function mount(parent, data, { changed = () => {}, play = null, heading =
   });
 
   readColours();
-  matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); draw(); });
+  for (const media of ["print", "screen and (prefers-color-scheme: dark)"]) matchMedia(media).addEventListener("change", () => { readColours(); draw(); });
   show();
   soundButtons();
   // JupyterLab would take arrow keys for shortcuts of its own, and looks for this on the element that has the focus.
