@@ -1,6 +1,10 @@
 // Visual beats, the only reading of the labs: a curve of the dance, smoothed, and the moments at which it turns (harmolab.beats.visual).
 const TIE = 1e-6, REACH = 4;  // as in harmolab.body.kinematics; standard deviations to either side of a Gaussian
-const doubles = text => Array.from(new Float64Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer));
+const decoded = new Map();  // a curve is decoded once, not at each move of a slider
+function doubles(text) {
+  if (!decoded.has(text)) decoded.set(text, Array.from(new Float64Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer)));
+  return decoded.get(text);
+}
 
 // Values smoothed by a Gaussian of `sigma` samples; the ends go on as they are.
 function smoothed(values, sigma) {
