@@ -141,7 +141,7 @@ def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result
 
 @cases(
     "name, options, fault",
-    ("dance.avi", (), "dance.avi: a dance is written as .mp4, .webm, .html, .bvh, .npz"),
+    ("dance.avi", (), "dance.avi: a dance is written as .mp4, .webm, .html, .htm, .bvh, .npz"),
     ("none/dance.mp4", (), "none: no such folder"),
     ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 12.00 s), got 60 s"),
     ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),

@@ -61,7 +61,7 @@ def test_a_dance_of_no_known_start_is_told_so_and_one_with_an_offset_is_not(pair
 def test_a_lab_spares_its_inputs_and_is_a_page(pair: tuple[Path, Path]):
     assert "the lab is written as .html, .htm" in refusal("lab", *pair, "--out", "x.pdf", "--no-open")
     assert "no such file" in refusal("lab", "none.wav", pair[1], "--no-open")
-    assert "got 601; a lab shows 600 at most" in refusal("lab", *pair, "--seconds", 601, "--no-open")
+    assert "is too much, got 601; a lab shows 600 at most" in refusal("lab", *pair, "--seconds", 601, "--no-open")
 
 
 @pytest.mark.slow

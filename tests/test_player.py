@@ -379,6 +379,7 @@ def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, f
     (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
     (("--seconds", "inf"), "x.html", "--seconds must be a finite number, got inf"),
     (("--start", "nan"), "x.html", "--start must be a finite number, got nan"),
+    (("--start", -3), "x.html", "seconds, got -3; the music begins at 0"),
     (("--dance", "polka"), "x.html", "polka"),
     (("--other", "nowhere.npz"), "x.html", "nowhere.npz: no such file"),
 )

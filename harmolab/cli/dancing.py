@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # Files of a dance: their names, and what is written to each
 
-SUFFIXES = (*common.VIDEOS_OUT, ".html", ".bvh", ".npz")
+SUFFIXES = (*common.VIDEOS_OUT, *common.PAGES, ".bvh", ".npz")
 UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
 LONGEST_NAME = 200  # bytes: file systems take 255, and noun, number and ending are added
 

@@ -96,7 +96,8 @@ def lab(
     begin = max(clip.offset, 0.0) if part.start is None else part.start
     length = common.OF_LAB if part.seconds is None else part.seconds
     if not 0 < length <= LONGEST:
-        raise ValueError(f"--seconds must be positive, got {length:g}; a lab shows {LONGEST:g} at most")
+        fault = "is too much" if length > 0 else "must be positive"
+        raise ValueError(f"--seconds {fault}, got {length:g}; a lab shows {LONGEST:g} at most")
     if begin >= clip.audio.duration:
         raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
     clip = clip.span(begin, min(length, clip.audio.duration - begin))

@@ -323,8 +323,8 @@ def player_of(
     ValueError
         As `Player`; also where there is no music or no motion, or start and seconds are no times.
     """
-    if start is not None and not np.isfinite(start):
-        raise ValueError(f"start must be a finite number of seconds, got {start:g}")
+    if start is not None and not 0 <= start < np.inf:
+        raise ValueError(f"start must be a finite number of seconds, got {start:g}; the music begins at 0")
     if seconds is not None and not 0 < seconds < np.inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     first = clips[0]
