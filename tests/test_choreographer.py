@@ -724,10 +724,12 @@ def test_folders_of_recordings_and_of_bare_motions_are_read(tmp_path: Path):
     assert [take.dance for take in corpus.takes] == ["cha-cha", "jive"] and corpus.takes[0].meter == 4
     with pytest.raises(ValueError, match="different skeletons"):  # BVH has end sites
         Choreographer.load(tmp_path / "bare")
-    (tmp_path / "bare" / "c.bvh").unlink()
+    (tmp_path / "bare" / "c.bvh").rename(tmp_path / "bare" / "a.bvh")
     bare = Choreographer.load(tmp_path / "bare")
     assert [take.name for take in bare.takes] == ["a", "inner/b"]
-    assert len(bare.notes) == 1 and "broken.npz" in bare.notes[0]
+    assert bare.notes[0] == f"{tmp_path}/bare/a.bvh: has the name of a.npz, which alone is danced"
+    assert len(bare.notes) == 2 and "broken.npz" in bare.notes[1]
+    (tmp_path / "bare" / "a.bvh").unlink()
     (both,) = Choreographer.load(tmp_path).notes
     assert both == f"{tmp_path}/bare/a.npz (and 2 more): lies beside whole recordings, which alone are danced"
     assert Choreographer.load(tmp_path / "bare" / "a.npz").takes[0].name == "a"

@@ -158,6 +158,14 @@ def test_a_slice_begins_where_its_number_says_and_is_not_guessed_without_a_strid
     assert (whole.motion.name, whole.offset, whole.begins) == ("test_mBR0.pkl", None, "")
 
 
+def test_a_dance_in_two_formats_counts_once(tmp_path: Path) -> None:
+    for name in ("one.bvh", "one.npz", "two.bvh"):
+        (tmp_path / name).touch()
+    pairs, unpaired, _ = folder_pairs("ours", tmp_path, [Song(name, Path(f"{name}.wav")) for name in ("one", "two")])
+    assert [pair.motion.name for pair in pairs] == ["one.npz", "two.bvh"]
+    assert unpaired == ((tmp_path / "one.bvh", "has the name of one.npz, which alone counts", ""),)
+
+
 def test_a_file_of_edge_that_says_no_start_is_remarked_on(field: Path, tmp_path: Path) -> None:
     shutil.copy(next((field / "edge").iterdir()), tmp_path / "test_mBR0.pkl")
     pair = Pair("edge", "", "mBR0", tmp_path / "test_mBR0.pkl", field / "songs" / "mBR0.wav")

@@ -3,6 +3,7 @@
 A motion goes with the song of the same name; else with the song whose name stands in the motion's as a word
 ("demo_mBR0_seed3.npz" and "mBR0.wav"); else with the only song that has the motion's music id of AIST++. A recording's
 own folder holds its song. What goes with nothing is listed with the reason, and no motion is ever given a song by luck.
+Of files of one name in a folder that whose ending stands first in `MOTIONS` counts, and the others are listed.
 
 The published codes name their dances so, and the rules above pair them:
 
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
-from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading
+from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading, same_dance
 from harmolab.readers.keypoints import FRAME_ENDS
 
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
@@ -146,7 +147,9 @@ def folder_pairs(
     unpaired: list[Unpaired] = []
     for seed, motion in _motions(Path(folder), unpaired, system):
         song = song_of(motion, songs)
-        if isinstance(song, str):
+        if twin := same_dance(motion, MOTIONS):
+            unpaired.append(Unpaired(motion, f"has the name of {twin.name}, which alone counts"))
+        elif isinstance(song, str):
             unpaired.append(Unpaired(motion, song, system) if _is_dance(motion) else Unpaired(motion, NO_MOTION))
         else:
             offset, begins = slice_start(motion, song, slice_stride)

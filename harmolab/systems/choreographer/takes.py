@@ -35,7 +35,7 @@ from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tre
 from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
-from harmolab.files import PathLike, Progress, atomic_write, reading, silent, write_synced
+from harmolab.files import PathLike, Progress, atomic_write, reading, same_dance, silent, write_synced
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
@@ -270,7 +270,9 @@ def _trimmed(motion: Motion) -> tuple[Motion, float]:
 
 
 def _read(path: Path, root: Path, scale: float | None) -> Take:
-    """The take in a recording's folder or in a motion file."""
+    """The take in a recording's folder or in a motion file; ValueError also where another file has its dance."""
+    if path != root and (twin := same_dance(path, SUFFIXES)):
+        raise ValueError(f"{path}: has the name of {twin.name}, which alone is danced")
     motion, start = _trimmed(load_any_motion(path, scale=scale))
     if path.is_file():
         name = path.stem if path == root else path.relative_to(root).with_suffix("").as_posix()
