@@ -411,10 +411,13 @@ def test_24_joints_are_read_from_arrays_json_and_pickles(tmp_path: Path, name: s
     assert notes[1].startswith("y up (guessed: the head is 1.")
 
 
-def test_rate_in_a_json_file_of_joints_is_taken(tmp_path: Path):
+def test_rate_in_a_json_file_of_joints_is_taken(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    caplog.set_level("INFO", "harmolab")
     path = tmp_path / "dance.json"
     path.write_text(json.dumps({"fps": 50, "pred_position": moving_joints().tolist()}))
-    assert [load_motion(path).fps, load_motion(path, fps=25).fps] == [50, 25]
+    assert [load_motion(path, fps=fps).fps for fps in (None, 50, 25)] == [50, 50, 25]
+    assert read_motion(path, fps=25, as_defaults=True).motion.fps == 50
+    assert caplog.messages == ["--fps 25 takes the place of the file's own 50 frames a second"]
     path.write_text(json.dumps({"fps": "fast", "pred_position": moving_joints().tolist()}))
     refused(r"dance\.json: ", load_motion, path)
 

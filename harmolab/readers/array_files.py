@@ -277,7 +277,7 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
         about = content if isinstance(content, dict) else {}
         own = about.get("fps")
         if values is None:
-            rate = own if options.as_defaults and own is not None else options.fps
+            rate = None if options.fps is None else options.rate(own)
             motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
             return motion_file.as_read(motion, "key points", options, *_guess(motion, about))
         return _array_motion(_numbers(values), file, options, own)

@@ -4,6 +4,8 @@ Units and axes that a file does not tell are guessed from the body, and every gu
 `Assumption`, which commands print beside what they compute.
 """
 
+import logging
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +16,7 @@ import numpy as np
 from harmolab.files import MissingFrameRate, PathLike
 from harmolab.types import FloatArray, Motion
 
+LOG = logging.getLogger(__name__)
 UPRIGHT = 0.8  # share of the way from feet to head that lies along one axis, before that axis counts as up
 # Largest extent of a body, in units of its file, that is read as metres, centimetres and millimetres.
 EXTENTS = ((10.0, 1.0, "metres"), (400.0, 0.01, "centimetres"), (4000.0, 0.001, "millimetres"))
@@ -28,7 +31,6 @@ class Assumption(str):
     'unit guessed: metres'
     """
 
-    __slots__ = ("brief",)
     brief: str
 
     def __new__(cls, sentence: str, brief: str) -> "Assumption":
@@ -75,11 +77,13 @@ class ReadingOptions:
     def rate(self, own: float | None = None, hint: str = "") -> float:
         """The rate passed, else the file's `own`; `MissingFrameRate` without either, whose `hint` names one.
 
-        As a default, the rate passed comes second.
+        As a default, the rate passed comes second. Where it takes the place of another, the log says both.
         """
         first, second = (own, self.fps) if self.as_defaults else (self.fps, own)
         if (rate := second if first is None else first) is None:
             raise MissingFrameRate(f"holds no frame rate; pass fps, {hint or 'such as --fps 25'}")
+        if isinstance(second, float | int) and not (self.as_defaults or math.isclose(rate, second, rel_tol=1e-3)):
+            LOG.info("--fps %g takes the place of the file's own %g frames a second", rate, second)
         return float(rate)
 
     def check_no_body(self) -> None:
