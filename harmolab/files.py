@@ -22,7 +22,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -66,6 +66,20 @@ _FAULTS = (
 def silent(items: Iterable[Any], label: str) -> Iterable[Any]:
     """The items as they are: the `Progress` that shows nothing."""
     return items
+
+
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """Items, and about how many there will be, for a `Progress`."""
+
+    items: Iterable[Any]
+    count: int
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.items)
+
+    def __len__(self) -> int:
+        return self.count
 
 
 class MissingFrameRate(ValueError):

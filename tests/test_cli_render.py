@@ -11,7 +11,7 @@ import pytest
 from typer.testing import Result
 
 from harmolab.beats.visual import visual_beats
-from harmolab.cli import app
+from harmolab.cli import app, screen
 from harmolab.clips import load_clip
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.explain.offset import picture_motion
@@ -38,9 +38,12 @@ def frames(path: Path) -> np.ndarray:
         return np.stack([frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)])
 
 
-def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path], tmp_path: Path):
+def test_video_has_the_length_size_and_sound_asked_for(
+    files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     out = tmp_path / "x.mp4"
-    render(*files, "--seconds", 2, "--height", 240, "--out", out)
+    monkeypatch.setattr(screen, "EVERY", 0.01)
+    assert " of 60 (" in render(*files, "--seconds", 2, "--height", 240, "--out", out).stderr
     assert frames(out).shape == (60, 240, 320, 3)
     with av.open(str(out)) as container:
         sound = container.streams.audio[0]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from harmolab.body.kinematics import resample_motion, upsample_motion
-from harmolab.files import PathLike, Progress, silent
+from harmolab.files import Counted, PathLike, Progress, silent
 from harmolab.lab.person import OUTLINES, Part, Stage, person_shapes, shared_wall, stage_of
 from harmolab.lab.player_page import PLAYING
 from harmolab.lab.render.scene import render_dance
@@ -121,7 +121,8 @@ def write_performance(
     marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
     frames = _finished(_pictures(performed, height), marks, performed.notice)
     heading = ". ".join(filter(None, [title, performed.notice]))
-    write_video(path, progress(frames, "drawing"), DANCE_RATE, audio=performed.audio, title=heading)
+    pictures = progress(Counted(frames, round(performed.figure.duration * DANCE_RATE)), "drawing")
+    write_video(path, pictures, DANCE_RATE, audio=performed.audio, title=heading)
 
 
 def _pictures(performed: Performed, height: int) -> Iterator[Frame]:

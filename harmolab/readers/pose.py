@@ -45,7 +45,7 @@ from harmolab import files
 from harmolab.body.skeletons import joint_indices, skeleton_part
 from harmolab.readers.keypoints import MEDIAPIPE_33, filled_points
 from harmolab.readers.pose_child import HEADER, LANDMARKS, MARGIN, READY, painted_over
-from harmolab.readers.video import VideoFrames, opened_container, video_frames
+from harmolab.readers.video import VideoFrames, frame_count, video_frames
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
 
@@ -361,10 +361,10 @@ def _followed_people(
 ) -> list[SingleArray]:
     """The landmarks (T, 33, 6) of each person, the one first whom MediaPipe finds first; NaN where she is not found."""
     people: list[SingleArray] = []
-    total = _frame_count(video) // stride
+    total = frame_count(video) // stride
     while len(people) < MOST_PEOPLE:
         label = f"finding body {len(people) + 1}" if people else "finding the body"
-        answers = _Counted(found_people(_pictures(video, stride, people), command), total)
+        answers = files.Counted(found_people(_pictures(video, stride, people), command), total)
         followed = list(progress(answers, label))
         person = np.stack([one for one, _ in followed])
         looks = [other for _, other in followed if other is not None]
@@ -392,26 +392,6 @@ def _is_somebody(person: Landmarks) -> bool:
 def _is_found(person: SingleArray) -> bool:
     """True where a person is found in enough of the pictures."""
     return bool(np.isfinite(person[:, 0, 0]).mean() >= FEWEST_FOUND)
-
-
-@dataclass(frozen=True, eq=False)
-class _Counted:
-    """Items, and about how many there will be."""
-
-    items: Iterable[tuple[Landmarks, Landmarks | None]]
-    count: int
-
-    def __iter__(self) -> Iterator[tuple[Landmarks, Landmarks | None]]:
-        return iter(self.items)
-
-    def __len__(self) -> int:
-        return self.count
-
-
-def _frame_count(video: VideoFrames) -> int:
-    """About how many pictures a video has, by what its file says; 0 where it does not."""
-    with opened_container(video.path) as container:
-        return max(0, round((container.duration or 0) / 1e6 * video.fps))
 
 
 # From landmarks to a motion

@@ -132,6 +132,12 @@ class VideoFrames:
         return np.array(np.rot90(small, turns), dtype=np.uint8, order="C")
 
 
+def frame_count(video: VideoFrames) -> int:
+    """About how many pictures a video has, by what its file says; 0 where it does not."""
+    with opened_container(video.path) as container:
+        return max(0, round((container.duration or 0) / 1e6 * video.fps))
+
+
 def video_frames(
     path: PathLike, *, height: int = 240, max_frames: int = MAX_FRAMES, colour: bool = False
 ) -> VideoFrames:

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.flow import STILL
-from harmolab.files import PathLike, Progress, named_faults, silent
+from harmolab.files import Counted, PathLike, Progress, named_faults, silent
 from harmolab.lab.explain.offset import PICTURE, picture_motion
 from harmolab.readers.pose import UNREAD, pose_environment, read_pose
-from harmolab.readers.video import is_video, video_frames
+from harmolab.readers.video import frame_count, is_video, video_frames
 from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
 
 # Is the flow of a picture the dancer's movement?
@@ -132,7 +132,8 @@ def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress =
     with named_faults(path):
         if frames.fps < LEAST_RATE:
             raise ValueError(f"{UNREAD}{frames.fps:g} pictures a second are too few; film with {LEAST_RATE:g} or more")
-        motion = picture_motion(frames, frames.fps, watch=watch, progress=progress)
+        pictures = Counted(frames, frame_count(frames))
+        motion = picture_motion(pictures, frames.fps, watch=watch, progress=progress)
         watch.check()
         return FilmedMotion(motion)
 

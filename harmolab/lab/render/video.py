@@ -12,7 +12,7 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import skull_and_limbs
 from harmolab.clips import load_clip
 from harmolab.data.recordings import ReadingReport, load_any_motion
-from harmolab.files import PathLike, Progress, check_output, silent
+from harmolab.files import Counted, PathLike, Progress, check_output, silent
 from harmolab.lab.explain.filmed import filmed_motion, has_body
 from harmolab.lab.render import stick
 from harmolab.lab.render.scene import render_dance
@@ -213,7 +213,8 @@ def write_dance(
         judged = drawn if points is None else motion
         drawn_score = (score or _score(clip, judged, params)) if marks else None
         frames = overlay_skeleton(video, rate, drawn, score=drawn_score, begin=begin)
-    pictures = progress(stick.captioned(frames, verdict) if verdict else frames, "drawing")
+    frames = stick.captioned(frames, verdict) if verdict else frames
+    pictures = progress(Counted(frames, round(motion.duration * rate)), "drawing")
     if Path(out).suffix.lower() == ".gif":
         write_gif(out, pictures, rate)
     else:
