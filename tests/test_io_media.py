@@ -158,6 +158,14 @@ def test_half_of_a_packed_file_is_refused_but_what_is_there_can_be_read(tmp_path
     np.testing.assert_allclose(load_audio(path, duration=0.5, sample_rate=None).samples, whole[:8000], atol=1e-6)
 
 
+@pytest.mark.parametrize("suffix", ["flac", "mp3"])
+def test_a_packed_file_that_says_less_than_it_holds_is_refused(tmp_path: Path, suffix: str):
+    path = tmp_path / f"two.{suffix}"
+    soundfile.write(path, np.random.default_rng(1).uniform(-0.5, 0.5, 4 * 16000), 16000)
+    path.write_bytes(2 * path.read_bytes())
+    refused(rf"two\.{suffix}: says that it lasts 4\.0 s, and holds [78]\.\d s of sound: its begin", load_audio, path)
+
+
 def test_an_ogg_with_a_damaged_page_is_refused_since_the_sound_after_it_would_come_too_early(tmp_path: Path):
     path = tmp_path / "damaged.ogg"
     soundfile.write(path, np.random.default_rng(1).uniform(-0.5, 0.5, 4 * 16000), 16000)

@@ -9,7 +9,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -20,7 +20,7 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.files import WRITTEN_BY, PathLike, atomic_write, named_faults, reading
-from harmolab.readers.video import is_video, opened_container, tagged_seconds
+from harmolab.readers.video import READ_TAGS, is_video, opened_container, tagged_seconds
 from harmolab.types import Audio
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
@@ -29,6 +29,7 @@ MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 MAX_FRAMES_PER_BYTE = 10_000
 MAX_SAMPLES = 2**29  # an hour at 149 kHz; silence at a higher rate makes gigabytes of a small file
 MAX_AMPLITUDE = 1e10
+MOST_PADDING = 1.0  # seconds at both ends of an MP3 that are no part of the sound
 _WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
 _OGG_PAGE = 65_307
@@ -90,8 +91,8 @@ def load_audio(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read, but
-        for an M4A, which is read whole.
+        Both name the file. A file that is cut off, or holds more than it says, is an error; with `duration`, what is
+        there can still be read, but for an M4A, which is read whole.
     """
     if Path(path).suffix.lower() == ".m4a":
         return _span(path, start, duration, sample_rate, max_seconds)
@@ -102,6 +103,8 @@ def load_audio(
             _check_header(sound, file.stat().st_size)
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
             audio = Audio(_mono(sound, first, count), sound.samplerate)
+            if duration is None and sound.format in ("MP3", "FLAC"):
+                _check_rest(file, sound)
         return audio if sample_rate is None else resampled(audio, sample_rate)
 
 
@@ -131,6 +134,18 @@ def _check_whole(path: Path) -> None:
     # Programs that write to a pipe do not know the length and put a huge number there.
     if promised < 0x7FFFF000 and promised - size > max(1024, promised // 100):
         raise ValueError(f"is cut off: {size} of {promised} bytes are there")
+
+
+def _check_rest(path: Path, sound: soundfile.SoundFile) -> None:
+    """ValueError when more sound is in the file than its header says, which libsndfile leaves unread."""
+    with suppress(av.FFmpegError), av.open(f"file:{path}", format=sound.format.lower(), **READ_TAGS) as container:
+        stream, stated = container.streams.audio[0], sound.frames / sound.samplerate
+        held = float(sum(packet.duration or 0 for packet in container.demux(stream)) * stream.time_base)
+        if held > stated + MOST_PADDING:
+            raise ValueError(
+                f"says that it lasts {stated:.1f} s, and holds {held:.1f} s of sound: its begin is damaged, or it was "
+                "joined of several; get the file again, or save it as a new one in a sound editor"
+            )
 
 
 def _check_pages(stream: BinaryIO) -> None:
