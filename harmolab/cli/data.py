@@ -249,7 +249,7 @@ def offer_poses(video: Path) -> None:
         with suppress(OSError):
             _declined().parent.mkdir(parents=True, exist_ok=True)
             _declined().touch()
-    flow = "is read by the flow of its picture, where text or light on the beat counts as dance"
+    flow = "is read by the flow of its picture, where other people, text or light on the beat count as dance"
     note(f"{video.name} {flow}; its dancer's body would be surer: {HOW}")
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
 UNPLACED = (
-    "{0.motion}: its sound does not tell where in {0.song} it begins; pass --offset, or let `harmolab score --why` "
+    "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or let `harmolab score --why` "
     "find what its movement tells"
 )
 UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
