@@ -4,6 +4,7 @@ import ast
 import pickle
 import shutil
 import struct
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -276,8 +277,10 @@ def test_tensorboard_groups_losses_scores_and_schedule(undisturbed: Path):
 def test_stale_events_are_replaced_and_nothing_else(tmp_path: Path):
     (tmp_path / "events.out.tfevents.1.old").write_bytes(b"stale")
     (tmp_path / "events.txt").write_text("mine")
+    threads = threading.active_count()
     log = checkpoints.EventLog(tmp_path, [{"phase": "pretrain", "epoch": 0, "mse": 2.0, "tau": ""}])
     log.add({"phase": "pretrain", "epoch": 1, "mse": 1.0, "val_mse": 3.0, "tau": ""})
+    assert threading.active_count() == threads  # where one cannot start for want of memory, a run would never end
     log.close()
     assert events(tmp_path) == [(0, "loss/mse", 2.0), (1, "loss/mse", 1.0), (1, "validation/mse", 3.0)]
     assert not (tmp_path / "events.out.tfevents.1.old").exists() and (tmp_path / "events.txt").read_text() == "mine"

@@ -13,6 +13,7 @@ import io
 import itertools
 import json
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -61,24 +62,27 @@ class EventLog:
     """
 
     def __init__(self, folder: Path, rows: list[Row]) -> None:
-        # Imported here: it takes seconds, and systems that only dance or play need it not.
-        from lightning_fabric.loggers.tensorboard import TensorBoardLogger
+        # Imported here: it takes seconds, and systems that only dance or play need it not. The `SummaryWriter` that
+        # stands above it starts two threads; without the memory for them it never ends.
+        from tensorboardX.event_file_writer import EventsWriter
 
         for stale in folder.glob(EVENTS):
             stale.unlink()
-        self._logger = TensorBoardLogger(folder.resolve(), name="", version="")
+        self._writer = EventsWriter(str(folder.resolve() / "events"))
         for row in rows:
             self.add(row)
 
     def add(self, row: Row) -> None:
         """One more epoch, on disk when this returns."""
-        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
-        self._logger.log_metrics(values, step=row["epoch"])
-        self._logger.save()
+        from tensorboardX.proto.event_pb2 import Event
+
+        values = [{"tag": _tag(name), "simple_value": x} for name, x in row.items() if isinstance(x, float)]
+        self._writer.write_event(Event(wall_time=time.time(), step=row["epoch"], summary={"value": values}))
+        self._writer.flush()
 
     def close(self) -> None:
         """No more epochs."""
-        self._logger.finalize("success")
+        self._writer.close()
 
 
 def _tag(name: str) -> str:
