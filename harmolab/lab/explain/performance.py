@@ -127,7 +127,9 @@ def explain(score: HarmonyScore) -> Explanation:
         raise ValueError(f"words need a score of measure 'shape', got {score.params.measure!r}")
     if judgement.place is None:
         return Explanation()
-    findings = [*_score(judgement), _tempo(judgement), *[_rate(judgement)] * (judgement.level >= 2)]
+    findings = [*_score(judgement), _tempo(judgement)]
+    if judgement.level >= 2:
+        findings.append(_rate(judgement))
     if judgement.level < 3:
         return Explanation(tuple(findings))
     halves = _half_lags(judgement)

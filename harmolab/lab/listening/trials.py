@@ -45,7 +45,7 @@ ANCHORS: Mapping[int, str] = {
     2: "not like a person",
     4: "like a person, but does not match the music at all",
     6: "slightly natural, slightly matching, not rich, feet slide a lot",
-    8: "natural, matching, not rich, no large sliding (beginners)",
+    8: "natural, matching, not rich, no large sliding (junior dancers)",
     9: "natural, matching, not rich, no large sliding (ordinary dancers)",
     10: "natural, highly matching, no sliding, very rich (professionals)",
 }

@@ -71,7 +71,7 @@ def _poses(ablation: str, words: str) -> Words:
 def _hands(tables: RunTables) -> str:
     """Variety of the hands' heights with both kinds of features, mean over the dances to the song."""
     curves = tables["m2d_fig08_hands"].query("kind == 'raw'").groupby(["features", "number"])[["hand L", "hand R"]]
-    heights = 100 * curves.std().mean(axis=1).groupby("features").mean()
+    heights = 100 * curves.std(ddof=0).mean(axis=1).groupby("features").mean()
     return (
         f"hands vary in height by {heights['15 channels']:.0f} cm, with a mel spectrogram by "
         f"{heights['mel spectrogram']:.0f}; " + _poses("mel", "with a mel spectrogram")(tables)
