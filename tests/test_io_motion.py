@@ -602,7 +602,7 @@ def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path)
 
 def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
     bodies = {0: landmarks(0.2), 3: landmarks(0.5), 4: landmarks(0.5, 0.2)}
-    numbered = [{"frame_id": number, "pose_landmarks": body} for number, body in bodies.items()]
+    numbered = [{"frame_width": 1280, "frame_id": number, "pose_landmarks": body} for number, body in bodies.items()]
     for frames in ([bodies.get(number) for number in range(5)], numbered):
         motion = load_keypoints(as_json(tmp_path / "dance.json", frames), fps=25)
         np.testing.assert_allclose(motion.positions[:4, 0, 0], [0.2, 0.3, 0.4, 0.5])

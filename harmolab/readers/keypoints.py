@@ -123,6 +123,7 @@ OPENPOSE = LAYOUTS[-1]
 
 WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
 POSE_LISTS = ("pose_landmarks", "landmarks")  # keys of a body's landmarks in a frame
+_FRAME_KEYS = {*("frame", "frame_id", "frame_idx", "frame_index", "frame_num", "frame_number"), "frameId", "frameIndex"}
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
 SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
 
@@ -235,13 +236,11 @@ def entry_poses(entry: Any, layout: Layout, name: str, pose: Pose | None = None)
 
 def _body(person: Any, layout: Layout, name: str) -> FloatArray:
     """(J, 3) x, y, confidence of one person's body, with which the whole body's points begin."""
-    counts = [len(skeleton.joints) for skeleton in layout.skeletons]
-    values = person.get(layout.points) if isinstance(person, dict) else None
+    counts, person = [len(skeleton.joints) for skeleton in layout.skeletons], person if isinstance(person, dict) else {}
+    values = person.get(layout.points)
     length = len(values) if isinstance(values, list) and COCO_17 in layout.skeletons else 0
     wider = [count for count in WHOLE_BODIES if length in (count, 3 * count)]
-    return point_array(person if isinstance(person, dict) else {}, layout.points, wider or counts, layout.name, name)[
-        : max(counts)
-    ]
+    return point_array(person, layout.points, wider or counts, layout.name, name)[: max(counts)]
 
 
 def point_array(person: Mapping[str, Any], key: str, counts: Sequence[int], estimator: str, name: str) -> FloatArray:
@@ -286,9 +285,9 @@ def landmark_frames(content: Any) -> list[Any]:
 
 
 def _own_number(frame: Any) -> int:
-    """The number that a frame has under a key such as "frame" or "frame_id"; -1 without one."""
+    """The number that a frame has under one of `_FRAME_KEYS`; -1 without one."""
     fields = frame.items() if isinstance(frame, dict) else ()
-    return next((value for key, value in fields if key.startswith("frame") and isinstance(value, int)), -1)
+    return next((value for key, value in fields if key in _FRAME_KEYS and isinstance(value, int)), -1)
 
 
 def _pose_landmarks(frame: Any) -> Any:
