@@ -578,7 +578,7 @@ def test_the_formulas_read_every_setting_that_is_declared_for_them(lab: LiveLab)
 
 @cases(
     "settings, name, fault",
-    ("{ delay: 1 }", "delay", "the formula place reads delay, which READS in controls.py does not declare"),
+    ("{ delay: 1 }", "delay", "the formula place reads delay, which READS in live.py does not declare"),
     ("{ beta: 1 }", "lag", "the formula place reads lag, which has no value"),
 )
 def test_a_formula_that_reads_what_it_does_not_declare_stops(settings: str, name: str, fault: str) -> None:

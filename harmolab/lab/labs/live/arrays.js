@@ -44,9 +44,9 @@ function deviation(values) {
 const indices = (values, test) => values.flatMap((value, index) => (test(value) ? [index] : []));
 const pick = (values, chosen) => chosen.map(index => values[index]);
 
-// The settings as one formula may read them: those that READS (controls.py) declares, each with a value.
+// The settings as one formula may read them: those that READS (live.py) declares, each with a value.
 const declared = (settings, formula) => new Proxy(settings, { get: (all, name) => {
-  if (!READS[formula].includes(name)) throw new Error(`the formula ${formula} reads ${name}, which READS in controls.py does not declare`);
+  if (!READS[formula].includes(name)) throw new Error(`the formula ${formula} reads ${name}, which READS in live.py does not declare`);
   if (!(name in all)) throw new Error(`the formula ${formula} reads ${name}, which has no value`);
   return all[name];
 } });
