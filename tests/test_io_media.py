@@ -175,6 +175,8 @@ def test_an_ogg_with_a_damaged_page_is_refused_since_the_sound_after_it_would_co
     refused(r"damaged\.ogg: is damaged: a page of it fails its check sum", load_audio, path)
     path.write_bytes(whole[:last] + b"more" + whole[last:])
     refused(r"damaged\.ogg: is damaged: between its pages lies something else", load_audio, path)
+    path.write_bytes(whole * 2)
+    refused(r"damaged\.ogg: was joined of several sounds, of which one would be read; save it", load_audio, path)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])

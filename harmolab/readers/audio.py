@@ -32,7 +32,8 @@ MAX_AMPLITUDE = 1e10
 MOST_PADDING = 1.0  # seconds at both ends of an MP3 that are no part of the sound
 _WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
-_OGG_PAGE = 65_307
+_OGG_PAGE, _FIRST_PAGE = 65_307, 2  # bytes at most; the flag of a stream's first page
+_SAVE_ANEW = "save it as a new one in a sound editor"
 _TURNED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # bits in the other order
 
 
@@ -144,13 +145,21 @@ def _check_rest(path: Path, sound: soundfile.SoundFile) -> None:
         if held > stated + MOST_PADDING:
             raise ValueError(
                 f"says that it lasts {stated:.1f} s, and holds {held:.1f} s of sound: its begin is damaged, or it was "
-                "joined of several; get the file again, or save it as a new one in a sound editor"
+                f"joined of several; get the file again, or {_SAVE_ANEW}"
             )
 
 
 def _check_pages(stream: BinaryIO) -> None:
-    """ValueError unless each OGG page is whole: without a damaged one, a second of sound, the rest comes too early."""
+    """ValueError unless each OGG page is whole: without a damaged one, a second of sound, the rest comes too early.
+
+    Nor may one stream follow another, of which libsndfile reads the first alone.
+    """
+    begun = False
     while (head := stream.read(27))[:4] == b"OggS":
+        is_first = bool(int.from_bytes(head[5:6]) & _FIRST_PAGE)
+        if begun and is_first:
+            raise ValueError(f"was joined of several sounds, of which one would be read; {_SAVE_ANEW}")
+        begun |= not is_first
         lengths = stream.read(head[-1])
         page = head[:22] + bytes(4) + head[26:] + lengths + stream.read(sum(lengths))
         if len(page) < 27 + head[-1] + sum(lengths):
