@@ -202,6 +202,7 @@ def draw_distances(ax: Axes, rows: pd.DataFrame, measure: str) -> str:
         ax.plot(seeds, np.full(seeds.size, place + 0.22), ".", color=look.colour, markersize=6, gid="seed")
     ax.axvline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
     ax.set_xscale("symlog", linthresh=WIDE)
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set(xlabel=f"Fréchet {DISTANCES[measure]} to recorded dance (0: the same)", ylim=(-0.8, len(places) - 0.5))
     ax.hlines([*places.values()], *ax.get_xlim(), color=COLOURS["faint"], linewidth=0.8, zorder=0)
     nearest = _nearest(table[table.index.isin([*LOOKS])])
