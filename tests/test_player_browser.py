@@ -164,8 +164,7 @@ def test_time_advances_with_the_wall_clock(page: Any) -> None:
 @pytest.mark.parametrize("kind", ["music", "visual"])
 @pytest.mark.parametrize(("rate", "seconds"), [(1, 5.0), (0.25, 2.0)])
 def test_a_flash_is_within_a_frame_of_its_beat(page: Any, clip: Clip, kind: str, rate: float, seconds: float) -> None:
-    page.evaluate(f"harmolabPlayer.rate({rate}); harmolabPlayer.seek(1)")
-    page.evaluate("harmolabPlayer.play()")
+    page.evaluate(f"harmolabPlayer.rate({rate}); harmolabPlayer.seek(1); harmolabPlayer.play()")
     wait_until(page, "harmolabPlayer.time() > 1.2")
     beats = clip.beats.times if kind == "music" else visual_beats(clip.motion, params=HarmonyParams.valleys()).times
     assert_lit_on_its_beats(page, kind, beats, seconds)
@@ -227,8 +226,7 @@ def test_seeks_by_button_bar_key_and_timeline(page: Any) -> None:
 
 
 def test_loops_a_stretch(page: Any) -> None:
-    page.evaluate("harmolabPlayer.loop(2, 2.8); harmolabPlayer.seek(2.4)")
-    page.evaluate("harmolabPlayer.play()")
+    page.evaluate("harmolabPlayer.loop(2, 2.8); harmolabPlayer.seek(2.4); harmolabPlayer.play()")
     each_frame = "() => new Promise(requestAnimationFrame).then(harmolabPlayer.time)"
     seen = page.evaluate(f"Array.fromAsync({{ length: 150 }}, {each_frame})")
     assert min(seen) >= 1.99 and max(seen) <= 2.8 + 0.1
@@ -366,6 +364,8 @@ def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, sa
     wait_until(page, "harmolabPlayer.time() > 0.3")
     page.evaluate("sound.play = () => Promise.reject(new Error('no loudspeaker')); harmolabPlayer.play()")
     assert page.get_by_role("alert").inner_text() == "The browser does not play the sound: no loudspeaker"
+    page.evaluate("delete sound.play; harmolabPlayer.play()")  # what was refused is no longer; the silence is
+    assert page.get_by_role("alert").inner_text().startswith("This browser cannot decode the sound")
     closed(page)
 
 
