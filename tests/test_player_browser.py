@@ -249,10 +249,9 @@ def test_keys_play_slow_down_and_loop(page: Any) -> None:
     assert page.text_content("#play") == "Pause"
     page.keyboard.press("Space")
     wait_until(page, "document.getElementById('sound').paused")
-    page.evaluate("harmolabPlayer.seek(3)")
-    page.keyboard.press("[")
-    page.evaluate("harmolabPlayer.seek(5)")
-    page.keyboard.press("]")
+    for place, key in ((3, "["), (5, "]")):
+        page.evaluate(f"harmolabPlayer.seek({place})")
+        page.keyboard.press(key)
     assert page.evaluate("stretch") == pytest.approx([3.0, 5.0])
     page.keyboard.press("0")
     assert page.evaluate("stretch") is None

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import tree_order
-from harmolab.files import PathLike
+from harmolab.files import Counted, PathLike, Progress, silent
 from harmolab.params import HarmonyParams
 from harmolab.readers.video import video_frames, write_video
 from harmolab.retime.warps import Method, TimeWarp, beat_warp
@@ -143,11 +143,9 @@ def _turned(bones: FloatArray, splined: FloatArray, frames: FloatArray) -> Float
     share = (frames - before)[:, None]
     lengths = np.linalg.norm(bones, axis=2)
     expected = lengths[before] + share * (lengths[before + 1] - lengths[before])
-    nearest = bones[frames.round().astype(np.int64)]
     # A bone that flips over passes through a point without direction; the nearest frame then lends its own.
-    norms = np.linalg.norm(splined, axis=2)
-    undirected = norms <= 1e-6 * expected
-    directions = np.where(undirected[..., None], nearest, splined)
+    undirected = np.linalg.norm(splined, axis=2) <= 1e-6 * expected
+    directions = np.where(undirected[..., None], bones[frames.round().astype(np.int64)], splined)
     norms = np.linalg.norm(directions, axis=2)
     return directions * (expected / np.where(norms > 0, norms, 1.0))[..., None]
 
@@ -164,7 +162,10 @@ def warped_frames(frames: Iterable[Frame], fps: float, warp: TimeWarp) -> Iterat
             place += 1
 
 
-def warp_video(path: PathLike, out: PathLike, warp: TimeWarp, audio: Audio | None = None, *, height: int = 480) -> None:
+def warp_video(
+    path: PathLike, out: PathLike, warp: TimeWarp, audio: Audio | None = None, *,
+    height: int = 480, progress: Progress = silent,
+) -> None:  # fmt: skip
     """Write a video's frames at warped times, with the song.
 
     Parameters
@@ -175,6 +176,7 @@ def warp_video(path: PathLike, out: PathLike, warp: TimeWarp, audio: Audio | Non
         Sound from the first frame on. It is not warped: the frames go to the music.
     height : int, pixels
         A smaller video keeps its size.
+    progress : Progress over the frames
 
     Raises
     ------
@@ -182,4 +184,5 @@ def warp_video(path: PathLike, out: PathLike, warp: TimeWarp, audio: Audio | Non
         Both name the file.
     """
     video = video_frames(path, height=height, colour=True)
-    write_video(out, warped_frames(video, video.fps, warp), video.fps, audio=audio)
+    frames = Counted(warped_frames(video, video.fps, warp), round(warp.target[-1] * video.fps) + 1)
+    write_video(out, progress(frames, "drawing"), video.fps, audio=audio)

@@ -271,7 +271,7 @@ def retime_files(
         score=lambda bent: score_clip(replace(clip, motion=bent), params),
     )  # fmt: skip
     if video:
-        warp_video(video, out, retimed.warp, sound_of(clip), height=height)
+        warp_video(video, out, retimed.warp, sound_of(clip), height=height, progress=progress)
     elif Path(out).suffix.lower() in CODINGS:
         write_dance(out, replace(clip, motion=retimed.motion), height=height, progress=progress)
     else:
