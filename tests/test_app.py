@@ -21,8 +21,7 @@ import numpy as np
 import pytest
 
 from harmolab import load_motion
-from harmolab.cli.app_work import without_options
-from harmolab.lab.app import LOCK, AppServer, sweep
+from harmolab.lab.app import LOCK, AppServer, sweep, without_options
 from tests.builders import cases, planted_dance, refused, write_pair
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
@@ -315,8 +314,7 @@ def test_a_dropped_phone_video_becomes_a_verdict_a_player_and_a_lab(
     dropped(page, phone_video)
     page.wait_for_selector("#dance.full")
     page.keyboard.press("Tab")
-    page.focus("#judge")
-    page.keyboard.press("Enter")
+    page.press("#judge", "Enter")
     page.get_by_role("status").filter(has_text="on the beat").wait_for(timeout=180_000)
     assert "on the beat" in page.inner_text(".verdict")
     waited(page)
@@ -393,4 +391,5 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
 
 def test_sentences_of_the_page_name_no_options():
     said = "Say where the dance begins (--offset), what you mean (--how hit), or film it (with its song)."
+    assert without_options("no sound; name its file, before the film or in its place") == "no sound; name its file"
     assert without_options(said) == "Say where the dance begins, what you mean, or film it (with its song)."

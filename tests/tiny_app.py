@@ -23,10 +23,8 @@ def echo() -> Work:
             raise ValueError(f"{order.dance}: cannot be read")
         if order.task == "dance":
             os._exit(1)
-        teller.lines(
-            [f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}", "more"],
-            offset=order.offset,
-        )
+        words = f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}"
+        teller.lines([words, "more"], offset=order.offset)
         (order.folder / "why.html").write_text("because")
         teller.view("page", order.folder / "why.html", "Why")
         if order.style == "waltz":

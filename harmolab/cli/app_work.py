@@ -1,7 +1,6 @@
 """The work behind the page of `harmolab app`: a verdict with its pages, a dance made to fit, a dance to a song."""
 
 import io
-import re
 from collections.abc import Callable
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -56,8 +55,7 @@ def judge(order: Order, teller: Teller) -> None:
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
     notes += [f"Judged as a {order.style}, as you said."] if order.style else []
     notes += _tempo(song, order.style, result.music)
-    lines, offset = [without_options(line) for line in (*result.summary, *notes)], result.placement.seconds
-    teller.lines(lines, is_good=result.is_together, offset=offset)
+    teller.lines([*result.summary, *notes], is_good=result.is_together, offset=result.placement.seconds)
     if not performance.is_video and result.motion.duration <= LONGEST:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
@@ -65,15 +63,6 @@ def judge(order: Order, teller: Teller) -> None:
     _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern, mode="recommended").save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result), "Your video with its beats")
-
-
-def without_options(sentence: str) -> str:
-    """A sentence without the options of commands that it names in brackets: a page has fields for them.
-
-    >>> without_options("Say the dance (--dance waltz), or film with the song playing.")
-    'Say the dance, or film with the song playing.'
-    """
-    return re.sub(r" \((?:or )?--[^)]*\)", "", sentence)
 
 
 def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[Path], None]) -> None:
@@ -104,7 +93,7 @@ def fit(order: Order, teller: Teller) -> None:
         progress=teller.progress,
     )  # fmt: skip
     begin = order.offset if order.offset is not None else recorded_offset(dance) or 0.0
-    place = [f"Your dance begins at {begin + 0.0:.2f} s of the song."] if song != dance else []
+    place = [f"All of this holds if your dance begins at {begin + 0.0:.2f} s of the song."] if song != dance else []
     teller.lines([*_bent(retimed, dance), *place, *_tempo(song, order.style, retimed.before.music)])
     if is_video(dance):
         teller.view("film", out, "Your video, in time")
@@ -116,7 +105,7 @@ def fit(order: Order, teller: Teller) -> None:
 
 def _tempo(song: Path, style: str, music: BeatTrack) -> list[str]:
     """A sentence where the name of the dance bends the tempo of the music."""
-    return [without_options(sentence(remark))] if (remark := tempo_remark(song, style, music)) else []
+    return [sentence(remark)] if (remark := tempo_remark(song, style, music)) else []
 
 
 def _bent(retimed: Retimed, dance: Path) -> list[str]:

@@ -106,7 +106,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
-TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give your beats (--beats)"
+TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give the dance (--dance, or your --beats)"
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
     *("shares", "stretch", "warnings", "pieces", "form"),

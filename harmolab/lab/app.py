@@ -36,7 +36,6 @@ SLOTS = ("dance", "song")
 TRIES = 20  # to remove a folder
 EVERY = 0.2  # seconds between two words on how far the work is
 BROKEN = "The work broke off: this machine may have too little memory for it, or the file is damaged in an odd way."
-STOPPED = "Stopped."
 BUSY = "Something is being worked on; wait, or stop it."
 KINDS = {".html": "text/html; charset=utf-8", ".mp4": "video/mp4"}
 STOPS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -281,7 +280,7 @@ class AppServer(LocalPage):
         content = record_in(body, "orders")
         task = content.get("task")
         if task == "stop":
-            self._renew(STOPPED)
+            self._renew("Stopped.")
         elif task == "forget":
             self._take(str(content.get("slot")), None)
         elif task in ("judge", "fit", "dance"):
@@ -339,8 +338,17 @@ class AppServer(LocalPage):
                 self._state |= {"working": False, "fault": self._plain(record.get("end", BROKEN))}
 
     def _plain(self, text: str) -> str:
-        """Words without the folder in which the files lie."""
-        return re.sub(re.escape(f"{self.folder}{os.sep}") + r"[^/\\]+[/\\]", "", text)
+        """Words without the folder in which the files lie, and without what a command takes."""
+        return without_options(re.sub(re.escape(f"{self.folder}{os.sep}") + r"[^/\\]+[/\\]", "", text))
+
+
+def without_options(sentence: str) -> str:
+    """A sentence without the options in brackets and the order of files of a command: a page has fields for them.
+
+    >>> without_options("Say the dance (--dance waltz), or film with the song playing.")
+    'Say the dance, or film with the song playing.'
+    """
+    return re.sub(r" \((?:or )?--[^)]*\)|, before the film or in its place", "", sentence)
 
 
 def _fresh(task: str, *, number: int = 0) -> dict[str, Any]:
