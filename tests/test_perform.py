@@ -50,7 +50,7 @@ from tests.test_player_browser import FRAME, PHONE, WIDE, assert_lit_on_its_beat
 from tools.ship import ship
 
 SECONDS = 6.0
-NOTICE = "This player was trained on planted, synthetic players only."
+NOTICE = "A network's movement, not a recording; trained on planted, synthetic players only."
 SHIPPED = Path(harmolab.__file__).parent / "musician" / "weights"
 
 
@@ -361,7 +361,7 @@ def hands(tmp_path: Path) -> Callable[..., Path]:
 def test_hands_without_a_body_are_shown_as_points(hands: Callable[..., Path], song: Path, tmp_path: Path):
     result = perform(song, "--weights", hands(), "--out", tmp_path / "p.html", instrument="")
     assert "of which no avatar can be built" in result.stderr
-    assert "This player was trained on: <b>mine</b>." in result.stdout
+    assert "A network's movement, not a recording; trained on: <b>mine</b>." in result.stdout
     page = (tmp_path / "p.html").read_text("utf-8")
     assert data_of(page)["dancers"][0]["flat"] and "trained on: &lt;b&gt;mine" in page
 
@@ -493,8 +493,7 @@ def test_shipped_players_take_a_megabyte_and_were_trained_on_planted_ones():
     assert sum(path.stat().st_size for path in files if path.suffix != ".md") <= 1_000_000
     names = {path.relative_to(SHIPPED).as_posix() for path in files} - {"MODEL_CARD.md"}
     assert names == {f"{each}/model.{kind}" for each in ("piano", "violin") for kind in ("json", "safetensors")}
-    for instrument in ("piano", "violin"):
-        system = Audio2Body.shipped(instrument)
+    for instrument, system in ((each, Audio2Body.shipped(each)) for each in ("piano", "violin")):
         assert (system.network.instrument, system.trained_on) == (instrument, NOTICE)
     refused("instrument must be piano or violin", Audio2Body.shipped, "tuba")
 
@@ -545,7 +544,7 @@ def test_page_of_the_command_opens_offline_and_fits(
     page.evaluate("harmolabPlayer.play()")
     wait_until(page, "harmolabPlayer.time() > 0.5")
     assert page.evaluate("document.documentElement.scrollWidth") == viewport["width"]
-    assert page.is_visible("text=This player was trained on planted, synthetic players only.")
+    assert page.is_visible(f"text={NOTICE}")
     assert not page.is_visible("#silent") and page.faults == []
     page.close()
 

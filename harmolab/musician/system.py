@@ -49,9 +49,9 @@ class Audio2Body(Learner):
     def trained_on(self) -> str:
         """A sentence about the players that it was trained on, which goes with everything that it makes."""
         source = str(self.meta.get("source", ""))
-        if source == SYNTHETIC:
-            return "This player was trained on planted, synthetic players only."
-        return f"This player was trained on: {source[:200]}." if source else "Nothing says on whom it was trained."
+        names = f": {source[:200]}" if source != SYNTHETIC else " planted, synthetic players only"
+        training = f"trained on{names}" if source else "nothing says on whom it was trained"
+        return f"A network's movement, not a recording; {training}."
 
     def generate(
         self,
@@ -155,8 +155,7 @@ def _performances(
             except (ValueError, FileNotFoundError) as error:
                 left_out.append(str(error))
                 continue
-            name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
-            performances.append(replace(own, name=name))
+            performances.append(replace(own, name=Path(root.resolve().name, folder.relative_to(root)).as_posix()))
     for reason in left_out:
         options.notice(f"left out: {reason}")
     if not performances:
