@@ -261,7 +261,7 @@ def test_what_cannot_be_compared_is_named(song: Path, takes: Path, tmp_path: Pat
     faults = {
         (takes / "violin",): "is played on a violin, not on a piano",
         (tmp_path / "hands.npz",): "to be aligned by",
-        (tmp_path / "far.npz", "--offset", 99): "end 99.00 s after the sound",
+        (tmp_path / "far.npz", "--offset", 99): "end 99.00 s after the sound; is that rate right, and offset 99 s?",
         (tmp_path / "points.json",): "points.json: ",
         (tmp_path / "none.npz",): "none.npz: no such file",
         (takes / "piano", "--start", 6): "nothing at these seconds",

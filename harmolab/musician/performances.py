@@ -445,7 +445,8 @@ def _check_end(motion: Motion, offset: float, audio: Audio) -> None:
     late = offset + motion.duration - audio.duration
     if late > max(1.0, 0.05 * audio.duration):
         raise ValueError(
-            f"the points, at {motion.fps:g} frames a second, end {late:.2f} s after the sound; is that rate right?"
+            f"the points, at {motion.fps:g} frames a second, end {late:.2f} s after the sound; is that rate right, "
+            f"and offset {offset:g} s?"
         )
 
 
