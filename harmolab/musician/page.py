@@ -114,7 +114,7 @@ def _numbers(playing: ExplainedPlaying) -> dict[str, str]:
     numbers["Whole body, as dances are scored"] = _number(score.body)
     numbers[f"Onsets, {events}"] = f"{score.score.n_audio}, {score.score.n_visual}"
     numbers["Onsets hit, and at random moments"] = f"{score.score.mean_share:.2f}, {score.score.chance:.2f}"
-    numbers["Lag (late is positive)"] = f"{1000 * score.lag.seconds:+.0f} ms"
+    numbers["Lag (late is positive)"] = f"{1000 * score.lag.seconds:+z.0f} ms"
     numbers["Length"] = f"{playing.motion.duration:.1f} s at {playing.motion.fps:g} frames per second"
     return numbers
 

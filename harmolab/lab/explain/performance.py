@@ -172,8 +172,8 @@ def _lag(judgement: Judgement) -> list[Finding]:
     if judgement.is_opposite:
         sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
         return [Finding("lag", judgement.lag_s, sentence, (low, high))]
-    spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+.0f} to {1000 * high:+.0f} ms)"
-    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
+    spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"
+    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+z.0f} ms{spread}."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
 
 
