@@ -135,9 +135,8 @@ def test_a_start_between_two_frames_is_that_of_the_frame_which_is_written(song: 
 def test_npz_and_bvh_keep_the_avatar(song: Path, tmp_path: Path):
     for name, options in (("a.npz", ["--avatar"]), ("a.bvh", []), ("p.npz", [])):
         perform(song, "--seconds", 1, *options, "--out", tmp_path / name)
-    own = avatar(load_motion(tmp_path / "p.npz"), "piano")
+    own, read = avatar(load_motion(tmp_path / "p.npz"), "piano"), load_motion(tmp_path / "a.bvh")
     np.testing.assert_allclose(load_motion(tmp_path / "a.npz").positions, own.positions, atol=1e-9)
-    read = load_motion(tmp_path / "a.bvh")
     numbers = [read.skeleton.joints.index(name) for name in own.skeleton.joints]
     np.testing.assert_allclose(read.positions[:, numbers], own.positions, atol=2e-4)
 
@@ -215,17 +214,20 @@ def test_error_and_score_are_printed_only_with_a_truth(song: Path, takes: Path, 
 
 
 @pytest.mark.slow
-def test_points_lie_over_the_truth(takes: Path, tmp_path: Path):
+def test_points_lie_over_the_truth_and_an_avatar_stands_beside_it(takes: Path, tmp_path: Path):
     take = takes / "violin"
     asked = ("--truth", take / "motion.npz", "--points", "--seconds", 3)
     perform(take / "audio.wav", *asked, "--out", tmp_path / "p.html", instrument="violin")
     data = data_of((tmp_path / "p.html").read_text("utf-8"))
-    assert data["overlaid"] and [dancer["flat"] for dancer in data["dancers"]] == [True, True]
-    assert data["dancers"][0]["way"] == data["dancers"][1]["way"]
+    way = data["dancers"][0]["way"]
+    assert data["overlaid"] and [(each["flat"], each["way"]) for each in data["dancers"]] == [(True, way)] * 2
     perform(take / "audio.wav", *asked, "--out", tmp_path / "p.mp4", instrument="violin")
     frame = frames_of(tmp_path / "p.mp4")[45].astype(int)
     red, green = ((np.abs(frame - colour).max(axis=2) < 40).sum() for colour in ((178, 24, 43), (0, 158, 115)))
-    assert red > 200 and green > 200
+    assert red > 200 and green > 200 and len(frame) == 480 + 2 * 29  # a line on colours, and one on the training
+    perform(take / "audio.wav", *asked[:2], "--seconds", 1, "--out", tmp_path / "a.mp4", instrument="violin")
+    for half in np.split(frames_of(tmp_path / "a.mp4")[15].astype(int), 2, axis=1):
+        assert half.shape == (538, 480, 3) and (half[100:480, :, 0] > half[100:480, :, 2] + 80).sum() > 2000  # arms
 
 
 def test_a_truth_that_begins_later_is_compared_from_there(song: Path, tmp_path: Path):
@@ -277,9 +279,8 @@ def test_what_cannot_be_compared_is_named(song: Path, takes: Path, tmp_path: Pat
 @cases("kind, rate", ("piano", 8000), ("silence", 44100), ("silence", 192000), ("noise", 192000))
 def test_any_sound_gives_a_performance(kind: str, rate: int, tmp_path: Path):
     rng = np.random.default_rng(0)
-    samples = {"silence": np.zeros(2 * rate), "noise": rng.normal(0, 0.3, 2 * rate)}.get(kind)
-    if samples is None:
-        samples = planted_performance("piano", seconds=2.0, sample_rate=rate).performance.audio.samples
+    piano = planted_performance("piano", seconds=2.0, sample_rate=rate).performance.audio.samples
+    samples = {"piano": piano, "silence": np.zeros(2 * rate), "noise": rng.normal(0, 0.3, 2 * rate)}[kind]
     soundfile.write(tmp_path / "song.wav", samples, rate)
     result = perform(tmp_path / "song.wav", "--out", tmp_path / "p.html")
     assert ("no note is heard in these 2.00 s of" in result.stderr) == (kind == "silence")

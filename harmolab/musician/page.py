@@ -42,8 +42,7 @@ def playing_page(playing: ExplainedPlaying) -> str:
 
     The player is part of it where there is sound, of ten minutes at most.
     """
-    performance, score = playing.performance, playing.score
-    partings = playing.words.partings
+    performance, score, partings = playing.performance, playing.score, playing.words.partings
     return explained_page(
         "own_playing.html.j2",
         score.score,
@@ -74,10 +73,9 @@ def playing_player(playing: ExplainedPlaying) -> Player:
     ValueError
         There is no sound, or more than the player holds.
     """
-    name, score = playing.performance.name, playing.score.score
+    name, instrument, score = playing.performance.name, playing.performance.instrument, playing.score.score
     if playing.audio is None:
         raise ValueError(f"{name}: has no sound to play; render its notes first")
-    instrument = playing.performance.instrument
     dancer = Dancer(name, playing.motion, score, moving=moving_hands(playing.motion, instrument))
     return Player(playing.audio, [dancer], music=score.music, title=name, words=PLAYING[instrument])
 
@@ -120,8 +118,7 @@ def _numbers(playing: ExplainedPlaying) -> dict[str, str]:
 
 
 def _number(score: HarmonyScore) -> str:
-    low, high = score.interval
-    return f"{score.harmony_above_chance:.2f} ({low:.2f} to {high:.2f}; p = {score.p_value:.3f})"
+    return "{:.2f} ({:.2f} to {:.2f}; p = {:.3f})".format(score.harmony_above_chance, *score.interval, score.p_value)
 
 
 # Performances that a network makes of a sound

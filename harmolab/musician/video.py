@@ -10,6 +10,7 @@ colour.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from harmolab.lab.player_page import PLAYING
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed
 from harmolab.lab.render.video import RATE as DANCE_RATE
+from harmolab.musician.avatar import avatar
 from harmolab.musician.page import Performed
 from harmolab.readers.video import write_video
 from harmolab.types import Motion
@@ -97,6 +99,7 @@ WIDTH_SHARE = 0.94  # of a line of text in the picture's width
 STRIP = 0.06  # of the strip below the picture in its height
 MARKS_SHARE = 0.2  # of the picture's height that is left free for the marks above points, which fill the rest
 STRIP_COLOUR = (246, 246, 246)
+BESIDE, OVER = "Left: from the sound. Right: the truth.", "Green: from the sound. Red: the truth."
 
 
 def write_performance(
@@ -107,7 +110,7 @@ def write_performance(
     Parameters
     ----------
     path : str or path that ends in .mp4 or .webm
-    performed : Performed; points with a truth are drawn over it
+    performed : Performed; points with a truth are drawn over it, an avatar beside it
     title : str, that players show, before the sentence on its training
     height : int, pixels
     progress : Progress over drawing
@@ -119,39 +122,39 @@ def write_performance(
     """
     words = PLAYING[performed.instrument]
     marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
-    frames = _finished(_pictures(performed, height), marks, performed.notice)
+    sides = [] if performed.compared is None else [BESIDE if performed.is_avatar else OVER]
+    frames = _finished(_pictures(performed, height), marks, [*sides, performed.notice])
     heading = ". ".join(filter(None, [title, performed.notice]))
     pictures = progress(Counted(frames, round(performed.figure.duration * DANCE_RATE)), "drawing")
     write_video(path, pictures, DANCE_RATE, audio=performed.audio, title=heading)
 
 
 def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
-    """The avatar on a floor, the points alone, or the points over the true ones."""
-    if performed.is_avatar:
-        return render_dance(performed.figure, height=height, fps=DANCE_RATE)
+    """The avatar on a floor, that of the truth to its right; the points alone, or over the true ones."""
     beside, room, width = performed.compared, round(MARKS_SHARE * height), round(height * 4 / 3)
-    if beside is not None:
-        frames = render_points(beside.truth, beside.prediction, fps=DANCE_RATE, height=height - room, width=width)
-    else:
-        frames = render_dance(performed.points, fps=DANCE_RATE, height=height - room, width=width)
+    if performed.is_avatar:
+        true = [] if beside is None else [avatar(beside.truth, performed.instrument)]
+        each = partial(render_dance, fps=DANCE_RATE, height=height, width=height if true else width)
+        return map(np.hstack, zip(*map(each, [performed.figure, *true]), strict=False))
+    drawn = partial(render_points, *beside[:2]) if beside else partial(render_dance, performed.points)
+    frames = drawn(fps=DANCE_RATE, height=height - room, width=width)
     return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
 
 
-def _finished(frames: Iterable[Frame], marks: BeatMarks, text: str) -> Iterator[Frame]:
-    """The pictures with marks of notes, movement and hits in the corner, and a line of text in a strip below them."""
-    strip: Frame | None = None
+def _finished(frames: Iterable[Frame], marks: BeatMarks, texts: Iterable[str]) -> Iterator[Frame]:
+    """The pictures with marks of notes, movement and hits in the corner, and lines of text in strips below them."""
+    strips: list[Frame] = []
     for number, frame in enumerate(frames):
         marks.draw(frame, number, DANCE_RATE)
-        strip = _strip(text, *frame.shape[:2]) if strip is None else strip
-        yield np.concatenate([frame, strip])
+        strips = strips or [_strip(text, *frame.shape[:2]) for text in texts]
+        yield np.concatenate([frame, *strips])
 
 
 def _strip(text: str, height: int, width: int) -> Frame:
     """A line of text as large as fits."""
-    rows = round(STRIP * height)
-    strip = np.full((rows, width, 3), STRIP_COLOUR, np.uint8)
+    strip = np.full((round(STRIP * height), width, 3), STRIP_COLOUR, np.uint8)
     (wide, tall), _ = cv2.getTextSize(text, FONT, 1.0, 1)
-    size = min(WIDTH_SHARE * width / max(wide, 1), 0.6 * rows / tall)
-    at = (round((1 - WIDTH_SHARE) / 2 * width), round((rows + size * tall) / 2))
+    size = min(WIDTH_SHARE * width / max(wide, 1), 0.6 * len(strip) / tall)
+    at = (round((1 - WIDTH_SHARE) / 2 * width), round((len(strip) + size * tall) / 2))
     cv2.putText(strip, text, at, FONT, size, INK, 1, cv2.LINE_AA)
     return strip
