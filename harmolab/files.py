@@ -170,12 +170,6 @@ def read_json(path: Path) -> Any:
     return json.loads(path.read_bytes())
 
 
-def same_dance(motion: Path, endings: Sequence[str]) -> Path | None:
-    """The file beside a motion with its name and an ending before its own in `endings`: the same dance; else None."""
-    before = endings[: endings.index(motion.suffix.lower())] if motion.is_file() else ()
-    return next(filter(Path.is_file, map(motion.with_suffix, before)), None)
-
-
 def check_output(out: PathLike, inputs: Iterable[PathLike]) -> None:
     """Checks that what is read is not written over.
 

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple, TypedDict
 
 import numpy as np
@@ -103,6 +104,12 @@ class MotionFile(NamedTuple):
     def assumptions(self) -> tuple[Assumption, ...]:
         """The notes on what was guessed, assumed or left out."""
         return tuple(note for note in self.notes if isinstance(note, Assumption))
+
+
+def same_dance(motion: Path, endings: Sequence[str]) -> Path | None:
+    """The file beside a motion with its name and an ending before its own in `endings`: the same dance; else None."""
+    before = endings[: endings.index(motion.suffix.lower())] if motion.is_file() else ()
+    return next(filter(Path.is_file, map(motion.with_suffix, before)), None)
 
 
 def turned_upright(positions: FloatArray, up: str) -> FloatArray:

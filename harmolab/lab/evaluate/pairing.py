@@ -25,8 +25,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
-from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading, same_dance
+from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading
 from harmolab.readers.keypoints import FRAME_ENDS
+from harmolab.readers.motion_file import same_dance
 
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 GENERATED, RECORDED = "generated", "recorded"

@@ -35,11 +35,12 @@ from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tre
 from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
-from harmolab.files import PathLike, Progress, atomic_write, reading, same_dance, silent, write_synced
+from harmolab.files import PathLike, Progress, atomic_write, reading, silent, write_synced
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
+from harmolab.readers.motion_file import same_dance
 from harmolab.systems.training.about import DEFAULT_STEM, FORMAT, json_file, read_about, stored_skeleton, weights_stem
 from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion
 
