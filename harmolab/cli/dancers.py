@@ -134,12 +134,12 @@ class DancerOptions:
     Parameters
     ----------
     corpus : Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file.
-    style : Movement that comes with harmolab: salsa, ballroom (dreamt by a network), indian, or puppet (synthetic).
+    style : Movement that comes with harmolab: salsa, ballroom (made by a network), indian, or puppet (synthetic).
         Left out: ballroom to music in 3/4 or where --dance is named, else salsa.
     dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. Left out, of several dances
-        in --from the one whose meter and tempo are nearest. With --weights of music2dance, --dance "" asks their
-        classifier.
-    system : choreographer (default), harmogan, or another; module:Class.
+        in --from the one whose meter and tempo are nearest. With music2dance, --dance "" asks its classifier.
+    system : choreographer (default), harmogan or music2dance; with --weights also lee2019, ren2020 or your own class,
+        package.module:Class.
     weights : Folder of `harmolab train`, or a weights file; it knows its system.
     """
 

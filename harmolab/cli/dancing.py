@@ -290,7 +290,8 @@ def dance(
     harmonise : Move joints by so many cm at most, to fit the beats better (needs torch).
     plant_feet : Keep feet that carry from sliding.
     feet : How, in music2dance: planted (default), model (a network that was trained for it), or none.
-    temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.
+    temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4 (default: that of its
+        training; .3 of the shipped one).
     """
     files = dance_files(out, song, seed, samples)
     for path in (path for paths in files.values() for path in paths):

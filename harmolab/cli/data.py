@@ -82,7 +82,7 @@ def data_synth(
     jitter : Standard deviation of each movement's end, seconds.
     lateness : How late every movement ends, seconds.
     omission : Share of beats without a movement's end.
-    redundancy : Share of beats with an extra end after them.
+    redundancy : Share of beats with one more movement's end after them.
     drift : Tempo change over the clip, as a share.
     seed : Same seed, same corpus.
     """

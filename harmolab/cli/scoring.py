@@ -279,8 +279,8 @@ def score(
     larger of two: in time (against other tempi) and in place (against other lags). The paper's `harmony` and `hit rate`
     mean little without `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway.
 
-    With --dance the place is that of its dancers, with --how what you say. With nothing told you are on the beat where
-    you rest on it or dance a waltz; a hit, or an arrival, is said as it is seen, and not called late.
+    Early and late count from what the dancers of --dance do, or from --how. With neither you are on the beat where you
+    rest on it, or move as in a waltz; a hit of the beat, or an arrival on it, is named, and not called late.
 
     Examples:
 

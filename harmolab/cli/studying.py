@@ -147,7 +147,7 @@ def analyse(
     Parameters
     ----------
     study : Folder of `harmolab data study make`, with answers.
-    out : Folder for the tables (csv) and analysis.json.
+    out : Folder for the tables (csv) and analysis.json (default: they are printed only).
     raters : Whose answers count; people and simulated raters never mix.
     seed : Seed of the bootstrap.
     """

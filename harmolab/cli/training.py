@@ -49,7 +49,7 @@ def train(
     ] = None,
     phase1: Annotated[int | None, typer.Option(min=0, show_default="1300")] = None,
     phase2: Annotated[int | None, typer.Option(min=0, show_default="200")] = None,
-    epochs: Annotated[int | None, typer.Option(min=0, show_default="200; 30; its preset's")] = None,
+    epochs: Annotated[int | None, typer.Option(min=0)] = None,
     velocity_weight: Annotated[float | None, typer.Option(show_default="0, the paper's loss")] = None,
     step: Annotated[int, typer.Option(min=1)] = 2,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1)] = 1,
@@ -127,7 +127,8 @@ def train(
     representation : Motion of music2dance and feet.
     phase1 : music2dance's epochs of learning from recorded frames.
     phase2 : Its epochs of learning from its own frames.
-    epochs : Epochs of feet, attributes, ren2020 and audio2body; of lee2019's last two phases, after 100 of style.
+    epochs : Epochs of feet (default: 200), attributes (30), ren2020 (400), audio2body (its preset's); of lee2019's last
+        two phases each (270; 1000 and 1500 in paper), after 100 of style.
     velocity_weight : feet's weight of the speed of standing feet, positions only.
     step : Beats between the starts of training units.
     seed : Of first weights, order of the units and the pose network.
