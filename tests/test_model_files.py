@@ -588,16 +588,51 @@ def swinging_bones(skeleton: Skeleton, frames: int = 60) -> np.ndarray:
     return joints
 
 
+# SMPL's joint for each of the others'.
+OF_SMPL = {
+    COCO_17: [15, 15, 15, 15, 15, 16, 17, 18, 19, 20, 21, 1, 2, 4, 5, 7, 8],
+    HUMAN36M_17: [0, 2, 5, 8, 1, 4, 7, 6, 12, 15, 15, 16, 18, 20, 17, 19, 21],
+}
+
+
+def in_order(skeleton: Skeleton, joints: np.ndarray) -> np.ndarray:
+    """(T, 17, 3) joints in the skeleton's order, of SMPL's (T, 24, 3); eyes and ears lie beside the nose."""
+    aside = np.zeros((17, 3))
+    aside[1:5, 0] = [0.03, -0.03, 0.07, -0.07] if skeleton == COCO_17 else 0.0
+    return joints[:, OF_SMPL[skeleton]] + aside
+
+
 def test_open_arms_and_noise_make_no_other_skeleton(tmp_path: Path):
-    names, places = COCO_17.joints, np.zeros((17, 3))
-    arms = {"shoulder": (0.2, 1.4), "elbow": (0.5, 1.4), "wrist": (0.75, 1.4)}
-    others = {"hip": (0.1, 0.9), "knee": (0.1, 0.5), "ankle": (0.1, 0.1), "eye": (0.03, 1.65), "ear": (0.07, 1.62)}
-    for name, (x, y) in (arms | others).items():
-        places[names.index(f"left_{name}"), :2], places[names.index(f"right_{name}"), :2] = (x, y), (-x, y)
-    places[0, 1] = 1.6
     for noise in (0.0, 0.01, 0.03):
-        joints = places + np.random.default_rng(4).normal(scale=noise, size=(60, 17, 3)) * (noise > 0)
+        joints = in_order(COCO_17, REST[None]) + np.random.default_rng(4).normal(scale=noise, size=(60, 17, 3))
         assert read_motion(saved(tmp_path / "d.npy", joints), fps=30, up="y").motion.skeleton == COCO_17
+
+
+@cases("skeleton", HUMAN36M_17, COCO_17)
+@cases("turns", [0, 0], [90, 0], [200, 0], [0, 90], [90, 180], [300, 40])  # degrees: facing, then on the side
+def test_order_of_17_joints_is_told_by_the_body_from_all_sides_and_in_pictures_either_way_up(
+    tmp_path: Path, skeleton: Skeleton, turns: list[int]
+):
+    # A lift into space trembles too much for lengths of bones to tell.
+    tremble = np.random.default_rng(3).normal(scale=0.03, size=(12, 17, 3))
+    joints = (in_order(skeleton, moving_joints()) + tremble) @ Rotation.from_euler(
+        "yz", turns, degrees=True
+    ).as_matrix().T
+    sure = np.full((12, 17, 1), 0.9)
+    pictures = [joints[..., :2] * [200, side] + 600 for side in (200, -200)]
+    flat = [np.append(picture, sure, axis=2).reshape(12, 51) for picture in pictures]
+    for places in (joints, *pictures, *flat):
+        file = read_motion(saved(tmp_path / "d.npy", places), fps=30)
+        order = [note.brief for note in file.assumptions if note.brief.startswith("order of joints")]
+        assert file.motion.skeleton == skeleton
+        assert order == ([] if skeleton == COCO_17 else ["order of joints guessed: Human3.6M"])
+
+
+def test_17_joints_of_an_order_that_is_neither_are_said_to_be_in_doubt(tmp_path: Path):
+    joints = moving_joints()[:, [15, 12, 17, 19, 21, 16, 18, 20, 2, 5, 8, 1, 4, 7, 0, 6, 15]]  # MPI-INF-3DHP
+    for places in (joints, joints[..., :2] * 200 + 600):
+        file = read_motion(saved(tmp_path / "d.npy", places), fps=30)
+        assert "order of joints in doubt" in [note.brief for note in file.assumptions]
 
 
 @cases("skeleton", HUMAN36M_17, COCO_17)

@@ -3,7 +3,7 @@
 The shape of an array and the names beside it tell what they hold.
 
 Joints in space as bare numbers are (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO or of
-Human3.6M (whichever bones keep their lengths), from arrays, JSON, pickles.
+Human3.6M (the body tells which), from arrays, JSON, pickles.
 Bailando writes 24 joints under ``pred_position``, in an array file that holds a pickled dictionary, and its training
 data as JSON with ``dance_array``; AIST++ has 17 joints. None of them tells its unit or the axis that points up.
 
@@ -41,8 +41,6 @@ from harmolab.types import FloatArray, Motion
 # Joints in space as bare numbers
 
 SKELETONS = {len(skeleton.joints): skeleton for skeleton in (keypoints.COCO_17, SMPL_22, SMPL_24)}
-# Of as many joints, in another order: where its bones keep their lengths better.
-_OTHERS = {17: keypoints.HUMAN36M_17}
 _NAMES = {keypoints.COCO_17: "COCO", keypoints.HUMAN36M_17: "Human3.6M", SMPL_22: "SMPL", SMPL_24: "SMPL"}
 KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "positions")
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
@@ -145,14 +143,11 @@ def _thigh(skeleton: Skeleton, side: str) -> list[tuple[int, int]]:
 
 
 def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[Assumption, ...]]:
-    """The skeleton of joints (T, J, 3) whose bones keep their lengths, and remarks on what that leaves open."""
-    usual = SKELETONS[joints.shape[1]]
-    skeleton, remarks = usual, list[Assumption]()
-    other = _OTHERS.get(joints.shape[1], usual)
-    # Not as shares of the lengths: those would favour whichever skeleton joins what lies far apart.
-    if _spread_and_length(joints, other.bones)[0] < _BETTER * _spread_and_length(joints, usual.bones)[0]:
-        skeleton, order = other, f"the joints of {_NAMES[other]} (guessed: its bones keep their lengths)"
-        remarks.append(Assumption(order, f"order of joints guessed: {_NAMES[other]}"))
+    """The skeleton of joints (T, J, 3), and remarks on what the body leaves open."""
+    skeleton, remarks = SKELETONS[joints.shape[1]], list[Assumption]()
+    if skeleton == keypoints.COCO_17:
+        fitting = keypoints.body_order(joints) or _steadier(joints)
+        skeleton, remarks = fitting or skeleton, [*_order_notes(fitting)]
     shorter, longer = sorted(_spread_and_length(joints, _thigh(skeleton, side))[1] for side in ("left", "right"))
     if longer > _LOPSIDED * shorter:
         doubt = f"one thigh is {shorter:.3g} long, one {longer:.3g}; an .npz holds names of its own"
@@ -163,6 +158,13 @@ def steady_skeleton(joints: FloatArray) -> tuple[Skeleton, tuple[Assumption, ...
         reason = f"bones change their lengths by {spread / length:.0%}; SMPL rotations are read from .npz or .pkl"
         remarks.append(Assumption(f"joints (guessed: {reason})", "joints guessed, not rotations"))
     return skeleton, tuple(remarks)
+
+
+def _steadier(joints: FloatArray) -> Skeleton | None:
+    """Human3.6M's skeleton where its bones keep their lengths better than COCO's."""
+    # Not as shares of the lengths: those would favour whichever skeleton joins what lies far apart.
+    spreads = [_spread_and_length(joints, one.bones)[0] for one in (keypoints.HUMAN36M_17, keypoints.COCO_17)]
+    return keypoints.HUMAN36M_17 if spreads[0] < _BETTER * spreads[1] else None
 
 
 def _spread_and_length(joints: FloatArray, bones: Sequence[tuple[int, int]]) -> tuple[float, float]:
@@ -235,6 +237,14 @@ _SQUARE = Assumption(
 _OPENPOSE = Assumption(
     "the joints of OpenPose (guessed by their number; an .npz names its own)", "order of joints guessed: OpenPose"
 )
+_HUMAN36M = Assumption(
+    "the joints of Human3.6M (guessed by the body; an .npz names its own)", "order of joints guessed: Human3.6M"
+)
+_DOUBT = Assumption(
+    "the joints of COCO (guessed by their number, but the body does not fit; an .npz names its own)",
+    "order of joints in doubt",
+)
+_PICTURE_SHAPES = ((17, 2), (17, 3), (34,), (51,))
 _METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
 
 
@@ -278,16 +288,23 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
         own = about.get("fps")
         if values is None:
             rate = None if options.fps is None else options.rate(own)
-            motion = keypoints.described_motion(*keypoints.content_points(content), fps=rate, joints=options.joints)
-            return motion_file.as_read(motion, "key points", options, *_guess(motion, about))
+            points, own_words = keypoints.content_points(content)
+            motion = keypoints.described_motion(points, own_words, fps=rate, joints=options.joints)
+            return motion_file.as_read(motion, "key points", options, *_guess(motion, points, about))
         return _array_motion(_numbers(values), file, options, own)
 
 
-def _guess(motion: Motion, about: Mapping[str, Any]) -> tuple[Assumption, ...]:
-    """The note on what key points leave open unless their file is about it: metres, or the shape of the picture."""
+def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tuple[Assumption, ...]:
+    """Notes on what key points leave open unless their file is about it: metres, or order and shape of the picture."""
     if motion.positions.shape[2] == 3:
         return () if "world" in about else (_WORLD,)
-    return (_SQUARE,) if np.median(np.abs(motion.positions)) < 1 and "aspect" not in about else ()
+    notes = _order_notes(keypoints.picture_order(values)) if values.shape[1:] in _PICTURE_SHAPES else ()
+    return (*notes, _SQUARE) if np.median(np.abs(motion.positions)) < 1 and "aspect" not in about else notes
+
+
+def _order_notes(order: Skeleton | None) -> tuple[Assumption, ...]:
+    """The note on 17 joints of an order that is not COCO's."""
+    return () if order == keypoints.COCO_17 else (_HUMAN36M if order else _DOUBT,)
 
 
 def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -316,7 +333,7 @@ def _array_motion(
     is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
     if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
         motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
-        return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, {}))
+        return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
     factor, unit = motion_file.metre_factor(values, options)
     unit = _METRES if options.scale is None and factor == 1 else unit
     skeleton = keypoints.named_skeleton(values.shape[1])

@@ -139,6 +139,32 @@ def named_skeleton(count: int) -> Skeleton | None:
     return {17: COCO_17, 18: OPENPOSE_18, 25: OPENPOSE_25}.get(count)
 
 
+def body_order(points: NDArray[Any]) -> Skeleton | None:
+    """COCO's or Human3.6M's skeleton of places (T, 17, 2 or 3), seen from any side, any way up; None if neither fits.
+
+    COCO's first five are a head, small beside the body. Human3.6M's spine is half way from the pelvis to the thorax,
+    and the thorax half way from shoulder to shoulder.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        head, size = (_median_length(part.std(axis=1)) for part in (points[:, :5], points))
+        middles = ((7, (0, 8)), (8, (11, 14)))
+        offs = [_median_length(points[:, middle] - points[:, ends].mean(axis=1)) for middle, ends in middles]
+    if not head > _HEAD * size:
+        return COCO_17
+    return HUMAN36M_17 if max(offs) < _MIDDLE * size else None
+
+
+def picture_order(values: NDArray[Any]) -> Skeleton | None:
+    """`body_order` of 17 points of a picture, as `keypoints_motion` takes them, by the frames that show all of them."""
+    places = _with_joints(values)[..., :2]
+    return body_order(places[~_unseen(places).any(axis=1)])
+
+
+def _median_length(ways: FloatArray) -> float:
+    """Median length of vectors (T, D); 0 where there is none."""
+    return float(np.median(np.linalg.norm(ways, axis=1))) if len(ways) else 0.0
+
+
 def json_or_lines(path: Path) -> Any:
     """The content of a JSON file, or the list of contents of a file with one JSON object a line."""
     text = files.read_text(path)
@@ -330,6 +356,9 @@ _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
 _ORIGIN = 0.01  # metres, or share of a picture
 BAILANDO_END = "_kps.json"
+# Shares of the spread of all joints. In recorded dances, seen from all sides and from 60 degrees above, COCO's head is
+# 0.22 wide at most and Human3.6M's hips and leg 0.34 or more; its spine and thorax lie 0.32 off the middles at most.
+_HEAD, _MIDDLE = 0.3, 0.35
 MOST_CONFIDENCE = 2.0  # some estimators go a little beyond 1
 FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
 
@@ -424,8 +453,9 @@ def keypoints_motion(
     are_landmarks = values.ndim == 3 and values.shape[1] == _LANDMARKS and values.shape[2] in (3, 4)
     points = values if are_landmarks else _with_joints(values)
     check_joints(points.shape[1])
-    named = MEDIAPIPE_33 if are_landmarks else named_skeleton(points.shape[1])
-    skeleton = named or Skeleton.unnamed(points.shape[1])
+    count = points.shape[1]
+    order = picture_order(points) if count == len(COCO_17.joints) else None
+    skeleton = MEDIAPIPE_33 if are_landmarks else order or named_skeleton(count) or Skeleton.unnamed(count)
     keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
     part = skeleton_part(skeleton, keep)
     if are_landmarks:

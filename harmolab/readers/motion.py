@@ -28,11 +28,12 @@ T is at least 2. No value is NaN or infinite. Other arrays in the archive are ig
 Other formats
 -------------
 ``.npy``
-    (T, J, 3) in metres, or (T, J, 2) and flat (T, 2J) image coordinates; holds no rate, so pass `fps`. 17, 18 or 25
-    joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
-    names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.readers.keypoints`. 17, 22 and 24
-    joints in space, also flat, and Bailando's dictionaries: `harmolab.readers.array_files`. HumanML3D's 263 numbers a
-    frame: `harmolab.readers.array_files`. FACT's, LODGE's and FineDance's vectors: `harmolab.readers.smpl`.
+    (T, J, 3) in metres, or (T, J, 2) and flat (T, 2J) image coordinates; holds no rate, so pass `fps`. 18 or 25 joints
+    get the names of OpenPose, 17 those of COCO or Human3.6M, as the body tells; pixels with a confidence behind them
+    are read as such. AIST++ file names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See
+    `harmolab.readers.keypoints`. 17, 22 and 24 joints in space, also flat, and Bailando's dictionaries:
+    `harmolab.readers.array_files`. HumanML3D's 263 numbers a frame: `harmolab.readers.array_files`. FACT's, LODGE's and
+    FineDance's vectors: `harmolab.readers.smpl`.
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
     Ultralytics and ViTPose write them (`harmolab.readers.keypoints`); joints in space. The content tells which.
