@@ -610,6 +610,22 @@ def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
     refused("names a frame twice", load_keypoints, as_json(tmp_path / "twice.json", numbered[:1] * 2), fps=25)
 
 
+@cases("step, first", (2, 0), (2, 1), (3, 6))
+def test_frames_numbered_at_a_regular_step_are_all_there_at_a_lower_rate(tmp_path: Path, step: int, first: int):
+    numbers = [number for number in range(first, first + 40 * step, step) if number != first + 7 * step]
+    lead, moves = first // step, 0.01 * np.array(numbers)
+    media = [{"frame": number, "landmarks": landmarks(x)} for number, x in zip(numbers, moves, strict=True)]
+    coco = [
+        {"image_id": f"{number:06d}.jpg", "keypoints": coco_pose(x)} for number, x in zip(numbers, moves, strict=True)
+    ]
+    for content in (media, coco):
+        file = read_motion(as_json(tmp_path / "dance.json", content), fps=30)
+        assert file.motion.fps == 30 / step and "frame rate guessed" in file.assumptions[0].brief
+        np.testing.assert_array_equal(np.flatnonzero(~file.motion.valid), [*range(lead), lead + 7])
+        places = 0.01 * (first + step * np.arange(40))
+        np.testing.assert_allclose(file.motion.positions[lead:, 4, 0], places)
+
+
 def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     values = np.random.default_rng(0).uniform(0, 1, (4, 33, 4))
     values[:, :, 3] = 1.0

@@ -290,8 +290,17 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
             rate = None if options.fps is None else options.rate(own)
             points, own_words = keypoints.content_points(content)
             motion = keypoints.described_motion(points, own_words, fps=rate, joints=options.joints)
-            return motion_file.as_read(motion, "key points", options, *_guess(motion, points, about))
+            notes = (*_rate_note(points, motion.fps), *_guess(motion, points, about))
+            return motion_file.as_read(motion, "key points", options, *notes)
         return _array_motion(_numbers(values), file, options, own)
+
+
+def _rate_note(points: NDArray[Any], fps: float) -> tuple[Assumption, ...]:
+    """The note on key points that are of every second frame, every third, ..."""
+    if (step := keypoints.looked_at(points).step) == 1:
+        return ()
+    reason = f"guessed: of {step} frames, at {fps * step:g} a second, one is in the file"
+    return (Assumption(f"{fps:g} frames a second ({reason})", "frame rate guessed: frames lie at a regular step"),)
 
 
 def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tuple[Assumption, ...]:

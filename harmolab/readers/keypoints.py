@@ -6,7 +6,8 @@ is. Frames that are not named, between the first and the last, are empty.
 MediaPipe's landmarks of one body are objects, not files: save a list of frames, or
 ``{"fps": 30.0, "aspect": 1.5, "world": false, "frames": [...]}``. A frame is a list of 33
 ``{"x", "y", "z", "visibility"}`` (or ``{"frame": 12, "landmarks": [...]}``), or null or an empty list where the picture
-is empty. Where all frames have a number, those that are left out are empty.
+is empty. Where all frames have a number, those that are left out are empty; where they are every second, third, ...,
+they were not looked at, and the frame rate is lower. So it is with COCO's.
 
 A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
 not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
@@ -354,6 +355,7 @@ def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)
 SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
+_ENOUGH = 10  # bodies at a regular step, before frames between them count as not looked at
 _ORIGIN = 0.01  # metres, or share of a picture
 BAILANDO_END = "_kps.json"
 # Shares of the spread of all joints. In recorded dances, seen from all sides and from 60 degrees above, COCO's head is
@@ -425,7 +427,19 @@ def described_motion(
     if not isinstance(is_world, bool | None):
         raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
     ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
-    return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
+    frames = looked_at(values)
+    return keypoints_motion(values[frames], float(rate) / frames.step, joints=joints, world=is_world, aspect=ratio)
+
+
+def looked_at(values: NDArray[Any]) -> slice:
+    """The frames of key points (T, ...) that were looked at: where bodies lie at a regular step, none between.
+
+    A few bodies may lie so by chance.
+    """
+    rows = values.reshape(len(values), -1)
+    bodies = np.flatnonzero(rows.any(axis=1) & ~np.isnan(rows).all(axis=1))
+    step = int(np.gcd.reduce(np.diff(bodies))) if len(bodies) >= _ENOUGH else 1
+    return slice(int(bodies[0]) % step if step > 1 else 0, None, step)
 
 
 def keypoints_motion(
