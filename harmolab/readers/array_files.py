@@ -217,7 +217,7 @@ def humanml_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
             f"holds HumanML3D vectors of a body that extends over {extent:.3g} m; if they are normalised, multiply by "
             "Std.npy and add Mean.npy first"
         )
-    positions, note = motion_file.stated_up(joints, "y", "as HumanML3D writes", options)
+    positions, note = motion_file.upright(joints, (), options, "y", "as HumanML3D writes")
     notes = ("22 joints from the turn and speed of the pelvis and the places in the body", note)
     return MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
 

@@ -21,7 +21,7 @@ from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.files import PathLike, reading
 from harmolab.readers.arrays import check_joints, checked_motion, in_metres
 from harmolab.readers.keypoints import filled_points
-from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, stated_up
+from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, upright
 from harmolab.types import BoolArray, FloatArray
 
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "meters": 1.0, "metres": 1.0}
@@ -117,6 +117,5 @@ def _unit(unit: str, options: ReadingOptions) -> tuple[float, str]:
 
 def _upright(places: FloatArray, names: Sequence[str], screen: str, options: ReadingOptions) -> tuple[FloatArray, str]:
     """Places with y up, and a sentence."""
-    if (own := screen.strip().lower().removeprefix("+")) in ("y", "z"):
-        return stated_up(places, own, "POINT:Y_SCREEN of the file", options)
-    return guessed_up(places, names, options)
+    own = axis if (axis := screen.strip().lower().removeprefix("+")) in ("y", "z") else ""
+    return upright(places, () if own else names, options, own, "POINT:Y_SCREEN of the file", is_needed=True)

@@ -8,7 +8,7 @@ import logging
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypedDict
 
@@ -123,16 +123,6 @@ def turned_upright(positions: FloatArray, up: str) -> FloatArray:
     return np.stack([positions[..., 0], positions[..., 2], -positions[..., 1]], axis=-1) if up == "z" else positions
 
 
-def stated_up(positions: FloatArray, own: str, reason: str, options: ReadingOptions) -> tuple[FloatArray, str]:
-    """Positions with y up and a sentence, where the kind of file fixes its axis; the option goes before it.
-
-    As a default, the option comes second.
-    """
-    is_passed = options.up and not (own and options.as_defaults)
-    up, why = (options.up, "as passed") if is_passed else (own, reason)
-    return turned_upright(positions, up), f"{up} up ({why}){', turned to y up' if up != 'y' else ''}"
-
-
 def head_above_feet(positions: FloatArray, names: Sequence[str]) -> FloatArray | None:
     """The way from the feet to the head in each frame, (T, 3) of positions (T, J, 3); None where no names say them."""
     head = [joint for joint, name in enumerate(names) if _HEAD.search(name.rpartition(":")[2])]
@@ -143,26 +133,42 @@ def head_above_feet(positions: FloatArray, names: Sequence[str]) -> FloatArray |
     return way
 
 
-def guessed_up(
-    positions: FloatArray, names: Sequence[str], options: ReadingOptions, own: str = "", reason: str = ""
+def upright(
+    positions: FloatArray,
+    names: Sequence[str],
+    options: ReadingOptions,
+    own: str = "",
+    reason: str = "",
+    *,
+    is_needed: bool = False,
 ) -> tuple[FloatArray, str]:
-    """Positions with y up and a sentence: the way from feet to head decides, else the kind's `own` axis, for a reason.
+    """Positions (T, J, 3) with y up, and a sentence on what tells the axis: the first of these four that does.
 
-    A kind's y and z may be exchanged; where it has no axis, y may point down, as a camera's does: "-y" up.
+    1. The option; passed as a default, only where the kind of file has no axis of its `own`.
+    2. The way from feet to head, of joints with these `names`, unless it leads along the kind's own axis. It may lead
+       along y or z and, where the kind has no axis, down along y, as a camera's does: "-y" up.
+    3. The kind's own axis, for a `reason`.
+    4. y, as most are, is assumed.
 
     Raises
     ------
     ValueError
-        The way leads along none of these axes, or no joints are named so, and no axis is the kind's or passed.
+        The axis `is_needed`, and none of the first three tells it.
     """
-    up, length = _way_up(positions, names)
-    if (own and up not in {"y", "z"} - {own}) or (options.up and not (own and options.as_defaults)):
-        return stated_up(positions, own, reason, options)
-    if not up:
+    way, length = _way_up(positions, names)
+    if options.up and not (own and options.as_defaults):
+        up, why = options.up, "as passed"
+    elif way in ({"y", "z"} - {own} if own else {"y", "z", "-y"}):
+        up, why = way, f"guessed: the head is {length:.2f} m from the feet along {way}, median; --up overrules it"
+    elif own:
+        up, why = own, reason
+    elif is_needed:
         raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
-    why = f"guessed: the head is {length:.2f} m from the feet along {up}, median; --up overrules it"
-    places, note = stated_up(positions, up, why, replace(options, up=""))
-    return places, Assumption(note, f"axis guessed: {up} up")
+    else:
+        up, why = "y", "assumed: the body does not tell; --up overrules it"
+    note = f"{up} up ({why}){', turned to y up' if up != 'y' else ''}"
+    is_open = why.startswith(("guessed", "assumed"))
+    return turned_upright(positions, up), Assumption(note, f"axis {why[:7]}: {up} up") if is_open else note
 
 
 def _way_up(positions: FloatArray, names: Sequence[str]) -> tuple[str, float]:
@@ -199,11 +205,3 @@ def as_read(motion: Motion, kind: str, options: ReadingOptions, *notes: str, is_
     if positions is not motion.positions:
         motion = Motion(positions, motion.fps, motion.skeleton, motion.valid)
     return MotionFile(motion, kind, (*notes, note))
-
-
-def upright(positions: FloatArray, names: Sequence[str], options: ReadingOptions) -> tuple[FloatArray, str]:
-    """As `guessed_up`, but y up where nothing tells, as most are."""
-    try:
-        return guessed_up(positions, names, options)
-    except ValueError:
-        return positions, Assumption("y up (assumed: the body does not tell; --up overrules it)", "axis assumed: y up")

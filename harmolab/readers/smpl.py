@@ -48,7 +48,7 @@ from harmolab.files import PathLike, reading
 from harmolab.readers.aist import AIST_FPS, is_aist_name
 from harmolab.readers.arrays import checked_motion, in_metres, read_npz
 from harmolab.readers.keypoints import check_frames
-from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, stated_up
+from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, upright
 from harmolab.types import FloatArray, Motion
 
 SMPL_24 = Skeleton(
@@ -405,7 +405,7 @@ def _placed(
     skeleton = body.body.skeleton
     with np.errstate(over="ignore", invalid="ignore"):
         positions = posed(turns, places, body)
-        positions, note = guessed_up(positions, skeleton.joints, options, *axis)
+        positions, note = upright(positions, skeleton.joints, options, *axis, is_needed=True)
     return checked_motion(positions, rate, skeleton), (body.note, note)
 
 
@@ -415,7 +415,7 @@ def _edge_joints(joints: NDArray[Any], options: ReadingOptions) -> MotionFile:
         raise ValueError(f"full_pose must have shape (T, 24, 3), got {joints.shape}")
     rate = options.rate(hint=_EDGE_HINT)
     places = in_metres(joints, 1.0 if options.scale is None else options.scale)
-    positions, note = stated_up(places, "z", "as EDGE writes", options)
+    positions, note = upright(places, (), options, "z", "as EDGE writes")
     return MotionFile(checked_motion(positions, rate, SMPL_24), "EDGE's joints", ("joints of full_pose", note))
 
 
