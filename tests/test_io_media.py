@@ -158,6 +158,13 @@ def test_half_of_a_packed_file_is_refused_but_what_is_there_can_be_read(tmp_path
     np.testing.assert_allclose(load_audio(path, duration=0.5, sample_rate=None).samples, whole[:8000], atol=1e-6)
 
 
+def test_a_flac_from_a_pipe_is_refused_with_what_mends_it(tmp_path: Path):
+    soundfile.write(tmp_path / "piped.flac", ramp(), RATE)
+    whole = (tmp_path / "piped.flac").read_bytes()
+    (tmp_path / "piped.flac").write_bytes(whole[:21] + bytes([whole[21] & 0xF0]) + bytes(4) + whole[26:])  # no length
+    refused(r"piped\.flac: does not tell its length, .*: ffmpeg -i piped", load_audio, tmp_path / "piped.flac")
+
+
 @pytest.mark.parametrize("suffix", ["flac", "mp3"])
 def test_a_packed_file_that_says_less_than_it_holds_is_refused(tmp_path: Path, suffix: str):
     path = tmp_path / f"two.{suffix}"

@@ -29,6 +29,7 @@ MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 MAX_FRAMES_PER_BYTE = 10_000
 MAX_SAMPLES = 2**29  # an hour at 149 kHz; silence at a higher rate makes gigabytes of a small file
 MAX_AMPLITUDE = 1e10
+_NOT_TOLD = 2**63 - 1  # number of samples that libsndfile gives where a header has none
 MOST_PADDING = 1.0  # seconds at both ends of an MP3 that are no part of the sound
 _WHAT = "WAV, FLAC, OGG, MP3 or M4A sound; convert it to one of these"
 _BLOCK_VALUES = 2**18
@@ -119,6 +120,8 @@ def _check_header(sound: soundfile.SoundFile, size: int) -> None:
         raise ValueError(f"has {sound.channels} channels; 1 to {MAX_CHANNELS} are read")
     if sound.frames <= 0:
         raise ValueError("holds no samples")
+    if sound.frames == _NOT_TOLD:
+        raise ValueError("does not tell its length, as a FLAC from a pipe; convert it: ffmpeg -i piped.flac whole.flac")
     if sound.frames > MAX_FRAMES_PER_BYTE * size:
         raise ValueError(f"claims {sound.frames} samples in {size} bytes: its header is damaged")
 
