@@ -88,6 +88,7 @@ HOW_PATTERNS = MappingProxyType(
     }
 )
 MAX_LAG = 2.0  # seconds: a beat of 30 bpm
+MAX_SMOOTHING = 10.0  # seconds: no beat is left of more, and a filter as long would fill the memory
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,8 @@ class HarmonyParams:
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
                 raise ValueError(f"{name} must be zero or more{', or None' * ('visual' in name)}, got {value}")
+        if (value := max(self.smoothing, self.position_smoothing)) > MAX_SMOOTHING:
+            raise ValueError(f"smoothing and position_smoothing must be at most {MAX_SMOOTHING:g} s, got {value:g}")
         for name in ("beta", "clock", "fps"):
             if (value := getattr(self, name)) is not None and not 0 < value < float("inf"):
                 raise ValueError(f"{name} must be positive{' or None' * (name == 'fps')}, got {value}")
