@@ -229,6 +229,8 @@ class BeatTrack(Display):
             if (places < 0).any():
                 raise ValueError(f"bar_places must not be negative, got {places.min()}; 0 is the downbeat")
             object.__setattr__(self, "bar_places", places)
+        if self.fit is not None and not 0 <= self.fit <= 1:
+            raise ValueError(f"fit must be a share, 0 to 1, got {self.fit}")
         if self.windows is not None:
             windows = frozen_array(self.windows, "windows")
             if windows.shape[1:] != (2,):

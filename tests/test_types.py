@@ -91,6 +91,7 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     (r"bar_places must .* per beat \(2\), got shape \(1,\)", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0])),
     ("bar_places must be whole numbers", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [0.5, np.nan])),
     ("bar_places must not be negative, got -1", BeatTrack, ([1.0, 2.0], [1, 1], 15.0, 10.0, [-1, 0])),
+    ("fit must be a share, 0 to 1, got nan", partial(BeatTrack, fit=np.nan), ([1.0], [1], 15.0, 10.0)),
     (r"windows must be \(W, 2\)", partial(BeatTrack, windows=[1, 2]), ([1.0], [1], 15.0, 10.0)),
     ("a bar pattern needs whole beats, at least one beat, got 0", BarPattern, (0, (1.0,), (0.0,))),
     ("a bar pattern needs whole beats, at least one beat, got 1.5", BarPattern, (1.5, (1.0,), (0.0,))),
