@@ -567,6 +567,22 @@ def test_frames_of_bailando_that_hold_no_dance_are_refused_by_name(tmp_path: Pat
     refused(r"one: frame 1 is missing between 0 and 2", load_motion, still, fps=60)
 
 
+def test_samples_of_mdm_are_refused_with_what_saves_one_of_them(tmp_path: Path):
+    samples = {
+        "motion": moving_joints()[None, :, :22].transpose(0, 2, 3, 1),
+        "text": ["salsa"],
+        "lengths": np.array([9]),
+    }
+    saved(tmp_path / "results.npy", samples)
+    with pytest.raises(ValueError, match=r"results\.npy: holds 1 motions of MDM; where you trust") as refusal:
+        load_motion(tmp_path / "results.npy", fps=20)
+    recipe = str(refusal.value).partition("save one: ")[2]
+    code = recipe.replace("results.npy", f"{tmp_path}/results.npy").replace("dance.npz", f"{tmp_path}/dance.npz")
+    exec(code, {"numpy": np})
+    motion = load_motion(tmp_path / "dance.npz")
+    np.testing.assert_allclose(motion.positions, moving_joints()[:9, :22])
+
+
 def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):
     poses = np.random.default_rng(1).normal(size=(40, 72)) * np.linspace(0, 1, 40)[:, None]
     refused(r"d\.npy: holds no joints: the thigh changes", load_motion, saved(tmp_path / "d.npy", poses), fps=60)

@@ -57,7 +57,8 @@ def aist_motion(content: Mapping[str, Any], fps: float, scale: float) -> Motion:
     name = "keypoints3d_optim" if isinstance(content.get("keypoints3d_optim"), np.ndarray) else "keypoints3d"
     points = content.get(name)
     if not isinstance(points, np.ndarray):
-        raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; of others {SAVING}")
+        others = f"of others {SAVING}, or SMPL's poses=(T, 72) and trans=(T, 3) in place of positions"
+        raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; {others}")
     if points.ndim != 3 or points.shape[1:] != (17, 3):
         raise ValueError(f"{name} must have shape (frames, 17, 3), got {points.shape}")
     return checked_motion(in_metres(points, scale), fps, COCO_17)
@@ -80,8 +81,7 @@ def read_array_pickle(data: bytes) -> dict[str, Any]:
         content = _dictionary(_ArrayUnpickler(io.BytesIO(data)).load())
     if not isinstance(content, dict):
         raise ValueError(f"holds a {type(content).__name__}, not a dictionary of arrays")
-    values = {str(name): value for name, value in content.items() if isinstance(name, str)}
-    return {name: value.array() if isinstance(value, _Array) else value for name, value in values.items()}
+    return {str(name): value.array() if isinstance(value, _Array) else value for name, value in content.items()}
 
 
 def _dictionary(content: Any) -> Any:
@@ -172,5 +172,6 @@ class _ArrayUnpickler(pickle.Unpickler):
         }
         module = module.removeprefix("numpy.core.").removeprefix("numpy._core.")
         if (module, name) not in stand_ins:
-            raise pickle.UnpicklingError(f"it asks for {module}.{name}, and only arrays of numbers are read")
+            reason = f"it asks for {module}.{name}, and only arrays of numbers are read"
+            raise pickle.UnpicklingError(f"{reason}, so load it where it was written and {SAVING}")
         return stand_ins[module, name]

@@ -258,6 +258,12 @@ def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions
     """The motion in a dictionary of arrays."""
     if is_parameters(content):
         return parameter_motion(content, file, options)
+    if isinstance(samples := content.get("motion"), np.ndarray) and samples.ndim == 4:
+        raise ValueError(
+            f"holds {len(samples)} motions of MDM; where you trust it, save one: m = numpy.load({file.name!r}, "
+            "allow_pickle=True).item(); numpy.savez('dance.npz', "
+            "positions=m['motion'][0].transpose(2, 0, 1)[: m['lengths'][0]], fps=20)"
+        )
     if {"keypoints3d", "keypoints3d_optim"} & content.keys() or (values := positions_in(content)) is None:
         scale = 0.01 if options.scale is None else options.scale
         motion = aist_motion(content, options.rate(AIST_FPS), scale)

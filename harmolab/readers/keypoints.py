@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from harmolab import files
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
-from harmolab.readers.arrays import check_joints, checked_motion, number_array, read_npy
+from harmolab.readers.arrays import SAVING, check_joints, checked_motion, number_array, read_npy
 from harmolab.types import BoolArray, FloatArray, Motion
 
 # JSON: layouts of many people, and MediaPipe's landmarks of one body
@@ -209,7 +209,8 @@ def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatAr
     if layout is None:
         raise ValueError(
             f"holds {_summary(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
-            "nor COCO-17 key points (entries with image_id and keypoints)"
+            "nor COCO-17 key points (entries with image_id and keypoints); of others save x, y, confidence as an array "
+            "(T, 17, 3): numpy.save('dance.npy', points)"
         )
     people: dict[int, list[FloatArray]] = {}
     for place, entry in enumerate(entries):
@@ -526,7 +527,8 @@ def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
     if values.ndim == 3 and values.shape[2] in (2, 3):
         return values
     raise ValueError(
-        f"has shape {values.shape}; key points come as (T, J, 2), (T, J, 3), or flat with 17, 18 or 25 joints"
+        f"has shape {values.shape}; key points come as (T, J, 2), (T, J, 3), or flat with 17, 18 or 25 joints; "
+        f"of others {SAVING}"
     )
 
 
@@ -582,13 +584,17 @@ def frame_files(folder: Path) -> list[Path]:
     if not numbered:
         raise ValueError(
             f"{folder}: holds no motion: neither motion.npz nor skeletons.json, nor numbered JSON files as OpenPose "
-            "writes them (name_000000000000.json)"
+            "writes them (name_000000000000.json); of YOLO's texts save x, y, confidence as an array (T, 17, 3): "
+            "numpy.save('dance.npy', points)"
         )
     for (number, file), (following, other) in itertools.pairwise(numbered):
         if following == number:
             raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")
         if following > number + 1:
-            raise ValueError(f"{folder}: frame {number + 1} is missing between {numbered[0][0]} and {numbered[-1][0]}")
+            raise ValueError(
+                f"{folder}: frame {number + 1} is missing between {numbered[0][0]} and {numbered[-1][0]}; add it, or "
+                "number the files without gaps and pass the rate that is left (--fps)"
+            )
     return [file for _, file in numbered]
 
 

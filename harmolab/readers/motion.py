@@ -146,7 +146,7 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
     with reading(path, "a motion", max_bytes=None):
         if is_video(path):
             raise ValueError("is a video, no motion file; `harmolab score`, `play`, `lab` and `retime` read videos")
-        kinds = ".npz .npy .bvh .pkl .json .c3d are read; write BVH, as Blender does"
+        kinds = ".npz .npy .bvh .pkl .json .c3d are read; export BVH, as Blender does of FBX"
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); {kinds}, or {SAVING}")
 
 
@@ -171,7 +171,8 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(
-                    f"has no array {name!r}; .npz needs positions and fps (or --fps), or SMPL's poses and trans"
+                    f"has no array {name!r} but {sorted(names)[:8]}; .npz needs positions and fps (or --fps), or "
+                    "SMPL's poses and trans"
                 )
         positions, own_rate = arrays["positions"], arrays["fps"]
         units = str(arrays["units"]) if "units" in arrays else "m"
