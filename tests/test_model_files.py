@@ -660,6 +660,15 @@ def test_17_joints_are_those_of_the_skeleton_whose_bones_keep_their_lengths(tmp_
     np.testing.assert_allclose(motion.positions, joints)
 
 
+def test_vectors_of_motion_x_hold_smpl_parameters(tmp_path: Path):
+    poses, way, joints = placed()
+    vectors = np.full((12, 322), 7.0)  # hands and face are nonsense
+    vectors[:, :66], vectors[:, 309:312], vectors[:, 312:] = poses[:, :22].reshape(12, 66), way, 0.0
+    motion, kind, _ = read_motion(saved(tmp_path / "v.npy", vectors), fps=30)
+    assert (motion.skeleton, kind) == (SMPL_24, "SMPL-X vectors of Motion-X")
+    np.testing.assert_allclose(motion.positions, joints, atol=1e-9)
+
+
 # HumanML3D
 
 

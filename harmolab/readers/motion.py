@@ -32,8 +32,8 @@ Other formats
     get the names of OpenPose, 17 those of COCO or Human3.6M, as the body tells; pixels with a confidence behind them
     are read as such. AIST++ file names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See
     `harmolab.readers.keypoints`. 17, 22 and 24 joints in space, also flat, and Bailando's dictionaries:
-    `harmolab.readers.array_files`. HumanML3D's 263 numbers a frame: `harmolab.readers.array_files`. FACT's, LODGE's and
-    FineDance's vectors: `harmolab.readers.smpl`.
+    `harmolab.readers.array_files`. HumanML3D's 263 numbers a frame: `harmolab.readers.array_files`. FACT's, LODGE's,
+    FineDance's and Motion-X's vectors: `harmolab.readers.smpl`.
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
     Ultralytics and ViTPose write them (`harmolab.readers.keypoints`); joints in space. The content tells which.

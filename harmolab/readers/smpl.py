@@ -4,7 +4,7 @@ SMPL, SMPL-H and SMPL-X share their first 22 joints; the rotations of fingers mo
 at rest stands with arms spread (a T), faces +z and has y up; its left is +x. The body model itself is licensed and is
 not part of this package: without a file of the user's own, joints lie on a skeleton of ours.
 
-AMASS, AIST++, EDGE, FACT, LODGE and FineDance write SMPL parameters so:
+AMASS, AIST++, EDGE, FACT, LODGE, FineDance and Motion-X write SMPL parameters so:
 
 ===========================  =======================================================  =================  ===============
 who                          arrays                                                   rate               up
@@ -24,6 +24,8 @@ FACT, `.npy`                 (T, 225): six zeros, translation, 24 matrices; its 
                              first 120 frames are recorded, the seed of the rest                         AIST++
 others, `.npy`               (T, 219): the same without the zeros                     none               guessed from
                                                                                                          the body
+Motion-X, `.npy`             (T, 322): axis-angle of 22 joints, hands, face (309       none               guessed from
+                             numbers in all), translation, betas                                         the body
 ===========================  =======================================================  =================  ===============
 
 Where the body stands along the other one of y and z, that is up.
@@ -334,6 +336,7 @@ VECTORS = {  # numbers of a frame -> layout
     319: VectorLayout(_LODGE, "four contacts, ", 4),
     219: VectorLayout("SMPL vectors"),
     225: VectorLayout("SMPL vectors of FACT", "six zeros, ", 6),
+    322: VectorLayout("SMPL-X vectors of Motion-X"),
 }
 
 
@@ -375,6 +378,9 @@ def parameter_motion(content: Mapping[str, Any], path: PathLike, options: Readin
 def vector_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
     """The motion of one vector a frame, of a width in `VECTORS`."""
     kind, first, start = VECTORS[values.shape[1]]
+    if values.shape[1] == 322:
+        parts = {"root_orient": values[:, :3], "pose_body": values[:, 3:66], "trans": values[:, 309:312]}
+        return parameter_motion({**parts, "betas": values[:1, 312:]}, "", options)._replace(kind=kind)
     is_fact = values.shape[1] == 225
     rate = options.rate(hint=_FACT_HINT if is_fact else "")
     turns, note = rotation_matrices(values[:, start + 3 :], "the vectors")
