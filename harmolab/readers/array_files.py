@@ -296,25 +296,23 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
             rate = None if options.fps is None else options.rate(own)
             points, own_words = keypoints.content_points(content)
             motion = keypoints.described_motion(points, own_words, fps=rate, joints=options.joints)
-            notes = (*_rate_note(points, motion.fps), *_guess(motion, points, about))
-            return motion_file.as_read(motion, "key points", options, *notes)
+            return motion_file.as_read(motion, "key points", options, *_guess(motion, points, about))
         return _array_motion(_numbers(values), file, options, own)
 
 
-def _rate_note(points: NDArray[Any], fps: float) -> tuple[Assumption, ...]:
-    """The note on key points that are of every second frame, every third, ..."""
-    if (step := keypoints.looked_at(points).step) == 1:
-        return ()
-    reason = f"guessed: of {step} frames, at {fps * step:g} a second, one is in the file"
-    return (Assumption(f"{fps:g} frames a second ({reason})", "frame rate guessed: frames lie at a regular step"),)
-
-
 def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tuple[Assumption, ...]:
-    """Notes on what key points leave open unless their file is about it: metres, or order and shape of the picture."""
+    """Notes on what key points leave open unless their file is about it: rate, metres, order and shape of a picture."""
+    notes = list[Assumption]()
+    if (step := keypoints.looked_at(values).step) > 1:
+        rates = f"guessed: of {step} frames, at {motion.fps * step:g} a second, one is in the file"
+        brief = "frame rate guessed: frames lie at a regular step"
+        notes.append(Assumption(f"{motion.fps:g} frames a second ({rates})", brief))
     if motion.positions.shape[2] == 3:
-        return () if "world" in about else (_WORLD,)
-    notes = _order_notes(keypoints.picture_order(values)) if values.shape[1:] in _PICTURE_SHAPES else ()
-    return (*notes, _SQUARE) if np.median(np.abs(motion.positions)) < 1 and "aspect" not in about else notes
+        return (*notes, *(() if "world" in about else (_WORLD,)))
+    if values.shape[1:] in _PICTURE_SHAPES:
+        notes += _order_notes(keypoints.picture_order(values))
+    is_square = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about
+    return (*notes, _SQUARE) if is_square else tuple(notes)
 
 
 def _order_notes(order: Skeleton | None) -> tuple[Assumption, ...]:
@@ -347,7 +345,7 @@ def _array_motion(
     rate = options.rate(own)
     is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
     if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-        motion = keypoints.keypoints_motion(values, rate, joints=options.joints, world=is_world)
+        motion = keypoints.described_motion(values, {}, fps=rate, joints=options.joints, world=is_world)
         return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
     factor, unit = motion_file.metre_factor(values, options)
     unit = _METRES if options.scale is None and factor == 1 else unit

@@ -196,9 +196,7 @@ def load_annotation(path: PathLike) -> BeatAnnotation:
     with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES) as file:
         suffix = file.suffix.lower()
         if suffix not in _SUFFIXES:
-            raise ValueError(
-                f"is no beat annotation that is known; {', '.join(_SUFFIXES)} are read: a line a beat, in seconds"
-            )
+            raise ValueError(f"is no beat annotation that is known; {', '.join(_SUFFIXES)} of seconds are read")
         if suffix == ".json":
             return _from_json(file)
         text = read_text(file)
