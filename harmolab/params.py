@@ -113,7 +113,7 @@ class HarmonyParams:
     fps : float or None, hertz
         Rate the motion is resampled to (linearly) first; None keeps its own.
     smoothing : float, seconds
-        Standard deviation of the Gaussian that smooths the speed curve; 0 leaves it alone.
+        Standard deviation of the Gaussian that smooths the speed curve, at most 10; 0 leaves it alone.
     position_smoothing : float, seconds
         The same for the joint positions before the speed is taken: what sensor noise calls for.
     subframe : bool

@@ -429,7 +429,8 @@ def described_motion(
         raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
     ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
     frames = looked_at(values)
-    return keypoints_motion(values[frames], float(rate) / frames.step, joints=joints, world=is_world, aspect=ratio)
+    points = values[frames] if values.ndim else values
+    return keypoints_motion(points, float(rate) / frames.step, joints=joints, world=is_world, aspect=ratio)
 
 
 def looked_at(values: NDArray[Any]) -> slice:
@@ -437,8 +438,8 @@ def looked_at(values: NDArray[Any]) -> slice:
 
     A few bodies may lie so by chance.
     """
-    rows = values.reshape(len(values), -1)
-    bodies = np.flatnonzero(rows.any(axis=1) & ~np.isnan(rows).all(axis=1))
+    axes = tuple(range(1, values.ndim))
+    bodies = np.flatnonzero(values.any(axis=axes) & ~np.isnan(values).all(axis=axes))
     step = int(np.gcd.reduce(np.diff(bodies))) if len(bodies) >= _ENOUGH else 1
     return slice(int(bodies[0]) % step if step > 1 else 0, None, step)
 
