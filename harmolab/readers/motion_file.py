@@ -155,20 +155,21 @@ def upright(
     ValueError
         The axis `is_needed`, and none of the first three tells it.
     """
-    way, length = _way_up(positions, names)
+    (way, length), doubt = _way_up(positions, names), ""
     if options.up and not (own and options.as_defaults):
         up, why = options.up, "as passed"
     elif way in ({"y", "z"} - {own} if own else {"y", "z", "-y"}):
-        up, why = way, f"guessed: the head is {length:.2f} m from the feet along {way}, median; --up overrules it"
+        up, doubt, why = way, "guessed", f"the head is {length:.2f} m from the feet along {way}, median"
     elif own:
         up, why = own, reason
     elif is_needed:
         raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
     else:
-        up, why = "y", "assumed: the body does not tell; --up overrules it"
-    note = f"{up} up ({why}){', turned to y up' if up != 'y' else ''}"
-    is_open = why.startswith(("guessed", "assumed"))
-    return turned_upright(positions, up), Assumption(note, f"axis {why[:7]}: {up} up") if is_open else note
+        up, doubt, why = "y", "assumed", "the body does not tell"
+    turned, places = ", turned to y up" if up != "y" else "", turned_upright(positions, up)
+    if doubt:
+        return places, Assumption(f"{up} up ({doubt}: {why}; --up overrules it){turned}", f"axis {doubt}: {up} up")
+    return places, f"{up} up ({why}){turned}"
 
 
 def _way_up(positions: FloatArray, names: Sequence[str]) -> tuple[str, float]:
