@@ -125,8 +125,9 @@ def audio_beats(
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)
-    times = analysis.beats - lateness / rate
-    inside = (times >= 0) & (times <= audio.duration)
+    # A beat that is heard as the sound begins is there, and not before it.
+    times = np.maximum(analysis.beats - lateness / rate, 0.0)
+    inside = (analysis.beats >= 0) & (times <= audio.duration)
     quality, windows = analysis.quality, analysis.windows
     return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=quality, windows=windows)
 
