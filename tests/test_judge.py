@@ -259,6 +259,14 @@ def test_what_would_show_more_is_said() -> None:
     assert any("--dance" in remark for remark in judged(dancer(0.25)).remarks)
 
 
+def test_without_a_start_all_is_said_that_asks_for_no_place_in_the_beat() -> None:
+    no_sign = judged(dancer(tempo=97.0), pattern=REST)
+    assert no_sign.without_start().remarks[1:] == no_sign.remarks[1:] and "A longer take" in no_sign.remarks[1]
+    unsure, hit = (judged(dancer(lag), UNSURE).without_start() for lag in (0.0, 0.5))
+    assert "unsure" in unsure.remarks[1] and len(unsure.remarks) == 2
+    assert unsure.details == hit.details == () and np.isnan(judged(dancer(), pattern=REST).without_start().p_value)
+
+
 def test_a_picture_and_two_points_say_so() -> None:
     flat = judged(Motion(dancer().positions[..., :2], 30.0, dancer().skeleton))
     assert any("picture" in remark for remark in flat.remarks)

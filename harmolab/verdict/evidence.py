@@ -438,6 +438,8 @@ class Evidence:
     interval, lag_interval : (float, float)
         Spread of the place test's H and of the lag (beats) from bar to bar, 95 %: how well the take's bars tell their
         mean, no evidence against luck.
+    has_start : bool
+        False where nothing tells at which moment of the song the dance begins: then no place in the beat is judged.
     """
 
     level: int
@@ -448,6 +450,7 @@ class Evidence:
     place: PlaceTest | None = None
     interval: Interval = (NAN, NAN)
     lag_interval: Interval = (NAN, NAN)
+    has_start: bool = True
 
     @property
     def n_beats(self) -> int:
@@ -485,7 +488,7 @@ class Evidence:
     @property
     def is_placed(self) -> bool:
         """True where the place in the beat can be judged: it was told, or the movement is on the beat by what it is."""
-        return self.place is not None and (self.pattern is not None or self.level == 4)
+        return self.has_start and self.place is not None and (self.pattern is not None or self.level == 4)
 
     @property
     def harmony_above_chance(self) -> float:

@@ -46,15 +46,7 @@ LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on t
 
 @dataclass(frozen=True, eq=False)
 class Judgement(evidence.Evidence, Display):
-    """A verdict in words, made from its evidence.
-
-    Parameters
-    ----------
-    has_start : bool
-        False where nothing tells at which moment of the song the dance begins: then no place in the beat is judged.
-    """
-
-    has_start: bool = True
+    """A verdict in words, made from its evidence."""
 
     def __repr__(self) -> str:
         return f"Judgement({self.level} of 4: {shorten(self.verdict, LINE, placeholder='...')})"
@@ -62,13 +54,12 @@ class Judgement(evidence.Evidence, Display):
     @property
     def verdict(self) -> str:
         """The level in a sentence or two, and how long the body stood still."""
-        return sentences.verdict(self, has_start=self.has_start)
+        return sentences.verdict(self)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Three sentences at most to read below the verdict: how sure it is, how steady, what would help."""
-        lines = sentences.remarks(self)
-        return lines if self.has_start else lines[:1]
+        return sentences.remarks(self)
 
     @property
     def details(self) -> tuple[str, ...]:
@@ -76,8 +67,8 @@ class Judgement(evidence.Evidence, Display):
         return sentences.details(self)
 
     def without_start(self) -> Self:
-        """The same where nothing tells when the dance begins: "in time" at most, and how sure that is."""
-        return replace(self, level=min(self.level, 3), pattern=None, has_start=False)
+        """The same where nothing tells when the dance begins: "in time" at most, and no place in the beat."""
+        return replace(self, level=min(self.level, 3), has_start=False)
 
     def to_dict(self) -> dict[str, Any]:
         """The numbers and sentences, for JSON; none on places in the beat where nothing tells when the dance begins."""

@@ -30,16 +30,13 @@ UNPLACED = (
 HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat off."
 
 
-def verdict(evidence: Evidence, *, has_start: bool = True) -> str:
-    """The level in a sentence or two, where it does not hold, and how long the body rested.
-
-    `has_start` is that of a `Judgement`.
-    """
+def verdict(evidence: Evidence) -> str:
+    """The level in a sentence or two, where it does not hold, and how long the body rested."""
     level = evidence.level
     if level == 0:
         return _cannot_tell(evidence)
     words = (_no_sign, _no_place, _in_time, _on_the_beat)[level - 1]
-    return (UNPLACED if level == 3 and not has_start else words(evidence)) + elsewhere(evidence) + stillness(evidence)
+    return words(evidence) + elsewhere(evidence) + stillness(evidence)
 
 
 def elsewhere(evidence: Evidence) -> str:
@@ -86,6 +83,8 @@ def _other_rate(evidence: Evidence) -> str:
 
 
 def _in_time(evidence: Evidence) -> str:
+    if not evidence.has_start:
+        return UNPLACED
     # A waltz's threes hold rates that have no place in the beat, such as 2 movements in 3 beats.
     moves = evidence.time is not None and has_rate(evidence.time, HOW_PATTERNS["rest"])
     if not (evidence.has_own_rate and (evidence.pattern or moves)):
@@ -168,7 +167,7 @@ def _steady(evidence: Evidence) -> str:
         return ""
     if evidence.level == 2:
         return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
-    if np.isnan(low):
+    if np.isnan(low) or not evidence.has_start:
         return ""
     width = max(high - low, 1 / MOMENTS) * 60000 / evidence.tempo
     return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
@@ -206,7 +205,7 @@ def _caveats(evidence: Evidence) -> list[str]:
 def _advice(evidence: Evidence) -> list[str]:
     """Ways to learn more than this verdict says."""
     lines: list[str] = []
-    if evidence.level == 4 or evidence.floor:
+    if evidence.level == 4 or evidence.floor or (evidence.level == 3 and not evidence.has_start):
         return lines
     if evidence.moves_in_half_time:
         half = f"count this music at {evidence.tempo / 2:.0f} bpm, not {evidence.tempo:.0f}, or"

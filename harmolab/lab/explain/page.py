@@ -2,7 +2,6 @@
 
 import base64
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
@@ -43,10 +42,8 @@ def dance_player(dance: OwnDance) -> Player:
     """
     if not dance.performance.has_body:
         raise ValueError(f"{dance.name}: is a video of which no body is known; the player shows bodies")
-    score = dance.score
-    if not dance.placement.is_absolute:  # its offset was fitted to the movement: there is no number to give
-        score = replace(score, harmony_above_chance=np.nan, judgement=None)
-    return Player(dance.audio, [Dancer(dance.name, dance.motion, score)], music=dance.music, title=_title(dance))
+    dancer = Dancer(dance.name, dance.motion, dance.score)
+    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
 
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
@@ -79,7 +76,7 @@ def dance_page(dance: OwnDance) -> str:
         longest=LONGEST / 60,
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         event=event_name(dance.score),
-        is_ranked=_is_ranked(dance),
+        is_ranked=is_ranked(dance.score),
         delay=dance.score.params.reaction_delay,
     )
 
@@ -99,14 +96,9 @@ def _title(dance: OwnDance) -> str:
     return " to ".join(dict.fromkeys((dance.name, dance.song)))
 
 
-def _is_ranked(dance: OwnDance) -> bool:
-    """True where the dance is compared with a pattern, at its own place in the song: rests say little about it then."""
-    return dance.placement.is_absolute and is_ranked(dance.score)
-
-
 def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
     """Every beat along time, by its rank or by the distance of the nearest rest or hit, as base64 of PNG."""
-    if _is_ranked(dance):
+    if is_ranked(dance.score):
         return png_text(ranks_figure(dance.score, size=size))
     return png_text(timing_figure(dance.score, means=dance.words.halves, title="", size=size))
 
@@ -115,10 +107,9 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
     """The numbers of the page's table: name -> text."""
     judgement, score = dance.judgement, dance.score
     numbers = {"Level": f"{dance.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
-    if dance.placement.is_absolute:
-        numbers["p in place"] = f"{judgement.p_place:.3f}" if judgement.is_placed else "nan"
-        numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
-        numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
+    numbers["p in place"] = f"{judgement.p_place:.3f}" if judgement.is_placed else "nan"
+    numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
+    numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
     numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
     numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"
     if judgement.signal is not None and judgement.signal.dimensions:

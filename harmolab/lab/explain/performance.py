@@ -420,13 +420,8 @@ class OwnDance:
 
     @property
     def judgement(self) -> Judgement:
-        """The judgement behind the score."""
+        """The judgement behind the score, as far as the place in the song is known."""
         return cast(Judgement, self.score.judgement)
-
-    @property
-    def _placed(self) -> Judgement:
-        """The judgement as far as the place in the song is known."""
-        return self.judgement if self.placement.is_absolute else self.judgement.without_start()
 
     @property
     def is_together(self) -> bool:
@@ -436,17 +431,17 @@ class OwnDance:
     @property
     def level(self) -> int:
         """Level of the verdict; 3 at most where the place in the beat is not known, since 4 differs by it alone."""
-        return self._placed.level
+        return self.judgement.level
 
     @property
     def verdict(self) -> str:
         """The result in a sentence or two for a dancer."""
-        return self._placed.verdict
+        return self.judgement.verdict
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences to read below the verdict; those on the place in the beat only where it is known."""
-        return self._placed.remarks
+        return self.judgement.remarks
 
     @property
     def summary(self) -> tuple[str, ...]:
@@ -471,7 +466,7 @@ class OwnDance:
         content = self.judgement.to_dict() | content
         if not self.placement.is_absolute:
             content |= dict.fromkeys(PLACED)
-        return dict(plain(content | {"level": self.level}))
+        return dict(plain(content))
 
 
 def explain_performance(
@@ -517,7 +512,7 @@ def explain_performance(
     else:
         placement = place_performance(performance, unplaced.audio, music, guess=guess, search=search)
     with named_faults(performance.path):
-        clip = replace(unplaced, name=performance.path.name, offset=placement.seconds)
+        clip = replace(unplaced, name=performance.path.name, offset=placement.seconds, has_start=placement.is_absolute)
     score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
     if score.judgement is not None and score.judgement.level == 1:
         check_sign(performance.path, performance.motion)

@@ -263,9 +263,9 @@ def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
 
 
 def is_ranked(score: HarmonyScore) -> bool:
-    """True where the shares of a score are ranks of its beats by the fit to a pattern."""
+    """True where the shares of a score are ranks of its beats by the fit to a pattern, at a place that is known."""
     judgement = score.judgement
-    return judgement is not None and judgement.place is not None and judgement.pattern is not None
+    return judgement is not None and judgement.is_placed and judgement.pattern is not None
 
 
 def headline(score: HarmonyScore) -> str:
