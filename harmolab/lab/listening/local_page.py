@@ -53,6 +53,11 @@ class LocalPage:
     ----------
     port : int, 0 for any free one
 
+    Raises
+    ------
+    ValueError
+        The port cannot be opened, as where another program has it.
+
     Attributes
     ----------
     path : str, the page's place on the server
@@ -65,7 +70,10 @@ class LocalPage:
     def __init__(self, *, port: int = 0) -> None:
         self.path = f"/{secrets.token_urlsafe(16)}/"
         self.finished = threading.Event()
-        self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
+        try:
+            self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
+        except OSError as error:
+            raise ValueError(f"port {port}: {error.strerror}; end what uses it, or choose another (0: any)") from None
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     def get(self, name: str) -> Reply | None:
