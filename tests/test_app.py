@@ -21,10 +21,11 @@ import numpy as np
 import pytest
 
 from harmolab import load_motion
+from harmolab.cli import app
 from harmolab.cli.app_work import work
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
 from harmolab.readers.video import write_video
-from tests.builders import cases, planted_dance, refused, write_pair
+from tests.builders import cases, complaint, planted_dance, refused, write_pair
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
 from tests.test_listening_presenting import ask
@@ -397,6 +398,8 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
     frames = [np.pad(np.zeros((6, 6), np.uint8), ((40, 44), (at, 154 - at)), constant_values=250) for at in sway]
     write_video(tmp_path / "dot.mp4", frames, 15.0, audio=planted_dance("cha-cha", seconds=20.0).audio)
     refused("no sign of the beat", work, Order("fit", None, tmp_path / "dot.mp4", "", None, tmp_path), Teller(print))
+    assert "no sign of the beat" in complaint(app, "retime", tmp_path / "dot.mp4", "--out", tmp_path / "x.mp4")
+    assert [path.name for path in tmp_path.iterdir()] == ["dot.mp4"]
 
 
 def test_sentences_of_the_page_name_no_options():

@@ -112,10 +112,10 @@ def _bent(retimed: Retimed, dance: Path) -> list[str]:
     """Sentences about the bending, and the verdicts before and after."""
     if len(retimed.before.music) == 0:
         return ["No beats were found in the music: nothing could be bent."]
-    if fault := reading_fault(retimed.before, dance, retimed.motion):
-        raise ValueError(fault)  # what was bent is not the dancer
-    scores = (retimed.before, retimed.after)
-    before, after = (score.judgement.verdict if score.judgement else "no verdict" for score in scores)
+    before, after = (
+        reading_fault(score, dance, retimed.motion) or (score.judgement.verdict if score.judgement else "no verdict")
+        for score in (retimed.before, retimed.after)
+    )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]
     if retimed.warp.is_identity:
         return [f"Nothing was worth bending: {near[0]} of the beats have a rest near.", f"As it is: {before}"]

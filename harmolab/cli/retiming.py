@@ -45,8 +45,9 @@ def retime(
 ) -> None:
     """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
 
-    A motion whose rests are there already is left alone. The verdict and the number of `harmolab score` are printed as
-    they were before and as they are after.
+    A motion whose rests are there already is left alone; a video that was read too poorly, and shows no sign of the
+    beat bent or not, is refused. The verdict and the number of `harmolab score` are printed as they were before and as
+    they are after.
 
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
 

@@ -13,7 +13,7 @@ from harmolab.body.skeletons import skull_and_limbs
 from harmolab.clips import load_clip
 from harmolab.data.recordings import ReadingReport, load_any_motion
 from harmolab.files import Counted, PathLike, Progress, check_output, silent
-from harmolab.lab.explain.filmed import filmed_motion, has_body
+from harmolab.lab.explain.filmed import check_sign, filmed_motion, has_body
 from harmolab.lab.render import stick
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, Stroke
@@ -257,7 +257,8 @@ def retime_files(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file; ValueError also for a setting out of range.
+        Both name the file; ValueError also for a setting out of range, and where a video was read too poorly and
+        shows no sign of the beat, bent or not: then nothing is written.
     """
     check_output(out, [song, motion])
     video = Path(motion) if is_video(motion) else None
@@ -270,6 +271,8 @@ def retime_files(
         moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method,
         score=lambda bent: score_clip(replace(clip, motion=bent), params),
     )  # fmt: skip
+    if max(score.judgement.level if score.judgement else 0 for score in (retimed.before, retimed.after)) == 1:
+        check_sign(motion, moves)  # what was bent is not the dancer
     if video:
         warp_video(video, out, retimed.warp, sound_of(clip), height=height, progress=progress)
     elif Path(out).suffix.lower() in CODINGS:
