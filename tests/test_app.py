@@ -20,9 +20,10 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from harmolab import load_motion
+from harmolab import load_motion, synthetic_clip
 from harmolab.cli import app
 from harmolab.cli.app_work import work
+from harmolab.cli.retiming import WORSE
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
 from harmolab.readers.video import write_video
 from tests.builders import cases, complaint, planted_dance, refused, write_pair
@@ -177,8 +178,8 @@ def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
 def test_a_dance_is_made_to_fit_where_the_last_verdict_found_it_and_not_where_it_was_said_to_be():
     server = AppServer(placed, ENDINGS)
     with server.running():
-        for words, place in (({}, "3.0"), ({"offset": "1.5"}, "None"), ({}, "3.0")):
-            assert after(server, "judge", **words)["lines"] == [words.get("offset", "None")]
+        for words, place in (({}, "3.0 False"), ({"offset": "1.5"}, "None True"), ({}, "3.0 False")):
+            assert after(server, "judge", **words)["lines"] == [f"{words.get('offset')} True"]
             assert after(server, "fit")["lines"] == [place]
 
 
@@ -402,7 +403,21 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["dot.mp4"]
 
 
+def test_a_bent_dance_is_told_that_it_went_worse_and_no_place_that_its_movement_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    files = write_pair(tmp_path, synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3))[:2]
+    monkeypatch.setattr("harmolab.cli.app_work.is_worse", lambda retimed: True)
+    for has_start in (True, False):
+        said: list[dict[str, Any]] = []
+        work(Order("fit", *files, "", 0.0, tmp_path, has_start), Teller(said.append))
+        lines = next(one["lines"] for one in said if "lines" in one)
+        places = ["on the beat" in text for text in (*lines[3:5], (tmp_path / "in_time.html").read_text())]
+        assert (lines[0], places) == (WORSE, [has_start] * 3), lines
+
+
 def test_sentences_of_the_page_name_no_options():
     said = "Say where the dance begins (--offset), what you mean (--how hit), or film it (with its song)."
     assert without_options("no sound; name its file, before the film or in its place") == "no sound; name its file"
+    assert without_options(WORSE) == "The dance goes less well with the music than before: keep it as it was."
     assert without_options(said) == "Say where the dance begins, what you mean, or film it (with its song)."

@@ -627,7 +627,7 @@ def test_a_warp_that_did_no_good_is_called_so(levels: tuple, rates: tuple, numbe
     )
     bent = (SimpleNamespace(hit_rate=rate) for rate in rates)
     retimed = SimpleNamespace(before=before, after=after, target_before=next(bent), target_after=next(bent))
-    assert retiming._is_worse(retimed) == is_worse
+    assert retiming.is_worse(retimed) == is_worse
 
 
 def test_options_of_one_recording_are_none_of_many(takes: Path):

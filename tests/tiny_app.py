@@ -7,10 +7,10 @@ from harmolab.lab.app import Order, Teller, Work
 
 
 def placed() -> Work:
-    """Work that finds each dance at 3 s of its song; "fit" says which place it was told."""
+    """Work that finds each dance at 3 s of its song, by its movement; "fit" says which place it was told."""
 
     def work(order: Order, teller: Teller) -> None:
-        teller.lines([str(order.offset)], offset=3.0 if order.offset is None else order.offset)
+        teller.lines([f"{order.offset} {order.has_start}"], offset=order.offset or 3.0, has_start=False)
 
     return work
 

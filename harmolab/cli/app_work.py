@@ -3,11 +3,13 @@
 import io
 from collections.abc import Callable
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
+from harmolab.cli.retiming import WORSE, is_worse
 from harmolab.cli.sources import reading_fault, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
@@ -22,6 +24,7 @@ from harmolab.lab.render.video import retime_files, write_dance
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
 from harmolab.types import BeatTrack
+from harmolab.verdict.judge import without_start
 
 DANCE_VIEWS = (("page", ".html", "A dance to the song"), ("film", ".mp4", "A video"), ("file", ".bvh", "For Blender"))
 NO_DANCE = "Choose a dance first: a video, or a file of movement."
@@ -55,7 +58,8 @@ def judge(order: Order, teller: Teller) -> None:
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
     notes += [f"Judged as a {order.style}, as you said."] if order.style else []
     notes += _tempo(song, order.style, result.music)
-    teller.lines([*result.summary, *notes], is_good=result.is_together, offset=result.placement.seconds)
+    lines, place = [*result.summary, *notes], result.placement
+    teller.lines(lines, is_good=result.is_together, offset=place.seconds, has_start=place.is_absolute)
     if not performance.is_video and result.motion.duration <= LONGEST:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
@@ -92,6 +96,8 @@ def fit(order: Order, teller: Teller) -> None:
         song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
     )  # fmt: skip
+    if not order.has_start:
+        retimed = replace(retimed, before=without_start(retimed.before), after=without_start(retimed.after))
     begin = order.offset if order.offset is not None else recorded_offset(dance) or 0.0
     place = [f"All of this holds if your dance begins at {begin + 0.0:.2f} s of the song."] if song != dance else []
     teller.lines([*_bent(retimed, dance), *place, *_tempo(song, order.style, retimed.before.music)])
@@ -99,7 +105,8 @@ def fit(order: Order, teller: Teller) -> None:
         teller.view("film", out, "Your video, in time")
         return
     clip = load_clip(song, out, offset=order.offset, dance=order.style, sample_rate=None)
-    _view(order, teller, "in_time.html", "Your dance, in time", player_of([clip]).save)
+    player = player_of([replace(clip, has_start=order.has_start)])
+    _view(order, teller, "in_time.html", "Your dance, in time", player.save)
     teller.view("file", out, "The movement")
 
 
@@ -118,9 +125,10 @@ def _bent(retimed: Retimed, dance: Path) -> list[str]:
     )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]
     if retimed.warp.is_identity:
-        return [f"Nothing was worth bending: {near[0]} of the beats have a rest near.", f"As it is: {before}"]
+        return [f"Nothing was worth bending: you rest near {near[0]} of the beats.", f"As it is: {before}"]
     return [
-        f"Beats with a rest near: {near[0]} before, {near[1]} after.",
+        *([WORSE] if is_worse(retimed) else ()),
+        f"You rest near {near[1]} of the beats now, and before near {near[0]}.",
         f"Time was bent by {1000 * retimed.warp.bent:.0f} ms on average; no pose was changed.",
         f"Before: {before}",
         f"After: {after}",

@@ -23,7 +23,7 @@ MEANINGS = (
     "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
 )
 LOSS = 0.1  # of the number above chance, which moves by less with nothing but chance
-WORSE = "The dance goes less well with the music than before: keep it as it was, or try a smaller --strength."
+WORSE = "The dance goes less well with the music than before: keep it as it was (or --strength 0.5)."
 
 
 @with_options
@@ -99,7 +99,7 @@ def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion)
         common.print_verdict(score.judgement, name)
 
 
-def _is_worse(retimed: Retimed) -> bool:
+def is_worse(retimed: Retimed) -> bool:
     """True where bending time led to a lower level of the verdict, at the same level to a lower number or fewer rests.
 
     A number above chance is lower where it falls by more than `LOSS`; rests are those near beats.
@@ -117,7 +117,7 @@ def _meaning(retimed: Retimed, phase: float) -> str:
     if retimed.warp.is_identity:
         return "Nothing was worth bending."
     place = "the beats" if phase == 0 else f"the moments that lie {phase:g} of a beat after the beats"
-    return WORSE if _is_worse(retimed) else MEANINGS.format(place=place)
+    return WORSE if is_worse(retimed) else MEANINGS.format(place=place)
 
 
 def _print(retimed: Retimed, source: Path, phase: float) -> None:

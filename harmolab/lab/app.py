@@ -51,6 +51,7 @@ class Order(NamedTuple):
     style : str, name of the dance, "" where it is not told
     offset : float or None, seconds, song time at which the dance begins
     folder : Path, an empty folder for what is written
+    has_start : bool, False where the offset is one that was found from the movement, which tells no place in the beat
     """
 
     task: str
@@ -59,6 +60,7 @@ class Order(NamedTuple):
     style: str
     offset: float | None
     folder: Path
+    has_start: bool = True
 
 
 @dataclass(frozen=True)
@@ -80,9 +82,11 @@ class Teller:
                 self.step(label if total else f"{label}: {count}", count / total if total else None)
             yield item
 
-    def lines(self, lines: Sequence[str], *, is_good: bool = False, offset: float | None = None) -> None:
-        """The answer, first its headline; and where in the song the dance begins."""
-        self.send({"lines": list(lines), "good": is_good, "offset": offset})
+    def lines(
+        self, lines: Sequence[str], *, is_good: bool = False, offset: float | None = None, has_start: bool = True
+    ) -> None:
+        """The answer, first its headline; and where in the song the dance begins, as in `Order`."""
+        self.send({"lines": list(lines), "good": is_good, "offset": offset, "has_start": has_start})
 
     def view(self, kind: str, path: Path, title: str) -> None:
         """A file to look at: a "page", a "film", or one to keep, a "file"."""
@@ -212,7 +216,7 @@ class AppServer(LocalPage):
         self._shown: dict[str, Path] = {}  # address below the page -> file
         self._count = 0  # of orders
         self._state: dict[str, Any] = _fresh("")
-        self._offset: float | None = None  # seconds of the song at which the last verdict found that the dance begins
+        self._place: dict[str, Any] = {}  # fields of an `Order`: where the last verdict found that the dance begins
         self._is_looked_for = False  # whether that verdict looks for it
         with self._changing:
             self._worker = self._new_worker()
@@ -271,7 +275,7 @@ class AppServer(LocalPage):
             before = self._files.pop(slot, None)
             if path is not None:
                 self._files[slot] = path
-            self._state, self._offset = _fresh(""), None
+            self._state, self._place = _fresh(""), {}
         if before is not None:
             removed(before.parent)
 
@@ -307,10 +311,10 @@ class AppServer(LocalPage):
             self._state = _fresh(task, number=self._count)
             self._is_looked_for = task == "judge" and offset is None
             if task == "judge":
-                self._offset = None
-            offset = self._offset if task == "fit" and offset is None else offset
-            files = {slot: self._files.get(slot) for slot in SLOTS}
-            self._worker.do(Order(task, **files, style=style, offset=offset, folder=folder))
+                self._place = {}
+            place = {"offset": offset} | (self._place if task == "fit" and offset is None else {})
+            dance, song = map(self._files.get, SLOTS)
+            self._worker.do(Order(task, song, dance, style, folder=folder, **place))
 
     def _renew(self, fault: str) -> None:
         """Another worker in place of this one, whose order is given up."""
@@ -331,7 +335,8 @@ class AppServer(LocalPage):
                 self._state["views"].append({**record["view"], "address": address})
             elif "lines" in record:
                 self._state |= {**record, "lines": [self._plain(line) for line in record["lines"]]}
-                self._offset = record.get("offset") if self._is_looked_for else self._offset
+                if self._is_looked_for:
+                    self._place = {name: record[name] for name in ("offset", "has_start")}
             elif "step" in record:
                 self._state |= record
             elif self._state["working"]:
