@@ -35,6 +35,7 @@ def test_a_lab_of_a_dance_is_a_page_of_the_seconds_that_were_asked_for(pair: tup
     (page,) = Path().glob("*_lab.html")
     data = data_of(page)
     assert (data["kind"], data["evidence"]["duration"]) == ("scoring", pytest.approx(8.0, abs=0.1))
+    assert "<title>dance to song: the scoring lab</title>" in page.read_text("utf-8")
     assert {"lambda1", "lambda2", "delay", "beta", "lag"} <= data["start"].keys()
     assert not re.findall(r"""(?:src|href)=["'](?:https?:)?//""", page.read_text("utf-8"))
 

@@ -6,7 +6,7 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
-from harmolab.cli.common import OF_LAB, CommandWithParts, recommended
+from harmolab.cli.common import OF_LAB, CommandWithParts, dance_title, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, is_worse
@@ -64,7 +64,8 @@ def judge(order: Order, teller: Teller) -> None:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
     clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
-    _view(order, teller, "lab.html", "Sliders", scoring_lab(clip, pattern=params.pattern, mode="recommended").save)
+    lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song), mode="recommended")
+    _view(order, teller, "lab.html", "Sliders", lab.save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result), "Your video with its beats")
 

@@ -106,7 +106,8 @@ def lab(
     if not clip.has_start:
         note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
     with waiting("making the lab"):
-        scoring_lab(clip, pattern=params.pattern, mode="recommended").save(out)
+        name = common.dance_title(files.motion, files.song)
+        scoring_lab(clip, pattern=params.pattern, name=name, mode="recommended").save(out)
     wrote(out)
     if not no_open:
         open_page(out)

@@ -305,6 +305,7 @@ class LabContent:
     pattern : BarPattern, optional, of the modes that have one
     play : callable, optional; ``play(**values)`` returns an element (HTML) to be opened under the picture
     extra : name -> value, where controls stand at first that are no setting of a mode
+    name : str, of the dance and its song, for the title; "" where they are an example
 
     Raises
     ------
@@ -320,6 +321,7 @@ class LabContent:
     pattern: BarPattern | None = None
     play: Callable[..., str] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
 
     def __post_init__(self) -> None:
         refuse_unread(self.kind, self.controls)
@@ -329,7 +331,7 @@ class LabContent:
     @property
     def title(self) -> str:
         """Heading of the page."""
-        return f"The {self.kind} lab"
+        return f"{self.name}: the {self.kind} lab" if self.name else f"The {self.kind} lab"
 
     @property
     def about(self) -> str:

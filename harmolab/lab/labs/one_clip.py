@@ -93,7 +93,7 @@ def _row(kind: str, accept: str) -> tuple[ipywidgets.FileUpload, ipywidgets.Text
 N_ROTATIONS = 200  # as fine as the eye can tell
 
 
-def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> live.LiveLab:
+def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, name: str = "", **values: Any) -> live.LiveLab:
     """Sliders for λ1, λ2, T_delay, β and lag, menus for mode, detector and matching, below a picture of the score.
 
     Choosing a mode sets the other controls to its own values; each can be moved away from there.
@@ -104,6 +104,7 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     pattern : BarPattern, optional
         Movement that the recommended mode expects; when left out, a waltz where the movement recurs every three beats,
         else a rest on each.
+    name : str, of the dance and its song, for the title of the page
     **values
         Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
 
@@ -117,7 +118,7 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     >>> lab = scoring_lab(synthetic_clip("cha-cha"), delay=0.1)  # doctest: +SKIP
     >>> lab.sentence  # doctest: +SKIP
     """
-    return live.LiveLab(scoring_content(live.Stage.of(clip, pattern)), values)
+    return live.LiveLab(replace(scoring_content(live.Stage.of(clip, pattern)), name=name), values)
 
 
 def scoring_content(stage: live.Stage) -> live.LabContent:
