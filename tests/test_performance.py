@@ -266,4 +266,7 @@ def test_page_fits_the_screen_and_plays(late: OwnDance, chromium: Any, tmp_path:
     page.wait_for_function("document.querySelector('iframe').contentWindow.harmolabPlayer.time() > 0.3")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("figure img").first.evaluate("image => image.naturalWidth > 0")
+    assert not page.is_visible("details p")
+    page.emulate_media(media="print")
+    assert page.is_visible("details p")
     closed(page)
