@@ -255,6 +255,10 @@ def test_keys_play_slow_down_and_loop(page: Any) -> None:
     assert page.evaluate("stretch") == pytest.approx([3.0, 5.0])
     page.keyboard.press("0")
     assert page.evaluate("stretch") is None
+    page.click("text=keyboard >> nth=0")  # letters, digits and signs may be what speech was taken for
+    for key in ("]", "1", "ArrowRight"):
+        page.keyboard.press(key)
+    assert page.evaluate("[sound.playbackRate, stretch, Math.round(now())]") == [0.25, None, 6]
 
 
 def test_space_on_a_focused_button_is_its_own_action(page: Any) -> None:
