@@ -389,6 +389,10 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     assert page.inner_text("h2 >> nth=1") == page.inner_text("#pair") == f"{dance.name} to {song.name}"
     page.reload()
     page.wait_for_selector("#song.full")
+    tab = page.context.new_page()
+    tab.goto(real.address)
+    tab.wait_for_selector("#song.full")
+    tab.close()
     page.goto(real.address)  # a new visit, which begins empty
     finished(real, lambda now: now["files"] == {})
     closed(page)
