@@ -379,6 +379,7 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
         page.click("text=Save dance_in_time.npz")
     assert np.load(download.value.path())["positions"].shape[0] > 100
     page.click("#invent")
+    page.wait_for_function("one('step').textContent === 'drawing …' && one('share').value > 0.1", timeout=60_000)
     page.click("text=For Blender", timeout=60_000)
     with page.expect_download() as download:
         page.click(f"text=Save {song.stem}_dance.bvh")

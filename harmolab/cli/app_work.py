@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from harmolab.cli.common import OF_LAB, CommandWithParts, dance_title, recommend
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, is_worse
+from harmolab.cli.screen import WATCHER
 from harmolab.cli.sources import reading_fault, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
@@ -141,12 +143,13 @@ def dance(order: Order, teller: Teller) -> None:
     song = order.song or order.dance
     if song is None or (order.song is None and not is_video(song)):
         raise ValueError(NO_MUSIC)
-    teller.step("dancing")
     output, fault = io.StringIO(), io.StringIO()
     words = [str(song), *(["--dance", order.style] if order.style else [])]
     with chdir(order.folder), redirect_stdout(output), redirect_stderr(fault), named_faults(song):
         command = CommandWithParts.of(dance=dance_command).part("dance")
-        code = command.main(words, prog_name="harmolab dance", standalone_mode=False)
+        context = copy_context()
+        context.run(WATCHER.set, teller)
+        code = context.run(command.main, words, prog_name="harmolab dance", standalone_mode=False)
     if code:
         raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
     teller.lines([line.strip() for line in output.getvalue().splitlines() if not line.startswith("wrote ")])

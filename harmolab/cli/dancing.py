@@ -19,7 +19,7 @@ import harmolab
 from harmolab import lab
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
-from harmolab.cli.screen import finding_beats, is_verbose, note, printable, progress, wrote
+from harmolab.cli.screen import finding_beats, is_verbose, note, printable, progress, waiting, wrote
 from harmolab.cli.sources import note_tempo
 from harmolab.cli.training import TRAIN_HINT
 from harmolab.files import plain
@@ -314,7 +314,8 @@ def dance(
     params = common.recommended(pattern, dance if dancer.knows_bars else "")
 
     def danced(number: int) -> DanceReport:
-        motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
+        with waiting("dancing"):
+            motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
         music = track.span(offset, motion.duration)
         is_open_tempo = not dance and music.quality is not None and len(music) > 1
         tempo = (TEMPO.format(music.tempo),) if is_open_tempo else ()

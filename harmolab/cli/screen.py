@@ -20,6 +20,7 @@ EVERY = 5.0  # seconds to the first line about long work where there is no termi
 LONGEST = 30.0  # seconds between them in the end
 QUIET, USUAL, VERBOSE = -1, 0, 1
 LEVEL = ContextVar("level", default=USUAL)  # of what a command says
+WATCHER: ContextVar[Any] = ContextVar("watcher", default=None)  # a `Teller`, which hears of long work: no screen does
 KEY = "harmolab.level"  # of the same in the meta data of a call, as long as its options are read
 
 
@@ -126,6 +127,8 @@ def plain_errors() -> Iterator[None]:
 
 def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
     """`items` with a progress bar on standard error, or a line every few seconds where that is no terminal."""
+    if watcher := WATCHER.get():
+        return watcher.progress(items, label)
     if LEVEL.get() <= QUIET:
         return items
     if not sys.stderr.isatty():
@@ -148,7 +151,10 @@ def _counted(items: Iterable[Any], label: str) -> Iterator[Any]:
 @contextmanager
 def waiting(text: str) -> Iterator[None]:
     """Words on the screen while something takes long that cannot be counted."""
-    if LEVEL.get() <= QUIET:
+    if watcher := WATCHER.get():
+        watcher.step(text)
+        yield
+    elif LEVEL.get() <= QUIET:
         yield
     elif not sys.stderr.isatty():
         with _lines(lambda: text):
