@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import socket
@@ -348,12 +349,12 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
 ):
     song, dance = write_pair(tmp_path, planted_dance(seconds=16.0, fps=30.0))[:2]
     page = at_address(chromium, real.address)
-    (tmp_path / "wrong.mp4").write_bytes(b"no video" * 99)
+    (tmp_path / "wrong.mp4").write_bytes(b"\xff\xd8\xff\xe0\0\x10JFIF\0" * 99)  # a photo
     dropped(page, tmp_path / "wrong.mp4")
     page.wait_for_selector("#dance.full")
     page.click("#judge")
     page.wait_for_selector("#fault:not(:empty)", timeout=60_000)
-    assert page.inner_text("#fault").startswith("wrong.mp4: cannot be read as video")
+    assert re.match("wrong.mp4: cannot be read as video: .* kind of file, such as a photo", page.inner_text("#fault"))
     (tmp_path / "wrong.txt").write_text("x")
     dropped(page, tmp_path / "wrong.txt")
     assert page.inner_text("#fault").startswith("wrong.txt: a song ends in .wav")

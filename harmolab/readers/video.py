@@ -193,7 +193,7 @@ def opened_container(path: Path) -> Iterator[Any]:
             with av.open(f"file:{file}", container_options=only, **READ_TAGS) as container:
                 yield container
         except av.FFmpegError as error:
-            fault = f"cannot be read as {what}: damaged, cut off or something else ({error.strerror})"
+            fault = f"cannot be read as {what}: it is damaged or cut off, or another kind of file, such as a photo"
             raise ValueError(fault) from error
 
 
