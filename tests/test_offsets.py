@@ -100,7 +100,7 @@ def test_motion_that_stands_still_silence_and_an_impossible_search_are_refused()
     film = picture_motion(np.zeros((250, 32, 32), np.uint8), 25.0)
     for still in (Motion(np.zeros((600, 2, 3)), 60.0, Skeleton.unnamed(2)), film):
         refused("nothing moves in this motion", find_offset, clip.audio, still, music=clip.beats)
-    refused("fewer than 4 music beats", find_offset, Audio(np.zeros(22050 * 6), 22050), clip.motion)
+    refused("fewer than 4 music beats .* is there music", find_offset, Audio(np.zeros(22050 * 6), 22050), clip.motion)
     refused("a harmolab.HarmonyParams is needed", find_offset, clip.audio, clip.motion, params="paper")
     refused("a video of 3 frames is too short", picture_motion, np.zeros((3, 32, 32), np.uint8), 25.0)
     message = "search must lie between 0 and 600 s"

@@ -121,7 +121,7 @@ def find_offset(
     lags = float(guess) + STEP * np.arange(-round(search / STEP), round(search / STEP) + 1, dtype=np.float64)
     curve = rest_at_beats(times, speed, beats, lags)
     if beats.size < FEWEST_BEATS or np.isnan(curve).all():
-        raise ValueError(f"fewer than {FEWEST_BEATS} music beats fall into the motion; nothing tells its offset")
+        raise ValueError(f"fewer than {FEWEST_BEATS} music beats fall into the dance: is there music, and enough?")
     period = float(np.polyfit(np.arange(beats.size), beats, 1)[0])
     seconds = _nearest_peak(lags, curve, period, guess)
     most = int(2 * search / period) + 1
