@@ -27,7 +27,7 @@ from harmolab.cli.app_work import work
 from harmolab.cli.retiming import WORSE
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
 from harmolab.readers.video import write_video
-from tests.builders import cases, complaint, planted_dance, refused, write_pair
+from tests.builders import cases, complaint, planted_dance, refused, write_pair, write_song
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
 from tests.test_listening_presenting import ask
@@ -391,10 +391,9 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     assert page.inner_text("h2 >> nth=1") == page.inner_text("#pair") == f"{dance.name} to {song.name}"
     page.reload()
     page.wait_for_selector("#song.full")
-    tab = page.context.new_page()
-    tab.goto(real.address)
-    tab.wait_for_selector("#song.full")
-    tab.close()
+    with closing(page.context.new_page()) as tab:
+        tab.goto(real.address)
+        tab.wait_for_selector("#song.full")
     page.goto(real.address)  # a new visit, which begins empty
     finished(real, lambda now: now["files"] == {})
     closed(page)
@@ -409,9 +408,7 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["dot.mp4"]
 
 
-def test_a_bent_dance_is_told_that_it_went_worse_and_no_place_that_its_movement_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     files = write_pair(tmp_path, synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3))[:2]
     monkeypatch.setattr("harmolab.cli.app_work.is_worse", lambda retimed: True)
     for has_start in (True, False):
@@ -420,6 +417,15 @@ def test_a_bent_dance_is_told_that_it_went_worse_and_no_place_that_its_movement_
         lines = next(one["lines"] for one in said if "lines" in one)
         places = ["on the beat" in text for text in (*lines[3:5], (tmp_path / "in_time.html").read_text())]
         assert (lines[0], places) == (WORSE, [has_start] * 3), lines
+
+
+def test_a_page_that_is_left_out_is_said_and_each_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("harmolab.lab.player_page.LONGEST", 5.0)
+    said: list[dict[str, Any]] = []
+    song = write_song(tmp_path / "song.wav", planted_dance())
+    work(Order("dance", song, None, "", None, tmp_path), Teller(said.append))
+    assert "the player shows 5 s at most" in next(one["lines"][-1] for one in said if "lines" in one)
+    assert {"finding the beats", "dancing", "drawing"} <= {one.get("step") for one in said}
 
 
 def test_sentences_of_the_page_name_no_options():

@@ -1,6 +1,7 @@
 """The work behind the page of `harmolab app`: a verdict with its pages, a dance made to fit, a dance to a song."""
 
 import io
+import re
 from collections.abc import Callable
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from contextvars import copy_context
@@ -29,10 +30,6 @@ from harmolab.types import BeatTrack
 from harmolab.verdict.judge import without_start
 
 DANCE_VIEWS = (("page", ".html", "A dance to the song"), ("film", ".mp4", "A video"), ("file", ".bvh", "For Blender"))
-NO_DANCE = "Choose a dance first: a video, or a file of movement."
-NO_SONG = "{}: a file of movement has no sound; choose its song too."
-NO_PLACE = 'Ask "Am I in time?" first, or say where the dance begins: it is not known yet.'
-NO_MUSIC = "Choose a song first, or a video with music."
 BY_FLOW = "To have your body read, and not all that moves, type once in a terminal: harmolab data pose --install"
 
 
@@ -44,9 +41,9 @@ def work(order: Order, teller: Teller) -> None:
 def _pair(order: Order) -> tuple[Path, Path]:
     """The song and the dance, which may be one video."""
     if order.dance is None:
-        raise ValueError(NO_DANCE)
+        raise ValueError("Choose a dance first: a video, or a file of movement.")
     if order.song is None and not is_video(order.dance):
-        raise ValueError(NO_SONG.format(order.dance.name))
+        raise ValueError(f"{order.dance.name}: a file of movement has no sound; choose its song too.")
     return order.song or order.dance, order.dance
 
 
@@ -92,7 +89,7 @@ def fit(order: Order, teller: Teller) -> None:
     """The dance with its time bent until it rests on the beats, to look at and to keep."""
     song, dance = _pair(order)
     if order.offset is None and song != dance and recorded_offset(dance) is None:
-        raise ValueError(NO_PLACE)
+        raise ValueError('Ask "Am I in time?" first, or say where the dance begins: it is not known yet.')
     ending = ".mp4" if is_video(dance) else ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
     out = order.folder / f"{dance.stem}_in_time{ending}"
     retimed = retime_files(
@@ -142,7 +139,7 @@ def dance(order: Order, teller: Teller) -> None:
     """A dance to the song by `harmolab dance`, with its words and its files."""
     song = order.song or order.dance
     if song is None or (order.song is None and not is_video(song)):
-        raise ValueError(NO_MUSIC)
+        raise ValueError("Choose a song first, or a video with music.")
     output, fault = io.StringIO(), io.StringIO()
     words = [str(song), *(["--dance", order.style] if order.style else [])]
     with chdir(order.folder), redirect_stdout(output), redirect_stderr(fault), named_faults(song):
@@ -150,9 +147,11 @@ def dance(order: Order, teller: Teller) -> None:
         context = copy_context()
         context.run(WATCHER.set, teller)
         code = context.run(command.main, words, prog_name="harmolab dance", standalone_mode=False)
+    notes = re.findall("^harmolab: (.+)$", fault.getvalue(), re.MULTILINE)
     if code:
-        raise ValueError(fault.getvalue().strip().rpartition("\n")[2].removeprefix("harmolab: "))
-    teller.lines([line.strip() for line in output.getvalue().splitlines() if not line.startswith("wrote ")])
+        raise ValueError(notes[-1])
+    lines = [line.strip() for line in output.getvalue().splitlines() if not line.startswith("wrote ")]
+    teller.lines([*lines, *map(sentence, notes)])
     for kind, suffix, title in DANCE_VIEWS:
         if (path := order.folder / f"{song.stem}_dance{suffix}").exists():
             teller.view(kind, path, title)
