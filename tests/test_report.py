@@ -250,7 +250,7 @@ def test_where_there_is_no_git_no_commit_is_told_and_nothing_is_left_out(project
 @pytest.mark.slow
 def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
     write_notebook(tmp_path / "00_slow.ipynb", "# Slow", "1", "import time", "time.sleep(600)")
-    run = report.run_notebook(tmp_path / "00_slow.ipynb", timeout=1)
+    (run,) = report.build(tmp_path, tmp_path / "report", timeout=1, progress=False).runs
     assert run.error == "code cell 3: still running after 1 s" and run.seconds < 60
 
 

@@ -20,7 +20,7 @@ from harmolab.files import Counted, PathLike, Progress, silent
 from harmolab.lab.person import OUTLINES, Part, Stage, person_shapes, shared_wall, stage_of
 from harmolab.lab.player_page import PLAYING
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed
+from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed, picture_width
 from harmolab.lab.render.video import RATE as DANCE_RATE
 from harmolab.musician.avatar import avatar
 from harmolab.musician.page import Performed
@@ -56,11 +56,9 @@ def render_points(
     ValueError
         For a motion in space, a picture under 64 pixels, or an fps that is not positive.
     """
-    width = round(height * 4 / 3) if width is None else width
     if truth.positions.shape[2] != 2 or prediction.positions.shape[2] != 2:
         raise ValueError("points over each other are image coordinates; one of these motions is in space")
-    if min(height, width) < 64:
-        raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
+    width = picture_width(height, width, least=64)
     check_positive(fps=fps)
     both = [resample_motion(upsample_motion(motion, fps), fps) for motion in (truth, prediction)]
     count = min(motion.n_frames for motion in both)

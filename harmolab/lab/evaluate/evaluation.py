@@ -281,7 +281,7 @@ def begun(
     plan = planned(settings, keep=keep, progress=progress)
     if is_run and resume:
         _check_limits(out / ROWS, settings, plan.options)
-        engine.check_resumed(_in_order(plan.tasks), out / ROWS, plan.options.to_dict())
+        engine.check_resumed(in_order(plan.tasks), out / ROWS, plan.options.to_dict())
     write_mark(out, settings, rows=None, **mark)
     return plan
 
@@ -308,7 +308,7 @@ def write_mark(out: Path, settings: EvaluationSettings, **more: Any) -> None:
     write_json(out / MARK, about)
 
 
-def _in_order(tasks: Iterable[Pair]) -> list[Pair]:
+def in_order(tasks: Iterable[Pair]) -> list[Pair]:
     """Tasks in the order in which they are measured."""
     return sorted(tasks, key=lambda pair: pair.key)
 
@@ -318,7 +318,7 @@ def measured_parts(
 ) -> Iterator[pd.DataFrame]:
     """The rows of the tasks of a plan, by `run_rows`."""
     return engine.run_rows(
-        _in_order(plan.tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
+        in_order(plan.tasks), partial(clip_row, options=plan.options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=plan.options.to_dict(),
         stamp=attrgetter("stamp"), part_rows=PART_DANCES, progress=progress,
     )  # fmt: skip
@@ -483,14 +483,11 @@ def _evaluation(
     means |= summary.dance_means(collected.sums, collected.counts, published, interval=interval)
     rank = partial(summary.ranks, differences, systems)
     ranks = {name: rank(name, better=summary.measure_of(name).better) for name in map(str, songs.columns)}
-    extremes = {
-        name: tuple(
-            Extreme(by_key[key], harmony, int(collected.counts.loc[name]["harmony"].sum()))
-            for harmony, key in collected.extremes[name]
-        )
-        for name in (*systems, RECORDED)
-        if name in collected.extremes
-    }
+    extremes: dict[str, tuple[Extreme, ...]] = {}
+    for name in (*systems, RECORDED):
+        if name in collected.extremes:
+            dances = int(collected.counts.loc[name]["harmony"].sum())
+            extremes[name] = tuple(Extreme(by_key[key], harmony, dances) for harmony, key in collected.extremes[name])
     return Evaluation(
         settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
         means, differences, sets, ranks, counts, collected.facts, extremes,

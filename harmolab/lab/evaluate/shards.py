@@ -99,7 +99,7 @@ def merge_shards(
     evaluation.check_table_folder(out, settings, force=force)
     plan = evaluation.planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
-    tasks = sorted(plan.tasks, key=lambda pair: pair.key)
+    tasks = evaluation.in_order(plan.tasks)
     check_alike(tasks, plan.options.to_dict(), {path / ROWS: about for path, about in manifests.items()})
     deque(_same(tasks, _merged(manifests)), maxlen=0)  # before anything is written
     evaluation.write_mark(out, settings, rows=None)

@@ -93,8 +93,7 @@ def input_notes(evaluation: Evaluation) -> Iterator[Note]:
     yield from _assumptions(evaluation)
     yield from _starts(evaluation)
     for row in (*evaluation.systems, RECORDED):
-        if counts := {text: count for text, count in evaluation.facts[row]["odd"].items() if text}:
-            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+        if dances := _counted(evaluation, row, "odd"):
             yield Note(f"Odd in {row} (dances): {dances}. The column oddities of clips.csv says where.", row)
     if evaluation.missing:
         yield Note(f"Measured: {measured_text(evaluation)}. The others are in no number, and are named beside why.")
@@ -347,9 +346,13 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
 def _assumptions(evaluation: Evaluation) -> Iterator[Note]:
     """A sentence for each row on what was guessed or assumed when its dances were read; none where nothing was."""
     for row in (*evaluation.systems, RECORDED):
-        if counts := {text: count for text, count in evaluation.facts[row]["assumptions"].items() if text}:
-            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+        if dances := _counted(evaluation, row, "assumptions"):
             yield Note(f"Assumptions in reading {row} (dances): {dances}.", row)
+
+
+def _counted(evaluation: Evaluation, row: str, fact: str) -> str:
+    """The texts of a fact of the dances of a row, each with the number of dances that have it; "" without any."""
+    return "; ".join(f"{text} ({count})" for text, count in sorted(evaluation.facts[row][fact].items()) if text)
 
 
 def _listed(values: Mapping[str, int]) -> str:

@@ -191,18 +191,13 @@ def _null(times: FloatArray, speed: FloatArray, beats: FloatArray, seconds: floa
     return np.array([np.nanmax(curve) if np.isfinite(curve).any() else -np.inf for curve in best])
 
 
-def attack_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None) -> BeatTrack:
+def attack_beats(audio: Audio) -> BeatTrack:
     """Music beats by `audio_beats`, all moved by one lag to where the sound sets in.
 
     The tracker's beats come 10 to 35 ms late, by about an analysis frame and depending on the sample rate and on the
     sounds. That is no matter for a tolerance of 0.1 s, but it is for an offset.
-
-    Parameters
-    ----------
-    audio : Audio
-    tempo : as in `audio_beats`
     """
-    track = audio_beats(audio, tempo=tempo)
+    track = audio_beats(audio)
     if len(track) == 0:
         return track
     attacks = track.times + _lag_to_attacks(audio, track.times)

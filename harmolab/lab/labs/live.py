@@ -157,6 +157,10 @@ class Slider:
             raise ValueError(f"{name} must lie between {self.low:g} and {self.high:g}, got {value!r}")
         return float(value)
 
+    def to_browser(self) -> dict[str, Any]:
+        """The slider as JSON holds it."""
+        return asdict(self)
+
 
 @dataclass(frozen=True)
 class Menu:
@@ -173,9 +177,9 @@ class Menu:
                 return option
         raise ValueError(f"{name} must be one of {', '.join(map(str, self.options))}; got {value!r}")
 
-    def to_browser(self) -> list[tuple[Any, str, str]]:
-        """Value, words and Python text of each choice."""
-        return [(value, words, repr(value)) for value, words in self.options.items()]
+    def to_browser(self) -> dict[str, Any]:
+        """The menu as JSON holds it; of each choice its value, words and Python text."""
+        return asdict(self) | {"options": [(value, words, repr(value)) for value, words in self.options.items()]}
 
 
 # Controls of each lab, in the order of its page; some have more, which depend on its data.
@@ -192,24 +196,22 @@ MODE = {
     "recommended": "recommended: verdict on the body's shape",
     "valleys": "stops: slowest moments within 0.1 s",
 }
+STRENGTHS = {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
+PLATEAUS = {"last": "at its end", "middle": "at its middle", "literal": "not at all, as printed"}
 RATES = {None: "as recorded", 60.0: "60", 30.0: "30", 25.0: "25", 15.0: "15", 10.0: "10"}
 POSITION_SMOOTHINGS = {0.0: "not at all", **{step / 20: f"{step / 20:.2f} s" for step in range(1, 7)}}
 LAG = Slider("expect the dance later by", "lag", -0.4, 0.4, 0.02, "s")
 LAMBDA1 = Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD")
 LAMBDA2 = Slider("ignore small movements", "λ2", 0.0, 15.0, 0.1, "SD")
-DETECTOR = Menu(
-    "movements are",
-    "detector",
-    {
-        "turns": "turns of the speed (fast and slow)",
-        "valleys": "slowest moments",
-        "peaks": "fastest moments",
-        "direction": "changes of direction",
-    },
-)
+DETECTORS = {
+    "turns": "turns of the speed (fast and slow)",
+    "valleys": "slowest moments",
+    "peaks": "fastest moments",
+    "direction": "changes of direction",
+}
 CONTROLS: Mapping[str, Slider | Menu] = {
     "mode": Menu("way to score", "mode", MODE),
-    "detector": DETECTOR,
+    "detector": Menu("movements are", "detector", DETECTORS),
     "matching": Menu(
         "one movement may serve", "matching", {"many": "several music beats", "nearest": "one music beat, in turn"}
     ),
@@ -218,9 +220,7 @@ CONTROLS: Mapping[str, Slider | Menu] = {
     "lambda2": LAMBDA2,
     "beta": Slider("weigh missed beats", "β", 0.25, 4.0, 0.25, "×"),
     "lag": LAG,
-    "normalisation": Menu(
-        "strength of a beat", "normalisation", {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
-    ),
+    "normalisation": Menu("strength of a beat", "normalisation", STRENGTHS),
     "saliency": Menu(
         "threshold", "Eq. 11, 13", {"threshold": "λ standard deviations", "literal": "as printed: one SD, whatever λ"}
     ),
@@ -228,11 +228,7 @@ CONTROLS: Mapping[str, Slider | Menu] = {
         "a movement is large by its", "Eq. 13", {"difference": "step from the one before", "strength": "speed"}
     ),
     "fps": Menu("frames a second", "fps", RATES),
-    "plateau": Menu(
-        "a flat top counts",
-        "Eq. 9",
-        {"last": "at its end", "middle": "at its middle", "literal": "not at all, as printed"},
-    ),
+    "plateau": Menu("a flat top counts", "Eq. 9", PLATEAUS),
     "smoothing": Slider("smooth the curve over", "σ", 0.0, 0.3, 0.01, "s"),
     "position_smoothing": Menu("smooth the positions first, over", "σ", POSITION_SMOOTHINGS),
     "subframe": Menu("beats lie", "subframe", {False: "on frames", True: "between frames"}),
@@ -361,10 +357,7 @@ class LabContent:
 
     def to_browser(self) -> dict[str, Any]:
         """The content as JSON holds it."""
-        controls = [
-            asdict(control) | {"name": name} | ({"options": control.to_browser()} if isinstance(control, Menu) else {})
-            for name, control in self.controls.items()
-        ]
+        controls = [control.to_browser() | {"name": name} for name, control in self.controls.items()]
         named = {name: field_texts(params) for name, params in MODES.items()}
         texts = {mode: field_texts(self.params(**{**self.start, **self.mode_values(mode)})) for mode in self._modes()}
         return plain(
@@ -481,7 +474,8 @@ class LiveLab(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         """The widget where a page can show it, and the lab as a page of its own, which needs no Python."""
-        data, metadata = (has_front_end() and super()._repr_mimebundle_(**kwargs)) or ({}, {})
+        bundle = super()._repr_mimebundle_(**kwargs) if has_front_end() else None
+        data, metadata = bundle or ({}, {})
         page = framed(self.page, title=self.content.title, height=HEIGHT)
         return {**data, "text/plain": f"{self.sentence}\n{self.line}", "text/html": page}, metadata
 
@@ -542,10 +536,10 @@ def curve_evidence(motion: Motion, controls: Mapping[str, Slider | Menu]) -> dic
     the values of the modes that count hits.
     """
     options = {name: _options(name, controls) for name in ("fps", "subframe", "position_smoothing")}
-    rates = {
-        f"{fps:g}" if fps is not None else "interpolated" if subframe else "own": lab_params(fps=fps, subframe=subframe)
-        for fps, subframe in product(options["fps"], options["subframe"])
-    }
+    rates: dict[str, HarmonyParams] = {}
+    for fps, subframe in product(options["fps"], options["subframe"]):
+        own_rate = "interpolated" if subframe else "own"
+        rates[own_rate if fps is None else f"{fps:g}"] = lab_params(fps=fps, subframe=subframe)
     return {
         "levels": options["position_smoothing"],
         "rates": {name: _curves(motion, params, options["position_smoothing"]) for name, params in rates.items()},

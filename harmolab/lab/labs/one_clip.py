@@ -156,7 +156,7 @@ def lags() -> list[float]:
 
 def _largest_steps(stage: live.Stage) -> FloatArray:
     """The steps of strength (Eq. 12) of the detector whose largest stands out most."""
-    params = [live.lab_params("paper", detector=name) for name in live.DETECTOR.options]
+    params = [live.lab_params("paper", detector=name) for name in live.DETECTORS]
     tracks = [visual_beats(stage.motion, params=each) for each in params]
     steps = [np.abs(np.diff(track.strengths)) for track in tracks if len(track) > 1]
     return max(steps, key=lambda step: step.max() / max(step.std(), 1e-12), default=np.zeros(0))
@@ -270,7 +270,6 @@ def _reading(judgement: Judgement) -> dict[str, Any]:
 # The saliency lab
 
 LAMBDAS = np.linspace(0.0, 15.0, 151)
-UNITS = {"max": "of the largest", "mean": "of the mean", "raw": "as measured"}
 
 
 def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
@@ -301,7 +300,7 @@ def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
             "music": live.track_evidence(stage.music),
             "dance": live.track_evidence(visual),
             "lambdas": LAMBDAS,
-            "units": UNITS,
+            "units": live.STRENGTHS,
         },
         controls=live.lab_controls("saliency"),
         numbers=partial(saliency_numbers, stage, visual),
@@ -322,13 +321,10 @@ def saliency_numbers(stage: live.Stage, visual: BeatTrack, **values: Any) -> dic
     """
     params = live.lab_params(**values)
     strengths = normalise_strengths(stage.music.strengths, params.normalisation)
-    music = partial(audio_mask, strengths, reading=params.saliency)
+    reading = params.saliency
+    music = partial(audio_mask, strengths, reading=reading)
     dance = partial(
-        visual_mask,
-        visual.strengths,
-        reading=params.saliency,
-        quantity=params.visual_saliency,
-        first_beat=params.first_beat,
+        visual_mask, visual.strengths, reading=reading, quantity=params.visual_saliency, first_beat=params.first_beat
     )
     masks = music(threshold=params.audio_threshold), dance(threshold=params.visual_threshold)
     counts = {"music": masks[0].sum(), "beats": len(stage.music), "dance": masks[1].sum(), "movements": len(visual)}

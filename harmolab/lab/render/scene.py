@@ -14,7 +14,7 @@ import numpy as np
 
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.lab.person import Camera, Shape, Stage, person_shapes, shadow_outline, stage_of
-from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, check_positive, fixed
+from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, check_positive, fixed, picture_width
 from harmolab.score import HarmonyScore
 from harmolab.types import BoolArray, IntArray, Motion
 
@@ -64,9 +64,7 @@ def render_dance(
     ValueError
         For a picture under 64 pixels, or an fps that is not positive.
     """
-    width = round(height * 4 / 3) if width is None else width
-    if min(height, width) < 64:
-        raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
+    width = picture_width(height, width, least=64)
     check_positive(fps=fps)
     dance = resample_motion(upsample_motion(motion, fps), fps)
     return _frames(stage_of(dance, follow=follow), fps, height, width, BeatMarks(height, score, begin=begin))

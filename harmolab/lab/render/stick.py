@@ -66,6 +66,14 @@ def check_positive(**values: float) -> None:
             raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
+def picture_width(height: int, width: int | None, *, least: int) -> int:
+    """The width, 4/3 of the height when left out; ValueError for a picture of fewer than `least` pixels on a side."""
+    width = round(height * 4 / 3) if width is None else width
+    if min(height, width) < least:
+        raise ValueError(f"a picture needs at least {least} x {least} pixels, got {width} x {height}")
+    return width
+
+
 def render_skeleton(
     motion: Motion, *, height: int = 240, width: int | None = None, fps: float | None = None, colour: bool = False
 ) -> Iterator[Frame]:
@@ -95,9 +103,7 @@ def render_skeleton(
     ValueError
         If the picture would be smaller than 16 pixels, or fps is not positive.
     """
-    width = round(height * 4 / 3) if width is None else width
-    if min(height, width) < 16:
-        raise ValueError(f"a picture needs at least 16 x 16 pixels, got {width} x {height}")
+    width = picture_width(height, width, least=16)
     if fps is not None:
         check_positive(fps=fps)
     danced = motion if fps is None else resample_motion(motion, fps)

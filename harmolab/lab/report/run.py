@@ -203,14 +203,6 @@ def notebooks_of(folder: Path, only: Sequence[str] = ()) -> list[Path]:
     return [path for path in paths if not only or path.name.startswith(tuple(only))]
 
 
-def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 900.0) -> NotebookRun:
-    """A copy of one notebook, executed in a kernel of its own; the file itself is not changed.
-
-    `variables` are added to the kernel's environment; `timeout` is in seconds per cell.
-    """
-    return asyncio.run(_run(Path(path).resolve(), variables or {}, timeout))
-
-
 async def _run_all(
     paths: Sequence[Path],
     variables: Mapping[str, str],
@@ -266,7 +258,7 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
         fault = "the kernel died"
     # The code cell that ran last, counted as the reader counts them.
     number = sum(cell.cell_type == "code" for cell in node.cells[: max(started, default=0) + 1])
-    return NotebookRun(path, node, time.perf_counter() - before, fault and f"code cell {number}: {fault}")
+    return NotebookRun(path, node, time.perf_counter() - before, f"code cell {number}: {fault}" if fault else "")
 
 
 def _saved_by_cell(notebook: str, folder: str | None) -> Callable[..., None]:
