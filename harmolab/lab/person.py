@@ -95,11 +95,8 @@ def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
     stature = _stature(positions, trunk)
     points = [np.eye(count)]
     feet = _foot_groups(skeleton, names)
-    parts = [
-        *_limbs(skeleton, named, names, feet, bool(trunk)),
-        *_soles(named, names, feet if trunk else ()),
-        *_palms(skeleton),
-    ]
+    parts = [*_limbs(skeleton, named, names, feet, bool(trunk)), *_soles(named, names, feet if trunk else ())]
+    parts += _palms(skeleton)
     if trunk:
         upper, extra = _upper_body(positions, names, trunk, stature)
         points.append(upper)
@@ -119,9 +116,8 @@ def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
     left, right, right_hip, left_hip = (positions[:, joint] for joint in trunk)
     length = np.linalg.norm(left + right - left_hip - right_hip, axis=-1) / 2
     across = np.linalg.norm(left - right, axis=-1)
-    return max(*(float(np.percentile(size, 90)) / share for size, share in (
-        (length, TRUNK_LENGTH), (across, SHOULDERS_APART)
-    )), 1e-6)  # fmt: skip
+    by_length, by_width = np.percentile(length, 90) / TRUNK_LENGTH, np.percentile(across, 90) / SHOULDERS_APART
+    return float(max(by_length, by_width, 1e-6))
 
 
 def _limbs(
@@ -137,9 +133,9 @@ def _limbs(
     if not bones:
         yield from (Part((joint,), (STICK,), "stick") for joint in range(len(skeleton.joints)) if joint not in skull)
     for (start, end), width in zip(bones, limb_widths(skeleton, bones), strict=True):
-        is_prop = skeleton.joints[start] in PROPS
-        is_hidden = {start, end} <= inside | skull or bool({start, end} & skull)
-        if has_trunk and not is_prop and (is_hidden or any({start, end} <= set(foot) for foot in feet)):
+        is_prop, ends = skeleton.joints[start] in PROPS, {start, end}
+        is_hidden = ends <= inside | skull or ends & skull or any(ends <= set(foot) for foot in feet)
+        if has_trunk and not is_prop and is_hidden:
             continue
         is_thin = not has_trunk or is_prop or min(thin[start], thin[end]) < 1.0
         sizes = (STICK * width,) * 2 if is_thin else (radii[start], radii[end])

@@ -135,14 +135,14 @@ DANCING = PageWords(
     onset="music beat", unit="beat", event="dancer's beat",
 )  # fmt: skip
 PLAYING: Mapping[str, PageWords] = {
-    instrument: PageWords(
-        figure=f"a stick figure that plays the {instrument}", piece="performance", sound="notes", mover=mover,
-        onset="note onset",
-        unit="onset", event=event, curve=f"speed of the {hands}",
-    )
-    for instrument, mover, event, hands in (
-        ("piano", "fingers", "strike", "hands"), ("violin", "bow", "turn of the bow", "hand that bows"),
-    )
+    "piano": PageWords(
+        figure="a stick figure that plays the piano", piece="performance", sound="notes", mover="fingers",
+        onset="note onset", unit="onset", event="strike", curve="speed of the hands",
+    ),
+    "violin": PageWords(
+        figure="a stick figure that plays the violin", piece="performance", sound="notes", mover="bow",
+        onset="note onset", unit="onset", event="turn of the bow", curve="speed of the hand that bows",
+    ),
 }  # fmt: skip
 
 # The labs' script in the browser fills the same sentences.
@@ -432,11 +432,10 @@ def _facts(dancer: Dancer) -> dict[str, str]:
     facts = {f"{dancer.name}: harmony above chance": number}
     if score.judgement is None:
         return facts
-    words = of_dance(" ".join([score.judgement.verdict, *score.judgement.remarks]))
-    level = f"{score.judgement.level} of 4: {words}"
     if dancer.instead:
         return {f"{dancer.name}: level": dancer.instead}
-    return {f"{dancer.name}: level": level} | facts
+    words = of_dance(" ".join([score.judgement.verdict, *score.judgement.remarks]))
+    return {f"{dancer.name}: level": f"{score.judgement.level} of 4: {words}"} | facts
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:

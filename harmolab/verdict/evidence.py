@@ -480,9 +480,12 @@ class Evidence:
             kept = slice(max(low - 2, 0), high + 2)  # a sample more at least on either side
             cut = {name: getattr(self.signal, name)[kept] for name in ("times", "values", "valid")}
             test = time_test(replace(self.signal, **cut), beats, cycles=tuple(self.time.cycles))
-            if test.p_value > ALPHA and test.best >= CLEAR if self.level > 1 else test.p_value <= ALPHA / count:
-                joins = parts and parts[-1][1] == beats[0]
-                parts.append((parts.pop()[0] if joins else float(beats[0]), float(beats[-1])))
+            is_out_of_time = test.p_value > ALPHA and test.best >= CLEAR
+            is_other = is_out_of_time if self.level > 1 else test.p_value <= ALPHA / count
+            if is_other and parts and parts[-1][1] == beats[0]:
+                parts[-1] = parts[-1][0], float(beats[-1])
+            elif is_other:
+                parts.append((float(beats[0]), float(beats[-1])))
         return parts
 
     @property

@@ -42,18 +42,21 @@ def verdict(evidence: Evidence) -> str:
 def elsewhere(evidence: Evidence) -> str:
     """A sentence where parts of the take are otherwise than the whole; minutes and seconds of what is judged."""
     clocks = [["{}:{:02}".format(*divmod(round(edge), 60)) for edge in part] for part in evidence.other_parts]
-    *before, last = [f"from {start} to {end}" for start, end in clocks] or [""]
+    if not clocks:
+        return ""
+    *before, last = (f"from {start} to {end}" for start, end in clocks)
     parts = f"{', '.join(before)} and {last}" if before else last
-    alone = f" But part by part you are in time {parts}."
-    words = alone if evidence.level == 1 else f" {parts.capitalize()} you move at another tempo than the music's."
-    return words if parts else ""
+    if evidence.level == 1:
+        return f" But part by part you are in time {parts}."
+    return f" {parts.capitalize()} you move at another tempo than the music's."
 
 
 def stillness(evidence: Evidence) -> str:
     """A sentence where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
     still, beats = evidence.n_still, len(evidence.beats)
-    words = f" On about {still} of {beats} beats you stand still or move evenly; only the others tell."
-    return words if 10 * still > beats else ""
+    if 10 * still <= beats:
+        return ""
+    return f" On about {still} of {beats} beats you stand still or move evenly; only the others tell."
 
 
 def _cannot_tell(evidence: Evidence) -> str:
@@ -126,8 +129,8 @@ def _late_or_early(evidence: Evidence) -> str:
 def _danced(evidence: Evidence) -> str:
     """The dance with its article, the place that was told, or the pattern."""
     name = evidence.reading
-    other = "this pattern" if name == "pattern" else f"{'an' if name[:1] in 'aeiou' else 'a'} {name}"
-    return PLACES.get(name, other)
+    article = "an" if name[:1] in "aeiou" else "a"
+    return PLACES.get(name, "this pattern" if name == "pattern" else f"{article} {name}")
 
 
 def _times(rate: Fraction) -> str:

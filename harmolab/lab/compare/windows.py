@@ -299,7 +299,7 @@ def _beat_clip(
 def _shape(motion: Motion) -> Signal:
     """Seconds and normalised shape speed of a clip; all 0 where too little moves inside the body to judge its shape."""
     signal = shape_signal(shape_speed(motion))
-    return signal.times, signal.values * (not floor(signal))
+    return signal.times, np.zeros(signal.values.shape) if floor(signal) else signal.values
 
 
 def bounce(motion: Motion) -> Signal:

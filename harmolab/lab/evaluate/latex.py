@@ -37,12 +37,14 @@ def table_tex(evaluation: Evaluation) -> str:
     """
     records, deaf = tables.table_records(evaluation), set(tables.deaf_measures(evaluation))
     heads = _heads(evaluation)
-    marked = {
-        group: {name: f"{head}{DEAF * (name in deaf)}{ARROWS[measure_of(name).better]}" for name, head in names.items()}
-        for group, names in heads.items()
-    }
-    blocks = [list(_tabular(records, {"": marked.pop(group)})) for group in ("music", "body")]
-    blocks.append(list(_tabular(records, {latex_text(group): names for group, names in marked.items()})))
+
+    def marked(group: str) -> dict[str, str]:
+        marks = {name: (DEAF if name in deaf else "") + ARROWS[measure_of(name).better] for name in heads[group]}
+        return {name: head + marks[name] for name, head in heads[group].items()}
+
+    blocks = [list(_tabular(records, {"": marked(group)})) for group in ("music", "body")]
+    protocols = {latex_text(name): marked(name) for name in evaluation.settings.protocols}
+    blocks.append(list(_tabular(records, protocols)))
     lines = [line for block in blocks if block for line in ("", "\\medskip", *block)]
     caption = _caption(evaluation, {name: head for names in heads.values() for name, head in names.items()})
     return "\n".join([

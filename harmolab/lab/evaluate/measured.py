@@ -62,7 +62,8 @@ def rests_on_beat(
     """
     if len(music) < 2:
         return float("nan")
-    music, motion = later(music, late) if late else music, in_body(motion) if frame == "body" else motion
+    music = later(music, late) if late else music
+    motion = in_body(motion) if frame == "body" else motion
     score = score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
     return score.harmony_above_chance if score.n_visual else float("nan")
 
@@ -269,7 +270,7 @@ def harmony_numbers(dance: Dance) -> dict[str, float]:
     if dance.dance in DANCE_PATTERNS:
         by_bar = _recommended(dance, HarmonyParams.recommended(DANCE_PATTERNS[dance.dance]))
     of_dance = {"harmony_dance": by_bar["harmony"], "p_value_dance": by_bar["p_value"]}
-    return values | {"significant": float(p <= ALPHA) if p == p else p} | of_dance
+    return values | {"significant": math.nan if math.isnan(p) else float(p <= ALPHA)} | of_dance
 
 
 def _recommended(dance: Dance, params: HarmonyParams) -> dict[str, float]:

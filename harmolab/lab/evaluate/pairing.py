@@ -227,7 +227,7 @@ def _same_music_id(name: str, songs: Sequence[Song]) -> list[Song]:
     return [song for song in songs if number and number[1] in _MUSIC_ID.findall(song.name)]
 
 
-_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (*(_same_name, _word_of_name, _same_music_id),)
+_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (_same_name, _word_of_name, _same_music_id)
 
 
 def _words(name: str) -> str:

@@ -84,7 +84,7 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
         For text and numbers in one column; names the file and the column.
     """
     columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
-    content = (_csv_bytes if path.suffix == CSV else _parquet_bytes)(path, columns)
+    content = _csv_bytes(path, columns) if path.suffix == CSV else _parquet_bytes(path, columns)
     with atomic_write(path) as part:
         write_synced(part, content)
 

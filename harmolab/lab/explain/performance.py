@@ -169,11 +169,10 @@ def _lag(judgement: Judgement) -> list[Finding]:
     if judgement.pattern is None:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
-    if judgement.is_opposite:
-        sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
-        return [Finding("lag", judgement.lag_s, sentence, (low, high))]
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"
     sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+z.0f} ms{spread}."
+    if judgement.is_opposite:
+        sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
 
 
@@ -309,8 +308,9 @@ class Placement:
             "movement": f", or whole beats of {period} from there: found from your movement, as if you rested on the "
             "beat; which beat is not known.",
         }[self.source]
-        doubt = f" {REPEATS}" if self.repeats else "" if self.is_sure else " The evidence for this place is weak."
-        begins, seconds = "begins" if self.is_sure and not self.repeats else "may begin", round(self.seconds, 2)
+        weak = "" if self.is_sure else " The evidence for this place is weak."
+        doubt = f" {REPEATS}" if self.repeats else weak
+        begins, seconds = "may begin" if doubt else "begins", round(self.seconds, 2)
         place = f"{-seconds:.2f} s before the song" if seconds < 0 else f"at {seconds + 0.0:.2f} s of the song"
         return f"Your dance {begins} {place}{reason}{doubt}"
 

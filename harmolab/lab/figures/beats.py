@@ -236,8 +236,10 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
                     ax.set_ylabel("fit (rank)")
             panels[0].set_title(f"{name}: {fill(claim(score), 95)}\n{headline(score)}", fontsize=10)
             panels[-1].set_xlabel("time in the music (s)")
-        named = [zip(*reversed(ax.get_legend_handles_labels()), strict=True) for ax in axes[::rows]]
-        entries = {label: handle for panel in named for label, handle in panel}
+        entries: dict[str, Any] = {}
+        for ax in axes[::rows]:
+            handles, labels = ax.get_legend_handles_labels()
+            entries |= dict(zip(labels, handles, strict=True))
         ncols = len(entries) if len(entries) <= 6 else -(-len(entries) // 2)
         figure.legend(entries.values(), entries, loc="outside lower center", ncols=ncols, fontsize=9, columnspacing=1.2)
         if title:
@@ -270,19 +272,16 @@ def is_ranked(score: HarmonyScore) -> bool:
 
 def headline(score: HarmonyScore) -> str:
     """The number in one line, "-" where there is none, with its level or with the paper's numbers."""
-    number, unit = "above chance -", "beat"
-    if score.judgement is not None:
-        number, unit = f"level {score.judgement.level} of 4, {number}", "bar"
-    if np.isfinite(score.above_chance):
-        number = number.removesuffix("-") + f"{score.above_chance:+.2f}"
-        if np.isfinite(score.p_value):
-            low, high = score.interval
-            # Of a verdict the p that decides: whether it is in time.
-            p = f"p = {score.p_value:.3f}" if score.judgement is None else f"p in time = {score.judgement.p_time:.3f}"
-            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, {p})"
-    if score.judgement is not None:
-        return number
-    return f"{number};  h = {score.harmony:.2f}"
+    judgement, (low, high) = score.judgement, score.interval
+    number = f"{score.above_chance:+.2f}" if np.isfinite(score.above_chance) else "-"
+    # Of a verdict the p that decides: whether it is in time.
+    p = f"p = {score.p_value:.3f}" if judgement is None else f"p in time = {judgement.p_time:.3f}"
+    if np.isfinite([score.above_chance, score.p_value]).all():
+        unit = "beat" if judgement is None else "bar"
+        number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, {p})"
+    if judgement is None:
+        return f"above chance {number};  h = {score.harmony:.2f}"
+    return f"level {judgement.level} of 4, above chance {number}"
 
 
 # Timing: the distance from each music beat to the dancer's nearest rest or hit, along time

@@ -466,31 +466,28 @@ class SimulatedRater:
         """
         if trials.study != key.study or trials.rater != self.name:
             raise ValueError(f"{self.name} was given trials of {trials.rater}, study {trials.study}")
-        successes = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
-        if trials.kind == "rate":
-            return tuple(self._marked(trials, key))
-        rows = []
-        for trial, is_right in zip(trials.trials, successes, strict=True):
-            right = self._right(key, trial.id)
-            choice = right if is_right else trials.choices[1 - trials.choices.index(right)]
-            rows.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
-        return tuple(rows)
-
-    def _marked(self, trials: TrialSet, key: Key) -> list[Answer]:
-        """Four marks for every dance: 5, two more or less by skill and version, and chance."""
         rng = np.random.default_rng([self.seed, int(trials.study, 16)])
         answers = []
         for trial in trials.trials:
-            is_liked = key.trials[trial.id].versions[0] == self.prefers
-            centre = MOST / 2 + (2 if is_liked else -2) * (2 * self.skill - 1)
-            marks = np.clip(np.round(rng.normal(centre, 1.0, len(MARKED))), 0, MOST).astype(int)
-            answers.append(Answer(trials.study, self.name, trial.id, " ".join(map(str, marks)), simulated=True))
-        return answers
+            entry = key.trials[trial.id]
+            choice = self._marks(entry, rng) if trials.kind == "rate" else self._choice(entry, trials.choices, rng)
+            answers.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
+        return tuple(answers)
 
-    def _right(self, key: Key, trial: str) -> str:
-        entry = key.trials[trial]
+    def _marks(self, entry: KeyEntry, rng: np.random.Generator) -> str:
+        """Four marks for a dance: 5, two more or less by skill and version, and chance."""
+        is_liked = entry.versions[0] == self.prefers
+        centre = MOST / 2 + (2 if is_liked else -2) * (2 * self.skill - 1)
+        marks = np.clip(np.round(rng.normal(centre, 1.0, len(MARKED))), 0, MOST).astype(int)
+        return " ".join(map(str, marks))
+
+    def _choice(self, entry: KeyEntry, choices: tuple[str, str], rng: np.random.Generator) -> str:
+        right = self._right(entry)
+        return right if rng.random() < self.skill else choices[1 - choices.index(right)]
+
+    def _right(self, entry: KeyEntry) -> str:
         if entry.right is not None:
             return entry.right
         if self.prefers not in entry.versions:
             raise ValueError(f"no answer is right between {entry.versions}; give prefers= one of them")
-        return ("left", "right")[entry.versions.index(self.prefers)]
+        return "left" if self.prefers == entry.versions[0] else "right"

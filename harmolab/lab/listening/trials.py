@@ -232,7 +232,7 @@ def _plan_pick(items: Sequence[Item], versions: Sequence[str], n: int, truth: st
     conditions = [truth] * (n // 2) + wrong * (n // (2 * len(wrong)))
     clips = [items[place] for place in rng.permutation(len(items))[:n]]
     return [
-        KeyEntry(clip.name, (one,), (clip.versions[one],), CHOICES["pick"][one != truth])
+        KeyEntry(clip.name, (one,), (clip.versions[one],), "harmonious" if one == truth else "inharmonious")
         for clip, one in zip(clips, conditions, strict=True)
     ]
 
