@@ -90,8 +90,8 @@ def fit(order: Order, teller: Teller) -> None:
     song, dance = _pair(order)
     if order.offset is None and song != dance and recorded_offset(dance) is None:
         raise ValueError('Ask "Am I in time?" first, or say where the dance begins: it is not known yet.')
-    ending = ".mp4" if is_video(dance) else ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
-    out = order.folder / f"{dance.stem}_in_time{ending}"
+    kept = ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
+    out = order.folder / f"{dance.stem}_in_time{'.mp4' if is_video(dance) else kept}"
     retimed = retime_files(
         song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
         progress=teller.progress,
@@ -141,7 +141,7 @@ def dance(order: Order, teller: Teller) -> None:
     if song is None or (order.song is None and not is_video(song)):
         raise ValueError("Choose a song first, or a video with music.")
     output, fault = io.StringIO(), io.StringIO()
-    words = [str(song), *(["--dance", order.style] if order.style else [])]
+    words = [str(song), "--dance", order.style] if order.style else [str(song)]
     with chdir(order.folder), redirect_stdout(output), redirect_stderr(fault), named_faults(song):
         command = CommandWithParts.of(dance=dance_command).part("dance")
         context = copy_context()

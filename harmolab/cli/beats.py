@@ -94,7 +94,8 @@ def beats(
 
 def _check_options(context: typer.Context, page: TapOptions, out: Path | None, tracker: Tracker) -> None:
     """ValueError for an option that goes with --tap only, or without it only, or that another one makes void."""
-    common.check_untold(context, FOUND if page.tap else TAPPED, f"goes {'without' if page.tap else 'with'} --tap only")
+    common.check_untold(context, FOUND, "goes without --tap only", when=page.tap)
+    common.check_untold(context, TAPPED, "goes with --tap only", when=not page.tap)
     neural, is_read = "--tracker beat_this", common.is_told(context, "beats") and not common.is_told(context, "one")
     of_neural = f"goes without {neural}, which finds the beats and the bars itself"
     common.check_untold(context, ("dance", "beats", "one"), of_neural, when=tracker == "beat_this")

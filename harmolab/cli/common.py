@@ -7,11 +7,11 @@ import os
 import re
 import shlex
 import webbrowser
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import cache, wraps
 from importlib.util import find_spec
-from inspect import Signature, cleandoc, signature
+from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
 from tempfile import gettempprefix
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -214,12 +214,15 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def called(**values: Any) -> None:
-        filled = {name: record(**{one: values.pop(one) for one in fields[name]}) for name, record in records.items()}
-        command(**values, **filled)
+        for name, record in records.items():
+            values[name] = record(**{one: values.pop(one) for one in fields[name]})
+        command(**values)
 
     docstrings = [cleandoc(one.__doc__ or "").partition(SECTION) for one in (command, *records.values())]
     called.__doc__ = docstrings[0][0] + SECTION + "\n".join(section for _, _, section in docstrings)
-    options = [option for one in parameters for option in (fields[one.name].values() if one.name in fields else [one])]
+    options: list[Parameter] = []
+    for one in parameters:
+        options += fields[one.name].values() if one.name in fields else [one]
     called.__signature__ = Signature([one.replace(kind=one.KEYWORD_ONLY) for one in options])  # type: ignore[attr-defined]
     return called
 
@@ -387,7 +390,8 @@ class CheckedCommand(TyperCommand):
             one.help = helps.get(one.name, one.help)  # type: ignore[attr-defined]
         writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
         is_forced = writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params)
-        self.params += options_of(_all_take)[: 3 if is_forced else 2]
+        quiet, verbose, force = options_of(_all_take)
+        self.params += [quiet, verbose, force] if is_forced else [quiet, verbose]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The remaining arguments; ends with one line for a value that an option does not take."""
@@ -476,11 +480,9 @@ def options_of(function: Callable[..., None]) -> list[Any]:
 
 def _settings(context: typer.Context) -> str:
     """Names and values of all parameters of a call, those that were told apart from the others."""
-    values = {name: value for name, value in context.params.items() if value not in (None, "", [], ())}
-    explicit, usual = (
-        ", ".join(f"{name} {value}" for name, value in values.items() if is_told(context, name) is is_explicit)
-        for is_explicit in (True, False)
-    )
+    texts = {name: f"{name} {value}" for name, value in context.params.items() if value not in (None, "", [], ())}
+    explicit = ", ".join(text for name, text in texts.items() if is_told(context, name))
+    usual = ", ".join(text for name, text in texts.items() if not is_told(context, name))
     return f"{explicit or 'no options'}; by default {usual or 'nothing'}"
 
 
@@ -495,9 +497,11 @@ def check_numbers(context: typer.Context) -> None:
 def check_inputs(context: typer.Context) -> None:
     """FileNotFoundError for the first file or folder that is told and not there, before any slow import."""
     for name, value in context.params.items():
-        for path in () if name in (*OUTPUTS, *STEMS) else _paths(value):
+        if name in (*OUTPUTS, *STEMS) or not is_told(context, name):
+            continue
+        for path in _paths(value):
             is_word = str(path) == WORDS.get(name)
-            if is_told(context, name) and not is_word and not path.exists() and not path.is_symlink():
+            if not (is_word or path.exists() or path.is_symlink()):
                 raise FileNotFoundError(f"{path}: no such file{'' if path.suffix else ' or folder'}")
 
 
@@ -522,8 +526,9 @@ def check_folder(context: typer.Context, folder: Path, names: Container[str]) ->
 def check_untold(context: typer.Context, names: Iterable[str], reason: str, *, when: bool = True) -> None:
     """ValueError, of option and reason, for the first of these options that stands on the command line."""
     spelling = {one.name: one.opts[0] for one in context.command.params}
-    if when and (name := next((one for one in names if is_told(context, one)), "")):
-        raise ValueError(f"{spelling[name]} {reason}")
+    for name in names:
+        if when and is_told(context, name):
+            raise ValueError(f"{spelling[name]} {reason}")
 
 
 def is_told(context: typer.Context, name: str) -> bool:
@@ -531,9 +536,10 @@ def is_told(context: typer.Context, name: str) -> bool:
     return getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
 
 
-def _paths(value: Any) -> Iterator[Path]:
+def _paths(value: Any) -> list[Path]:
     """The paths that a parameter holds: one, several or none."""
-    yield from (path for path in (value if isinstance(value, list | tuple) else [value]) if isinstance(path, Path))
+    values = value if isinstance(value, list | tuple) else [value]
+    return [path for path in values if isinstance(path, Path)]
 
 
 # Titles of pages, and the line of the shell that writes a page's dance as a video
@@ -549,7 +555,8 @@ def plain_name(path: Path) -> str:
     """
     folder = path.resolve().parent.name
     is_named = path.stem in FOLDER_NAMES and not folder.startswith(gettempprefix())
-    return screen.printable((folder if is_named else path.stem) or path.name)
+    name = folder if is_named else path.stem
+    return screen.printable(name or path.name)
 
 
 def dance_title(motion: Path, song: Path) -> str:

@@ -301,4 +301,5 @@ def dance_in_words(probabilities: Mapping[str, float]) -> str:
     named = [f"{name} {value:.2f}" for name, value in others[:NAMED_OTHERS]]
     more = ["..."] if len(others) > len(named) else []
     noun = f"a {likely}" if likely in harmolab.DANCES else repr(likely)
-    return f"the music sounds like {noun} ({'; '.join(filter(None, [f'{share:.2f}', ', '.join(named + more)]))})"
+    beside = f"; {', '.join(named + more)}" if others else ""
+    return f"the music sounds like {noun} ({share:.2f}{beside})"

@@ -161,20 +161,22 @@ class DanceReport:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Sentences that go with the numbers: of the score, the dancer, and the choice of movement."""
-        judgement = self.score.judgement if self.has_harmony else None
-        remarks = () if judgement is None else judgement.remarks
-        sentences = [*(remark for remark in remarks if self.knows_bars or ADVICE not in remark), *self.remarks]
+        sentences = list(self.remarks)
+        if self.has_harmony and self.score.judgement is not None:
+            remarks = self.score.judgement.remarks
+            sentences = [*(one for one in remarks if self.knows_bars or ADVICE not in one), *sentences]
         if self.choreography is not None:
             sentences += self.choreography.warnings
-            sentences += [f"heard: {form}"] if (form := self.choreography.form) else []
+            sentences += [f"heard: {self.choreography.form}"] if self.choreography.form else []
         return _of_dance(sentences)
 
     @cached_property
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
-        judgement = self.score.judgement if self.has_harmony and len(self.music) else None
-        harmony = () if judgement is None else (judgement.verdict if judgement.beats.is_sure else UNSURE,)
-        return _of_dance((self.likeness.verdict, *harmony))
+        words, judgement = [self.likeness.verdict], self.score.judgement
+        if self.has_harmony and len(self.music) and judgement is not None:
+            words.append(judgement.verdict if judgement.beats.is_sure else UNSURE)
+        return _of_dance(words)
 
     @cached_property
     def facts(self) -> dict[str, str]:
@@ -186,8 +188,10 @@ class DanceReport:
 
     def _rests(self) -> dict[str, float]:
         """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
+        if not self.has_harmony:
+            return {}
         late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
-        return {name: lab.rests_on_beat(self.motion, self.music, late=late[name]) for name in late if self.has_harmony}
+        return {name: lab.rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items()}
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""

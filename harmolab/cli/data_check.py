@@ -221,7 +221,8 @@ def _performance(folder: Path) -> FileSummary:
     audio, notes = performance.audio, performance.notes
     facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
     facts += [] if notes is None else [f"{len(notes)} notes"]
-    odd = [*(("no sound",) if audio is None else oddities.sound_oddities(audio)), *row.odd, *_odd_hands(performance)]
+    of_sound = ("no sound",) if audio is None else oddities.sound_oddities(audio)
+    odd = [*of_sound, *row.odd, *_odd_hands(performance)]
     if not has_rate:
         row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
     return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))

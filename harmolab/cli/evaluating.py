@@ -121,8 +121,7 @@ def evaluate(
 
     common.check_pages("--out")
     check_untold(context, ("save_reference", "allow_missing"), "is of a whole table, no --shard", when=bool(shard))
-    if save_reference is not None:
-        common.check_out(save_reference, "a reference", (".npz",))
+    common.check_out(save_reference, "a reference", (".npz",))
     settings = _settings(
         generated, system or [], music=music, reference=reference, pairs=pairs, protocols=protocol or (),
         fps=_by_system("fps", fps or []),
@@ -392,5 +391,6 @@ def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
     save_patterns(out, patterns)
     for name, pattern in patterns.items():
         say(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
-    example = ["--dance", name] if (name := next(iter(patterns))) else []
+    first = next(iter(patterns))
+    example = ["--dance", first] if first else []
     say(f"use them: {shlex.join(['harmolab', 'score', 'SONG', 'DANCE', '--pattern', str(out), *example])}")

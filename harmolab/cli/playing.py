@@ -190,7 +190,9 @@ def _page(
         check_signs(files, clip, [harmolab.score_clip(clip, params)])
     clips = [clip]
     if other is not None:
-        begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
+        recorded = recorded_offset(other)
+        usual = clip.offset if recorded is None else recorded
+        begins = usual if other_offset is None else other_offset
         movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
         clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
     where = vars(part) | {"offset": clip.offset if clip.has_start else None}

@@ -104,10 +104,12 @@ def is_worse(retimed: Retimed) -> bool:
 
     A number above chance is lower where it falls by more than `LOSS`; rests are those near beats.
     """
-    pairs = ((retimed.before, retimed.target_before), (retimed.after, retimed.target_after))
-    before, after = ((score.judgement.level if score.judgement else 0, target.hit_rate) for score, target in pairs)
+    scores = (retimed.before, retimed.after)
+    before, after = (score.judgement.level if score.judgement else 0 for score in scores)
+    if before != after:
+        return after < before
     has_lost = retimed.before.above_chance - retimed.after.above_chance > LOSS
-    return after < before or (after[0] == before[0] and has_lost)
+    return has_lost or retimed.target_after.hit_rate < retimed.target_before.hit_rate
 
 
 def _meaning(retimed: Retimed, phase: float) -> str:

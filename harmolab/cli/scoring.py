@@ -6,8 +6,9 @@ Of a folder each recording is a row; a fault in one is its row.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
@@ -92,9 +93,11 @@ def explain(
 
 def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
     """A dance beside its song; `place` are offset, guess and search of `explain_performance`."""
-    performance = video_performance(files.motion) if files.is_video else lab.load_performance(
-        files.motion, report=common.note_assumptions, progress=progress, **read.keywords
-    )  # fmt: skip
+    if files.is_video:
+        performance = video_performance(files.motion)
+    else:
+        report = common.note_assumptions
+        performance = lab.load_performance(files.motion, report=report, progress=progress, **read.keywords)
     with waiting("listening"):
         result = lab.explain_performance(
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
@@ -347,10 +350,10 @@ def score(
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
         wrote(plot, err=True)
         return
-    judgement = next((score.judgement for score in scores.values() if score.judgement), None)
-    common.print_verdict(judgement)
+    for score in scores.values():
+        common.print_verdict(score.judgement)
     common.print_music(music)
-    if judgement is None or measures or is_verbose():
+    if mode == "paper" or measures or is_verbose():
         print_scores(scores, measures)
     wrote(plot)
 
@@ -367,8 +370,6 @@ def settings(
     mode: str, judged: common.JudgeOptions, dance: str, *, lag: float, clock: float
 ) -> dict[str, harmolab.HarmonyParams]:
     """The parameters of each mode, for what was told of the dance."""
-    from dataclasses import replace
-
     params = {"recommended": judged.params(dance), "paper": harmolab.HarmonyParams.paper()}
     names = ("paper", "recommended") if mode == "both" else (mode,)
     return {name: replace(params[name], lag=lag, clock=clock) for name in names}
@@ -388,15 +389,11 @@ def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
     """Name and text of each number of a score: "-" where it does not exist, "" where it is no number of this mode."""
     from harmolab.verdict.evidence import FEWEST_BEATS
 
-    values, above_chance = score.to_dict(), score.above_chance
-    has_number = values["n_audio"] >= FEWEST_BEATS and above_chance == above_chance
-    for name, key in NUMBER_ROWS.items():
-        yield name, common.show(values[key] if has_number else None)
-    is_judged = "level" in values
-    for name, key in JUDGEMENT_ROWS.items():
-        is_silent = key == "lag_s" and values.get("level", 0) < 3
-        yield name, common.show(None if is_silent else values[key]) if is_judged else ""
-    for name, key in PAPER_ROWS.items():
-        yield name, "" if is_judged else common.show(values[key])
-    for name, key in COUNT_ROWS.items():
-        yield name, common.show(values[key])
+    values = score.to_dict()
+    if values["n_audio"] < FEWEST_BEATS or math.isnan(score.above_chance):
+        values |= dict.fromkeys(NUMBER_ROWS.values())
+    if values.get("level", 0) < 3:
+        values["lag_s"] = None
+    of_other_mode = PAPER_ROWS if "level" in values else JUDGEMENT_ROWS
+    for name, key in (NUMBER_ROWS | JUDGEMENT_ROWS | PAPER_ROWS | COUNT_ROWS).items():
+        yield name, "" if name in of_other_mode else common.show(values[key])

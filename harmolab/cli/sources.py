@@ -90,7 +90,9 @@ def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
         if not is_video(song):
             raise ValueError(f"{song}: {context.info_name} takes SONG DANCE; {ALONE}")
         motion = song
-    return Sources(song, (_only(motion, MOTIONS) if motion.is_dir() else None) or motion)
+    if motion.is_dir():
+        motion = _only(motion, MOTIONS) or motion
+    return Sources(song, motion)
 
 
 def _in_folder(folder: Path) -> Sources:
@@ -169,8 +171,9 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
     from harmolab.lab.explain.offset import REPEATS, find_sound_offset
 
     song, place = harmolab.load_sound(files.song), None
-    with suppress(ValueError):  # its sound is silent, or shorter than can be compared
-        place = None if sound is None else find_sound_offset(sound, song)
+    if sound is not None:
+        with suppress(ValueError):  # its sound is silent, or shorter than can be compared
+            place = find_sound_offset(sound, song)
     if place is None or not place.is_clear:
         return None
     begins, doubt = ("begins", "") if place.is_unique else ("may begin", f". {REPEATS.removesuffix('.')}")

@@ -180,8 +180,9 @@ def _save(out: Path, tables: Tables, text: str) -> None:
     from harmolab.lab.listening.analysis import TABLES
 
     out.mkdir(parents=True, exist_ok=True)
-    for name in set(TABLES if (out / SUMMARY).is_file() else ()) - set(tables):
-        (out / f"{name}.csv").unlink(missing_ok=True)
+    for name in TABLES:
+        if name not in tables and (out / SUMMARY).is_file():
+            (out / f"{name}.csv").unlink(missing_ok=True)
     for name, rows in tables.items():
         write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False))
     write_text(out / SUMMARY, f"{text}\n")
