@@ -104,23 +104,21 @@ def load_clip(
     check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
-    path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
-    if offset is None and not isinstance(motion, Motion):
-        offset = recordings.recorded_offset(motion)
-    movement = (
-        motion
-        if isinstance(motion, Motion)
-        else recordings.load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
-    )
+    if isinstance(motion, Motion):
+        movement, path, files, has_start = motion, song, f"{song}", True
+    else:
+        offset = recordings.recorded_offset(motion) if offset is None else offset
+        path, files, has_start = motion, f"{song} and {motion}", offset is not None
+        movement = recordings.load_any_motion(
+            motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report
+        )
     audio = load_sound(song, sample_rate=sample_rate)
     sound = audio if sample_rate == TRACKED_AT else tracked_sound(song, audio)
     annotated = None if beats is None else annotated_beats(beats, sound)
-    with named_faults(name):
+    with named_faults(files):
         movement = movement if seconds is None else movement.span(0.0, seconds)
-        clip = Clip(
-            Path(path).stem or Path(path).name, audio, movement, offset or 0.0, beats=annotated, dance=dance,
-            has_start=offset is not None or isinstance(motion, Motion),
-        )  # fmt: skip
+        name = Path(path).stem or Path(path).name
+        clip = Clip(name, audio, movement, offset or 0.0, beats=annotated, dance=dance, has_start=has_start)
     if track and annotated is None:
         clip = replace(clip, beats=music_beats(replace(clip, audio=sound)))
     if one is None or clip.beats is None:

@@ -156,12 +156,13 @@ class HarmonyParams:
         check_kinds(self)
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
-                raise ValueError(f"{name} must be zero or more{', or None' * ('visual' in name)}, got {value}")
+                or_none = ", or None" if name == "visual_threshold" else ""
+                raise ValueError(f"{name} must be zero or more{or_none}, got {value}")
         if (value := max(self.smoothing, self.position_smoothing)) > MAX_SMOOTHING:
             raise ValueError(f"smoothing and position_smoothing must be at most {MAX_SMOOTHING:g} s, got {value:g}")
         for name in ("beta", "clock", "fps"):
             if (value := getattr(self, name)) is not None and not 0 < value < float("inf"):
-                raise ValueError(f"{name} must be positive{' or None' * (name == 'fps')}, got {value}")
+                raise ValueError(f"{name} must be positive{' or None' if name == 'fps' else ''}, got {value}")
         if not abs(self.lag) <= MAX_LAG:
             raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
         if not isinstance(self.pattern, BarPattern | None):
@@ -211,8 +212,8 @@ def check_kinds(settings: Any) -> None:
     """ValueError that names the first number, whole number or flag of a dataclass that is of another kind."""
     for field in fields(settings):
         if not isinstance(value := getattr(settings, field.name), KINDS.get(field.type, object)):
-            kind = "True or False" if field.type is bool else "a whole number" if field.type is int else "a number"
-            raise ValueError(f"{field.name} must be {kind}, got {value!r}")
+            words: dict[Any, str] = {bool: "True or False", int: "a whole number"}
+            raise ValueError(f"{field.name} must be {words.get(field.type, 'a number')}, got {value!r}")
 
 
 CHOICES = MappingProxyType(

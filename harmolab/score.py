@@ -105,10 +105,8 @@ def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
 
 def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
     """The attentional visual beats p'_v with strengths s'_v."""
-    return track.select(visual_mask(
-        track.strengths, params.visual_threshold, reading=params.saliency,
-        quantity=params.visual_saliency, first_beat=params.first_beat,
-    ))  # fmt: skip
+    readings = {"reading": params.saliency, "quantity": params.visual_saliency, "first_beat": params.first_beat}
+    return track.select(visual_mask(track.strengths, params.visual_threshold, **readings))
 
 
 # The score as a record, with its evidence

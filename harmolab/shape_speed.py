@@ -258,16 +258,11 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
     rest = speed - gaussian_filter1d(speed, DRIFT * shape.fps, mode="nearest")
     spread, by_joint = float(rest[valid].std()), shape.energy[inside][valid].mean(axis=0)
     is_still = spread <= 1e-9 * np.sqrt(room)
+    values = np.zeros_like(rest) if is_still else (rest - rest[valid].mean()) / spread
     size = float(np.median(shape.extent[inside][valid]))
-    return ShapeSignal(
-        times=times,
-        values=np.zeros_like(rest) if is_still else (rest - rest[valid].mean()) / spread,
-        valid=valid,
-        # One point has no size to compare with: no pulse is known, unless it rests.
-        pulse=spread / size if size > 0 else 0.0 if is_still else np.nan,
-        share=float(np.sqrt(by_joint.mean() / room)),
-        joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
-        dimensions=shape.dimensions,
-        axes=shape.axes,
-        swing=spread,
-    )
+    of_a_point = 0.0 if is_still else np.nan  # which has no size: its pulse is not known, unless it rests
+    pulse = spread / size if size > 0 else of_a_point
+    share, joints = float(np.sqrt(by_joint.mean() / room)), 0.0
+    if by_joint.any():
+        joints = float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum()))
+    return ShapeSignal(times, values, valid, pulse, share, joints, shape.dimensions, shape.axes, spread)

@@ -105,11 +105,14 @@ def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: flo
     """
     if n == 0:
         return math.nan, math.nan
-    share, quantile = hits / n, stdtrit(freedom, (1 + level) / 2) if np.isfinite(freedom) else ndtri((1 + level) / 2)
-    square = quantile**2 / n
+    part = (1 + level) / 2
+    quantile = stdtrit(freedom, part) if np.isfinite(freedom) else ndtri(part)
+    share, square = hits / n, quantile**2 / n
     centre = (share + square / 2) / (1 + square)
     half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
-    return (float(max(centre - half, 0.0)) if hits > 0 else 0.0), (float(min(centre + half, 1.0)) if hits < n else 1.0)
+    low = float(max(centre - half, 0.0)) if hits > 0 else 0.0
+    high = float(min(centre + half, 1.0)) if hits < n else 1.0
+    return low, high
 
 
 def bootstrap_interval(

@@ -253,9 +253,11 @@ class BeatTrack(Display):
     @property
     def tempo(self) -> float:
         """Beats per minute, from a line through all beats, gaps counted as whole beats; NaN with fewer than two."""
+        if len(self) < 2:
+            return float("nan")
         steps = np.diff(self.times)
-        numbers = np.cumsum(np.round(steps / np.median(steps))) if steps.size else steps
-        return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0]) if steps.size else float("nan")
+        numbers = np.cumsum(np.round(steps / np.median(steps)))
+        return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0])
 
     def select(self, mask: BoolArray) -> "BeatTrack":
         """The beats where `mask` is True, on the same time line."""
@@ -370,8 +372,11 @@ class Clip(Display):
         parts = [clipped(self.name), f"{self.audio.duration:.2f} s of music"]
         if self.motion is not None:
             parts.append(f"{self.motion.duration:.2f} s of motion at {self.motion.fps:g} fps from {self.offset:.2f} s")
-        parts += [f"{len(self.beats)} beats"] if self.beats is not None else []
-        return f"Clip({', '.join(parts + [clipped(self.dance)] * bool(self.dance))})"
+        if self.beats is not None:
+            parts.append(f"{len(self.beats)} beats")
+        if self.dance:
+            parts.append(clipped(self.dance))
+        return f"Clip({', '.join(parts)})"
 
     def span(self, start: float, seconds: float) -> "Clip":
         """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.

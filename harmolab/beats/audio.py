@@ -225,8 +225,10 @@ def sounding_span(audio: Audio) -> tuple[float, float]:
 
 def _stored_analysis(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
+    if arrays is None:
+        return None
     try:
-        envelope, beats, quality, windows = ((arrays or {})[name].astype(np.float64) for name in _Analysis._fields)
+        envelope, beats, quality, windows = (arrays[name].astype(np.float64) for name in _Analysis._fields)
     except (KeyError, ValueError):
         return None
     whole = envelope.ndim == beats.ndim == 1 and np.isfinite(envelope).all() and (envelope >= 0).all()

@@ -173,10 +173,14 @@ def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
     units: list[MeterUnit] = []
     beat = 0
     while beat < last:
-        accents = (tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4))
-        marks = next((marks for marks in accents if marks in CATEGORIES), ())
-        if marks and beat + len(marks) <= last:
-            start, end = track.times[[beat, beat + len(marks)]].tolist()
-            units.append(MeterUnit(start, end, np.array(marks), CATEGORIES[marks]))
-        beat += len(marks) or 1
+        accents = [tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4)]
+        fitting = [marks for marks in accents if marks in CATEGORIES]
+        if not fitting:
+            beat += 1
+            continue
+        longest, first = fitting[0], beat
+        beat += len(longest)
+        if beat <= last:
+            start, end = track.times[[first, beat]].tolist()
+            units.append(MeterUnit(start, end, np.array(longest), CATEGORIES[longest]))
     return tuple(units)

@@ -108,9 +108,11 @@ def _best_row(heights: FloatArray, intervals: IntArray) -> IntArray:
         origin[steps], best[steps] = candidates.argmax(axis=2), candidates.max(axis=2)
     last = max(0, heights.size - int(intervals[-1]))
     step, to = divmod(int(best[last:].argmax()), intervals.size)
-    row = [last + step]
-    while (previous := row[-1] - int(intervals[to := int(origin[row[-1], to])])) >= 0:
-        row.append(previous)
+    row, place = [], last + step
+    while place >= 0:
+        row.append(place)
+        to = int(origin[place, to])
+        place -= int(intervals[to])
     return np.array(row[::-1])
 
 

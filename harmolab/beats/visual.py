@@ -75,9 +75,9 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
     finders = {"turns": kinematics.turning_points, "valleys": kinematics.valley_frames}  # all others look for peaks
     delay, find = curve_delay(params), finders.get(params.detector, kinematics.peak_frames)
     frames = find(curve, plateau=params.plateau)
-    positions = (kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)) - delay
+    positions = kinematics.refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
     # The speed may be signed in one reading; a strength never is.
-    return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)
+    return BeatTrack((positions - delay) / fps, np.abs(curve[frames]), fps, len(curve) / fps)
 
 
 def visual_beats(motion: Motion, *, params: HarmonyParams | None = None) -> BeatTrack:
