@@ -132,13 +132,14 @@ def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     motion = without_glitches(motion)
     fine = upsample_motion(motion, RATE)
     dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
-    room = _velocity(smooth_positions(fine.positions, smoothing, fine.fps), fine.fps)
+    step = 1 / fine.fps  # velocities are central differences, one-sided at the ends
+    room = np.gradient(smooth_positions(fine.positions, smoothing, fine.fps), step, axis=0)
     inner = room
     shape = _centred(fine.positions)
     if dimensions == 3:
         unturned = replace(motion, positions=unturn(motion.positions))
         shape = smooth_positions(upsample_motion(unturned, RATE).positions, smoothing, fine.fps)
-        inner = _without_rotation(_centred(shape), _centred(_velocity(shape, fine.fps)))
+        inner = _without_rotation(_centred(shape), _centred(np.gradient(shape, step, axis=0)))
     elif dimensions == 2:
         shape = smooth_positions(shape, smoothing, fine.fps)
         inner = _without_affine(shape, _centred(room))
@@ -212,11 +213,6 @@ def unturn(positions: FloatArray) -> FloatArray:
 
 def _centred(positions: FloatArray) -> FloatArray:
     return positions - np.einsum("tjd->td", positions)[:, None] / positions.shape[1]
-
-
-def _velocity(positions: FloatArray, fps: float) -> FloatArray:
-    """Central differences (one-sided at the ends), units per second."""
-    return np.gradient(positions, 1 / fps, axis=0)
 
 
 def _without_rotation(shape: FloatArray, velocity: FloatArray) -> FloatArray:

@@ -173,14 +173,11 @@ def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
     units: list[MeterUnit] = []
     beat = 0
     while beat < last:
-        accents = [tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4)]
-        fitting = [marks for marks in accents if marks in CATEGORIES]
-        if not fitting:
-            beat += 1
-            continue
-        longest, first = fitting[0], beat
-        beat += len(longest)
-        if beat <= last:
-            start, end = track.times[[first, beat]].tolist()
+        accents = (tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4))
+        longest = next((marks for marks in accents if marks in CATEGORIES), ())
+        after = beat + max(len(longest), 1)
+        if longest and after <= last:
+            start, end = track.times[[beat, after]].tolist()
             units.append(MeterUnit(start, end, np.array(longest), CATEGORIES[longest]))
+        beat = after
     return tuple(units)

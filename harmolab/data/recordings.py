@@ -181,8 +181,9 @@ def load_skeletons(
         world = in_metres(poses + centre[:, None], 0.01)
         first, last = splice_steps(world)
         valid = np.ones(len(world), bool)
-        for before, after in () if splices else zip(first, last, strict=True):
-            valid[before + 1 : after + 1] = False
+        if not splices:
+            for before, after in zip(first, last, strict=True):
+                valid[before + 1 : after + 1] = False
         positions = world if travel else in_metres(poses, 0.01)
         if travel and ground:
             positions = on_the_floor(world, first, last)
@@ -298,10 +299,7 @@ def find_recordings(root: PathLike) -> RecordingFolders:
         `root` does not exist or is not a folder.
     """
     root = Path(root)
-    if not root.exists():
-        raise FileNotFoundError(f"{root}: no such folder")
-    if not root.is_dir():
-        raise ValueError(f"{root}: is a file; a folder of sequences is needed")
+    check_root(root, "sequences")
     closed: list[OSError] = []
     missing = {folder: missing_parts(folder) for folder in _folders_with_parts(root, closed.append)}
     problems = [Problem(folder, _lacks(folder, parts)) for folder, parts in missing.items() if parts]
@@ -309,14 +307,24 @@ def find_recordings(root: PathLike) -> RecordingFolders:
     return RecordingFolders(tuple(folder for folder, parts in missing.items() if not parts), tuple(problems))
 
 
+def check_root(root: Path, what: str) -> None:
+    """FileNotFoundError or ValueError, which name the root, where it is no folder; `what` it should be a folder of."""
+    if not root.exists():
+        raise FileNotFoundError(f"{root}: no such folder")
+    if not root.is_dir():
+        raise ValueError(f"{root}: is a file; a folder of {what} is needed")
+
+
 def _lacks(folder: Path, parts: list[str]) -> str:
     """The sentence that a folder has no such parts, and what makes them of files of other names."""
-    files, cures = {path.suffix.lower(): path for path in sorted(folder.glob("*")) if path.is_file()}, ""
-    if "motion.npz" in parts and (motion := next((files[end] for end in _OTHER_MOTIONS if end in files), None)):
-        paths = shlex.join([str(motion), str(folder / "motion.npz")])
+    files = {path.suffix.lower(): path for path in sorted(folder.glob("*")) if path.is_file()}
+    motions, sounds = ([files[end] for end in ends if end in files] for ends in (_OTHER_MOTIONS, SOUNDS))
+    cures = ""
+    if "motion.npz" in parts and motions:
+        paths = shlex.join([str(motions[0]), str(folder / "motion.npz")])
         cures = f"; harmolab data convert {paths} writes it"
-    if parts[-1] == _NO_SOUND and (sound := next((files[end] for end in SOUNDS if end in files), None)):
-        cures += f"; rename {sound.name} to audio{sound.suffix.lower()}"
+    if parts[-1] == _NO_SOUND and sounds:
+        cures += f"; rename {sounds[0].name} to audio{sounds[0].suffix.lower()}"
     return f"{folder}: has no {' and no '.join(parts)}{cures}"
 
 
@@ -329,8 +337,9 @@ def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list
     for name, below, files in os.walk(root, onerror=closed):
         depth = len(Path(name).relative_to(root).parts)
         below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
-        moves = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)
-        if any(part in files for part in _PARTS) or (moves and any(f"audio{end}" in files for end in SOUNDS)):
+        has_motion = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)
+        has_sound = any(f"audio{end}" in files for end in SOUNDS)
+        if not set(_PARTS).isdisjoint(files) or (has_motion and has_sound):
             folders.append(Path(name))
     return sorted(folders, key=natural)
 
@@ -343,10 +352,12 @@ def natural(path: Path) -> list[tuple[int, str]]:
 def missing_parts(folder: PathLike) -> list[str]:
     """The files that a folder lacks to be a recording; empty if it is whole."""
     folder = Path(folder)
-    missing = [part for part in _PARTS[:2] if not (folder / part).is_file()]
-    if (folder / "motion.npz").is_file() or len(missing) == 2:
-        missing = [] if (folder / "motion.npz").is_file() else ["motion.npz"]
-    return missing if any((folder / f"audio{end}").is_file() for end in SOUNDS) else [*missing, _NO_SOUND]
+    is_own = (folder / "motion.npz").is_file()
+    missing = [] if is_own else [part for part in _PARTS[:2] if not (folder / part).is_file()]
+    if len(missing) == 2:
+        missing = ["motion.npz"]
+    has_sound = any((folder / f"audio{end}").is_file() for end in SOUNDS)
+    return missing if has_sound else [*missing, _NO_SOUND]
 
 
 def recorded_files(folder: Path) -> list[Path]:
@@ -454,15 +465,15 @@ def recorded_offset(path: PathLike) -> float | None:
         The file, or the folder's beats.json or config.json, is damaged or not there; names it.
     """
     path = Path(path)
-    folder = path if path.is_dir() else path.parent
-    motion = path / "motion.npz" if path.is_dir() else path
-    is_recording = path.is_dir() or path.name == "motion.npz"
-    if (folder / "motion.npz").is_file() and is_recording and (folder / "beats.json").is_file():
+    is_folder = path.is_dir()
+    folder, motion = (path, path / "motion.npz") if is_folder else (path.parent, path)
+    is_own = motion.name == "motion.npz" and motion.is_file()
+    if is_own and (folder / "beats.json").is_file():
         annotated = load_annotation(folder / "beats.json").offset
-        return load_offset(folder / "motion.npz") if annotated is None else annotated
-    if motion.suffix.lower() == ".npz" and (motion.is_file() or not path.is_dir()):
+        return load_offset(motion) if annotated is None else annotated
+    if is_own or (motion.suffix.lower() == ".npz" and not is_folder):
         return load_offset(motion)
-    is_tang = (path.is_dir() or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()
+    is_tang = (is_folder or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()
     return load_config(folder / "config.json").start / FPS if is_tang else None
 
 

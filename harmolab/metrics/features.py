@@ -35,8 +35,10 @@ AIST_FPS = 60.0  # hertz; windows and differences of AIST++ are so many frames o
 _BEFORE, _AFTER = 3, 2  # sixtieths before and after a moment that its window of five steps reaches
 
 
-def _dense(motion: Motion) -> Sampled:
-    """`motion` at the lowest multiple of 60 frames per second that loses no frames; errors of `sampled`."""
+def _dense(motion: Motion, form: str) -> Sampled:
+    """`motion` at the lowest multiple of 60 fps that loses no frames; errors of `sampled`, and for another form."""
+    if form not in ("fixed", "aist++"):
+        raise ValueError(f"form must be fixed or aist++, got {form!r}")
     return sampled(motion, 1 / AIST_FPS, steps=2)
 
 
@@ -69,9 +71,7 @@ def kinetic_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixe
     ValueError
         If the motion is two-dimensional, too short or nowhere valid, or `form` is another word.
     """
-    if form not in ("fixed", "aist++"):
-        raise ValueError(f"form must be fixed or aist++, got {form!r}")
-    dense = _dense(motion)
+    dense = _dense(motion, form)
     positions, stride = dense.positions, dense.stride
     weights = _weights(dense)
     step = 1 / AIST_FPS
@@ -458,10 +458,8 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
         If joints are missing (the message names them), the motion is two-dimensional, too short or nowhere valid, or
         `form` is another word.
     """
-    if form not in ("fixed", "aist++"):
-        raise ValueError(f"form must be fixed or aist++, got {form!r}")
     weights = body_points(motion.skeleton)
-    dense = _dense(motion)
+    dense = _dense(motion, form)
     # Joints first and frames last, so that all that follows runs along neighbouring numbers.
     joints = np.ascontiguousarray(dense.positions.transpose(1, 2, 0))
     places = (weights @ joints.reshape(len(joints), -1)).reshape(len(weights), 3, -1)
@@ -488,14 +486,14 @@ def _vector(points: Points, names: str) -> FloatArray:
 
 def _projections(now: Points, before: Points, sizes: dict[str, float], rate: float, form: str) -> dict[str, BoolArray]:
     """The features of `LINES`, `PLANES` and `MOVING`, (T',) each; velocities are differences over a sixtieth."""
-    true, is_published = {}, int(form == "aist++")
+    true, column = {}, 1 if form == "aist++" else 0
     for name, direction, vector, threshold, size in LINES:
         true[name] = _beyond(_vector(now, vector), _vector(now, direction), threshold * sizes[size])
     for name, *forms, threshold in PLANES:
-        direction, vector = forms[is_published]
+        direction, vector = forms[column]
         true[name] = _beyond(_vector(now, vector), _vector(now, direction), threshold * sizes["humerus"])
     for name, *forms, threshold in MOVING:
-        direction, vector = forms[is_published]
+        direction, vector = forms[column]
         change = _vector(now, vector) - _vector(before, vector)
         true[name] = _beyond(change, _vector(now, direction), threshold * sizes["humerus"] / rate)
     return true

@@ -113,7 +113,7 @@ def body_measures(motion: Motion) -> dict[str, float]:
         "inside": _inside(body, steady),
         "hands": _hand_range(body[steady.valid], steady.skeleton),
     }
-    values |= {name: or_nan(measure, motion) for name, measure in (("jerk", jerk), ("skating", foot_skating))}
+    values |= {"jerk": or_nan(jerk, motion), "skating": or_nan(foot_skating, motion)}
     return {name: float(values[name]) for name in MEASURES if np.isfinite(values.get(name, np.nan))}
 
 
@@ -165,10 +165,10 @@ def _hand_range(body: FloatArray, skeleton: Skeleton) -> float:
 
 def _turns(motion: Motion) -> dict[str, float]:
     """The net turns of the body; none without names of left and right."""
-    pairs = side_pairs(motion.skeleton, HIPS)
     if not side_pairs(motion.skeleton):
         return {}
-    angles = heading(motion.positions, RATE, motion.skeleton, parts=HIPS if pairs else HIPS_AND_SHOULDERS)
+    parts = HIPS if side_pairs(motion.skeleton, HIPS) else HIPS_AND_SHOULDERS
+    angles = heading(motion.positions, RATE, motion.skeleton, parts=parts)
     return {"turns": abs(float(np.diff(angles)[spans(motion.valid, 1)].sum())) / (2 * np.pi)}
 
 
@@ -252,9 +252,11 @@ class LikenessLimits:
     windows: int = 0
 
     def __post_init__(self) -> None:
-        for name, numbers in (item for ranges in (self.pooled, *self.dances.values()) for item in ranges.items()):
-            if name not in MEASURES or len(numbers) != 3 or not 0 <= numbers[0] <= numbers[1] <= numbers[2] < math.inf:
-                raise ValueError(f"limits of likeness: {name} must be minimum, median and maximum, got {numbers}")
+        for ranges in (self.pooled, *self.dances.values()):
+            for name, numbers in ranges.items():
+                is_rising = len(numbers) == 3 and 0 <= numbers[0] <= numbers[1] <= numbers[2] < math.inf
+                if name not in MEASURES or not is_rising:
+                    raise ValueError(f"limits of likeness: {name} must be minimum, median and maximum, got {numbers}")
 
     @classmethod
     def of(cls, motions: Iterable[Motion], dances: Sequence[str] | None = None) -> "LikenessLimits":
@@ -423,7 +425,8 @@ def likeness(
         rest = "" if not held.any() else f", without {held.sum() / motion.fps:.3g} s of a held pose"
         return Likeness(cannot=f"too short to be judged: {needed}, these are {seconds:.3g} s{rest}")
     measured = {name: [window[name] for window in windows if name in window] for name in MEASURES}
-    recorded = {name: reference for name in MEASURES if measured[name] and (reference := limits.reference(name, dance))}
+    references = {name: limits.reference(name, dance) for name in MEASURES if measured[name]}
+    recorded = {name: reference for name, reference in references.items() if reference}
     least = {name: recorded[name][0] / MARGIN for name in recorded if name in LOWER}
     most = {name: recorded[name][2] * MARGIN for name in recorded if name in UPPER}
     values = {name: max(measured[name], key=partial(_excess, name, least, most)) for name in recorded}

@@ -155,7 +155,8 @@ def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) ->
     positions, valid, stride = sampled(motion, step, steps=1, fps=FOOT_FPS)
     feet = foot_joints(motion.skeleton)
     low = positions[..., 1] <= np.percentile(positions[valid, :, 1], FLOOR_PERCENTILE, axis=0) + height
-    slide = np.hypot(*(positions[stride:, :, [0, 2]] - positions[:-stride, :, [0, 2]]).T).T / step
+    steps = positions[stride:] - positions[:-stride]
+    slide = np.hypot(steps[..., 0], steps[..., 2]) / step
     slide = np.where(low[stride:] & low[:-stride], slide, np.inf)[spans(valid, stride)]
     speeds = np.stack([slide[:, joints].min(axis=1) for joints in feet])
     on_floor = np.isfinite(speeds)
@@ -194,8 +195,9 @@ def pfc(motion: Motion, *, step: float = STEP) -> float:
     push = (root[2 * stride :] - 2 * root[stride:-stride] + root[: -2 * stride]) / step**2
     push[:, 1] = np.maximum(push[:, 1], 0.0)
     strength = np.linalg.norm(push, axis=1)
-    slide = np.hypot(*(positions[2 * stride :, :, [0, 2]] - positions[stride:-stride, :, [0, 2]]).T) / step
-    left, right = (slide[list(joints)].min(axis=0) for joints in feet)
+    steps = positions[2 * stride :] - positions[stride:-stride]
+    slide = np.hypot(steps[..., 0], steps[..., 2]) / step
+    left, right = (slide[:, joints].min(axis=1) for joints in feet)
     usable = spans(valid, 2 * stride)
     peak = strength[usable].max()
     return float((left * right * strength)[usable].mean() / peak) if peak > NO_PUSH else 0.0

@@ -99,10 +99,8 @@ def retime(
     score = score or partial(score_motion, beats)
     before, target_before = score(motion), target(motion)
     visual, last = visual_beats(motion, params=params), (motion.n_frames - 1) / motion.fps
-    warp = beat_warp(
-        visual, beats, last,
-        phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=params, method=method,
-    )  # fmt: skip
+    limits = {"phase": phase, "strength": strength, "slowest": slowest, "fastest": fastest}
+    warp = beat_warp(visual, beats, last, params=params, method=method, **limits)
     if warp.is_identity:
         return Retimed(motion, warp, before, before, target_before, target_before)
     bent = motion_at(motion, warp.inverse(np.arange(motion.n_frames) / motion.fps))
