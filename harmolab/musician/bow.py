@@ -93,8 +93,8 @@ class Bowing:
         ways = [each.points @ reading + offset for each in sequences]
         turns = [_tracked_turns(each, skeleton, params.fps) for each in sequences]
         at_turns = [place_at(way, each, params.fps) for way, each in zip(ways, turns, strict=True)]
-        sounds = [stroke_sounds(each, loudness(seq.sound, params), params.fps)
-                  for each, seq in zip(turns, sequences, strict=True)]  # fmt: skip
+        loud = [loudness(each.sound, params) for each in sequences]
+        sounds = [stroke_sounds(own, level, params.fps) for own, level in zip(turns, loud, strict=True)]
         shifts = np.concatenate([np.diff(each) for each in at_turns])
         ends = np.concatenate([each[1:] for each in at_turns])
         long = np.abs(shifts) > SHORTEST
@@ -173,10 +173,12 @@ def stroke_sounds(turns: FloatArray, loud: FloatArray, fps: float) -> FloatArray
 
 def stroke_contrasts(sounds: FloatArray) -> FloatArray:
     """Strokes (K, 2) less each neighbour of theirs, log seconds and loudness: (K, 4 `AROUND` + 1); the last is 1."""
+    if not len(sounds):
+        return np.zeros((0, 4 * AROUND + 1))
     numbers = np.arange(len(sounds))
     steps = [step for step in range(-AROUND, AROUND + 1) if step]
-    beside = [sounds - sounds[np.clip(numbers + step, 0, len(sounds) - 1)] for step in steps] if len(sounds) else []
-    return np.column_stack([*beside, np.ones(len(sounds))]) if beside else np.zeros((0, 4 * AROUND + 1))
+    beside = [sounds - sounds[np.clip(numbers + step, 0, len(sounds) - 1)] for step in steps]
+    return np.column_stack([*beside, np.ones(len(sounds))])
 
 
 def discriminant(values: FloatArray, truth: BoolArray) -> FloatArray:

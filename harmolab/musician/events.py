@@ -9,7 +9,7 @@ lose hits. Read the score of each hand with its own notes beside that of all, wh
 well. The score of the whole body, by which dances are judged, hardly sees a musician.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -25,9 +25,10 @@ from harmolab.body.kinematics import refine_extrema, smooth_positions, upsample_
 from harmolab.musician.sound_features import note_envelope
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import ANNOTATION_RATE
-from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root
+from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root, wrist_names
 from harmolab.score import HarmonyScore, hit_mask, hit_pairs, hitting_score, score_harmony
 from harmolab.significance import bootstrap_interval_of, p_value, rotated_hits, rotations
+from harmolab.systems.training.features import check_choice
 from harmolab.types import FRAME_EDGE, Audio, BeatTrack, FloatArray, Motion, Notes, check_kind
 
 MERGE = 0.04  # seconds within which events are one: the notes of a chord, the fingers that strike it
@@ -119,7 +120,7 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     return _track([_fingertip_events(motion, side, prominence) for side in _hands(motion, hand)], motion)
 
 
-def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
+def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
     """Moments at which a violinist's bow turns; their strength is the length of the shorter stroke beside it.
 
     They are the extrema of a curve: how far the bow hand (the mean of the right hand's points) is from the bridge. The
@@ -132,29 +133,25 @@ def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | 
     reading : "distance" or "direction"
         The distance does not change when the bow goes over to another string. "direction" is the place along the first
         principal component of the hand's path beside the bridge: where strings change often, that is across the bow.
-    prominence : float, unit of the positions, optional
-        Length of the shortest stroke, 3 % of the curve's range when left out; noise as in `strikes`.
 
     Returns
     -------
-    BeatTrack, as from `strikes`. Slurred notes share a stroke, and a bow that stops and goes on does not turn.
+    BeatTrack, as from `strikes`; a stroke is 3 % of the curve's range long at least, and longer than noise makes it.
+    Slurred notes share a stroke, and a bow that stops and goes on does not turn.
 
     Raises
     ------
     ValueError
-        For another reading, a motion that has no right hand, or no shoulder or hand on the left, or a prominence that
-        is NaN.
+        For another reading, or a motion that has no right hand, or no shoulder or hand on the left.
     """
+    check_choice("reading", reading, ("distance", "direction"))
     path = _bow_path(motion)
     if reading == "distance":
         curve = np.linalg.norm(path, axis=1)
-    elif reading == "direction":
-        curve = path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     else:
-        raise ValueError(f"reading must be distance or direction, got {reading!r}")
+        curve = path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     smooth = _smooth_curves(curve[:, None], motion, SMOOTHING)[:, 0]
-    least = STROKE_SHARE * float(np.ptp(smooth)) if prominence is None else prominence
-    least = max(least, NOISE * _noise(curve, motion.fps))
+    least = max(STROKE_SHARE * float(np.ptp(smooth)), NOISE * _noise(curve, motion.fps))
     return _track([_peaks(sign * smooth, _rate(motion), least) for sign in (1.0, -1.0)], motion)
 
 
@@ -163,8 +160,7 @@ def playing_events(motion: Motion, instrument: str) -> BeatTrack:
 
     ValueError for another instrument, or as those.
     """
-    if instrument not in INSTRUMENTS:
-        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    check_choice("instrument", instrument, INSTRUMENTS)
     return strikes(motion) if instrument == "piano" else bow_turns(motion)
 
 
@@ -218,9 +214,8 @@ def _peaks(curve: FloatArray, fps: float, prominence: float) -> _Events:
 def _fingertip_events(motion: Motion, side: str, prominence: float | None) -> _Events:
     """Lowest points of the fingertips of one hand."""
     skeleton = motion.skeleton
-    tips, root = fingertips(skeleton, side), hand_root(skeleton, side)
-    knuckles = [_number(motion, f"{side}_{finger}_1") for finger in FINGERS]
-    hand = [number for number in (root, *knuckles) if number is not None]
+    tips, wrist = fingertips(skeleton, side), _numbers_of(motion, wrist_names(side))[:1]
+    hand = wrist + _numbers_of(motion, [f"{side}_{finger}_1" for finger in FINGERS])
     down = motion.positions[..., 1] if motion.positions.shape[2] == 2 else -motion.positions[..., 1]
     heights = _bridged(np.column_stack([down[:, tips], down[:, hand].mean(axis=1)]), motion)
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
@@ -240,8 +235,8 @@ def _palm(motion: Motion, side: str) -> float:
 
     Without that point it is half the way to the fingertips, since a finger is about as long as its palm.
     """
-    root, knuckle = hand_root(motion.skeleton, side), _number(motion, f"{side}_middle_1")
-    ends, share = (fingertips(motion.skeleton, side), 0.5) if knuckle is None else ([knuckle], 1.0)
+    root, knuckle = hand_root(motion.skeleton, side), _numbers_of(motion, [f"{side}_middle_1"])
+    ends, share = (knuckle, 1.0) if knuckle else (fingertips(motion.skeleton, side), 0.5)
     ways = motion.positions[:, ends].mean(axis=1) - motion.positions[:, root]
     return share * float(np.median(np.linalg.norm(ways, axis=1)))
 
@@ -249,12 +244,9 @@ def _palm(motion: Motion, side: str) -> float:
 def _bow_path(motion: Motion) -> FloatArray:
     """(T, D) places of the bow hand from the bridge, frames that are not valid bridged over."""
     check_kind(motion, Motion)
-    hand = [number for name in hand_joints(BOW_HAND) if (number := _number(motion, name)) is not None]
-    wrist = _number(motion, f"{BOW_HAND}_wrist")
-    bow = hand or ([] if wrist is None else [wrist])
-    bridge, shoulder = _number(motion, BRIDGE), _number(motion, "left_shoulder")
-    left = (shoulder, hand_root(motion.skeleton, "left")) if bridge is None else (bridge,)
-    ends = [number for number in left if number is not None]
+    bow = _numbers_of(motion, hand_joints(BOW_HAND)) or _numbers_of(motion, [f"{BOW_HAND}_wrist"])
+    left = _numbers_of(motion, ["left_shoulder"]) + _numbers_of(motion, wrist_names("left"))[:1]
+    ends = _numbers_of(motion, [BRIDGE]) or left
     if not bow or not ends:
         raise ValueError(
             "turns of a bow need a point of the right hand, and left_shoulder, left_hand or violin_bridge; "
@@ -279,10 +271,10 @@ def _hands(motion: Motion, hand: str | None) -> tuple[str, ...]:
     return hands
 
 
-def _number(motion: Motion, joint: str) -> int | None:
-    """Number of a joint; None where the motion lacks it."""
+def _numbers_of(motion: Motion, names: Sequence[str]) -> list[int]:
+    """Numbers of the joints of these names that the motion has."""
     joints = motion.skeleton.joints
-    return joints.index(joint) if joint in joints else None
+    return [joints.index(name) for name in names if name in joints]
 
 
 def _rate(motion: Motion) -> float:
@@ -415,14 +407,13 @@ def playing_score(
     score = partial(_scored, params=params, n_rotations=n_rotations, seed=seed)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
     events = playing_events(motion, instrument)
-    is_piano = instrument == "piano"
-    by_hand = {side: strikes(motion, hand=side) for side in playing_hands(motion)} if is_piano else {BOW_HAND: events}
-    own = hand_onsets(sound, motion.duration) if is_piano and isinstance(sound, Notes) else {}
-    whole = score(onsets, events)
-    return PlayingScore(
-        instrument, whole, score(onsets, visual_beats(motion, params=params)), _lag(whole) if n_rotations else NO_LAG,
-        by_hand, {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand},
-    )  # fmt: skip
+    by_hand, own = {BOW_HAND: events}, {}
+    if instrument == "piano":
+        by_hand = {side: strikes(motion, hand=side) for side in playing_hands(motion)}
+        own = hand_onsets(sound, motion.duration) if isinstance(sound, Notes) else {}
+    whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=params))
+    hands = {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand}
+    return PlayingScore(instrument, whole, body, _lag(whole) if n_rotations else NO_LAG, by_hand, hands)
 
 
 def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:

@@ -194,12 +194,10 @@ class Performed:
         if self.compared is None:
             return ()
         errors = self.compared.errors
-        is_wide = np.isfinite(errors.shoulder_width)
-        own, mean = (
-            (f"{errors.percent:.1f} % of the shoulder width", f"{errors.mean_pose_percent:.1f} %")
-            if is_wide
-            else (f"{errors.pixels:.1f} (unit of the points, which have no shoulders)", f"{errors.mean_pose:.1f}")
-        )
+        if np.isfinite(errors.shoulder_width):
+            own, mean = f"{errors.percent:.1f} % of the shoulder width", f"{errors.mean_pose_percent:.1f} %"
+        else:
+            own, mean = f"{errors.pixels:.1f} (unit of the points, which have no shoulders)", f"{errors.mean_pose:.1f}"
         return (
             f"The points are {own} from the truth: root mean square of a coordinate, mean over frames.",
             f"The mean pose, which hears nothing and never moves, is {mean} from it.",

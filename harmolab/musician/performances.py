@@ -54,7 +54,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.recordings import Problem, RecordingFolders, natural
+from harmolab.data.recordings import Problem, RecordingFolders, check_root, natural
 from harmolab.files import (
     MAX_TEXT_BYTES,
     SOUNDS,
@@ -171,11 +171,15 @@ def _is_inside(name: Any) -> bool:
     return is_short and not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
 
 
+def _are_inside(names: Any) -> bool:
+    return all(map(_is_inside, names)) if isinstance(names, list) and names else _is_inside(names)
+
+
 _Rule = tuple[Callable[[Any], bool], str]
 _TEXT: _Rule = (lambda value: isinstance(value, str), "text")
 _TRUTH: _Rule = (lambda value: isinstance(value, bool), "true or false")
 _NUMBER: _Rule = (_is_number, "a number")
-_INSIDE = "a name inside of the folder"
+_INSIDE: _Rule = (_is_inside, "a name inside of the folder")
 _FIELDS: dict[str, _Rule] = {
     "instrument": (lambda value: value in INSTRUMENTS, " or ".join(INSTRUMENTS)),
     "fps": _NUMBER,
@@ -183,8 +187,8 @@ _FIELDS: dict[str, _Rule] = {
     "mirrored": _TRUTH,
     "offset_s": _NUMBER,
     "piece": _TEXT,
-    "audio": (_is_inside, _INSIDE),
-    "points": (lambda value: all(map(_is_inside, value if isinstance(value, list) and value else [value])), _INSIDE),
+    "audio": _INSIDE,
+    "points": (_are_inside, _INSIDE[1]),
     "rendered": _TRUTH,
     "name": _TEXT,
     "source": _TEXT,
@@ -368,11 +372,10 @@ def load_performance(
     with named_faults(folder):
         if audio is not None:
             _check_end(motion, offset, audio)
-        return Performance(
-            about.get("name", full.name), plays, audio, motion, detected,  # type: ignore[arg-type]
-            None if files.notes is None else load_notes(files.notes), offset,
-            about.get("piece", ""), about.get("rendered", False), about.get("source", full.parent.name),
-        )  # fmt: skip
+        notes = None if files.notes is None else load_notes(files.notes)
+        name, source = about.get("name", full.name), about.get("source", full.parent.name)
+        piece, rendered = about.get("piece", ""), about.get("rendered", False)
+        return Performance(name, plays, audio, motion, detected, notes, offset, piece, rendered, source)  # type: ignore[arg-type]
 
 
 def load_playing(
@@ -428,11 +431,9 @@ def _points(
             raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
         return load_motion(path, fps=rate), load_detected(path), load_offset(path)
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
+    picture: dict[str, Any] = {"size": about.get("size"), "mirrored": about.get("mirrored")}
     try:
-        points = load_player_points(
-            files.points, fps=rate, default_fps=default, size=about.get("size"), mirrored=about.get("mirrored"),
-            is_musician=is_musician,
-        )  # fmt: skip
+        points = load_player_points(files.points, fps=rate, default_fps=default, is_musician=is_musician, **picture)
     except MissingFrameRate:
         raise MissingFrameRate(
             f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
@@ -463,10 +464,7 @@ def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
     folders: list[Path] = []
     problems: list[Problem] = []
     for root in [Path(roots)] if isinstance(roots, str | os.PathLike) else map(Path, roots):
-        if not root.exists():
-            raise FileNotFoundError(f"{root}: no such folder")
-        if not root.is_dir():
-            raise ValueError(f"{root}: is a file; a folder of performances is needed")
+        check_root(root, "performances")
         for folder, fault in _faults(root):
             if fault:
                 problems.append(Problem(folder, f"{folder}: {fault.removeprefix(f'{folder}: ')}"))
@@ -485,10 +483,11 @@ def _faults(root: Path) -> Iterator[tuple[Path, str]]:
         names = [file for file in names if not file.startswith(".")]
         has_points = MOTION in names or bool(point_files(folder, [folder / child for child in (*names, *below)]))
         if not (has_points or ABOUT in names or NOTES in names or any(map(has_sound, names))):
-            below[:] = below if len(folder.relative_to(root).parts) < _MAX_DEPTH else []
+            if len(folder.relative_to(root).parts) >= _MAX_DEPTH:
+                below.clear()
             continue
         if has_points or ABOUT in names:
-            below[:] = []
+            below.clear()
         try:
             yield folder, _fault(performance_files(folder))
         except (ValueError, OSError) as error:

@@ -15,6 +15,7 @@ from harmolab.musician.performances import Performance
 from harmolab.musician.similarities import Similarity
 from harmolab.readers.player_points import INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.score import check_whole
+from harmolab.systems.training.features import check_choice
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion, Notes
 
 # Faults of trackers, planted in short bursts, each kind by its name
@@ -206,8 +207,7 @@ def planted_performances(
 
 def _check(instrument: str, seed: int, **numbers: float) -> None:
     """ValueError that names the setting which is out of range."""
-    if instrument not in INSTRUMENTS:
-        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    check_choice("instrument", instrument, INSTRUMENTS)
     check_whole(seed=seed)
     for name, value in numbers.items():
         low, high, rule = RANGES[name]

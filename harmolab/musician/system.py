@@ -82,9 +82,12 @@ class Audio2Body(Learner):
     @classmethod
     def files(cls, root: PathLike) -> list[Path]:
         """The files of performances that are learnt from; those of a folder of frames one by one."""
-        listed = [(folder / ABOUT, performance_files(folder)) for folder in find_performances(root).folders]
-        paths = [path for about, files in listed for path in (about, files.sound, files.notes, *files.points) if path]
-        return [file for path in paths for file in (path.glob("*.json") if path.is_dir() else [path]) if file.is_file()]
+        files: list[Path] = []
+        for folder in find_performances(root).folders:
+            own = performance_files(folder)
+            for path in filter(None, (folder / ABOUT, own.sound, own.notes, *own.points)):
+                files += path.glob("*.json") if path.is_dir() else [path]
+        return [file for file in files if file.is_file()]
 
     def save(self, folder: PathLike) -> None:
         """Write the weights to a folder; it is made unless it exists."""

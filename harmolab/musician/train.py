@@ -91,11 +91,10 @@ def prepared(
 
 def _with_turns(learnt: Sequence[PlayedSequence], bow: Bowing, played: PlayedSet) -> list[PlayedSequence]:
     """Sequences whose points have the bow at its mean place; its turns are marked in its stead."""
-    return [
-        replace(each, points=bow.at_rest(each.points),
-                marks=turn_signal(each, played.skeleton, played.params.fps)[:, None])
-        for each in learnt
-    ]  # fmt: skip
+    fps = played.params.fps
+    marks = [turn_signal(each, played.skeleton, fps)[:, None] for each in learnt]
+    pairs = zip(learnt, marks, strict=True)
+    return [replace(each, points=bow.at_rest(each.points), marks=own) for each, own in pairs]
 
 
 def initial_network(played: PlayedSet, n_components: int) -> SoundToPoints:
@@ -105,23 +104,23 @@ def initial_network(played: PlayedSet, n_components: int) -> SoundToPoints:
 
 
 def _phase(network: SoundToPoints, train: PlayedWindows, validation: PlayedWindows, folder: Path) -> Phase:
-    params = network.params
+    params, weights = network.params, [*network.parameters()]
+    player = Player(
+        "network", weights, lambda output, shard, row: terms(output, shard.own, params.loss), {"error": 1.0}
+    )
     return Phase(
         "audio2body",
         params.epochs,
         rate=lambda number: params.rate,
         modules={"network": network},
-        players=[
-            Player("network", [*network.parameters()], lambda output, shard, row: terms(output, shard.own, params.loss),
-                   {"error": 1.0})
-        ],
+        players=[player],
         forward=lambda shard, last: _components(network.train(), shard),
         validate=lambda: {"val_error": window_errors(network, validation).projected},
         patience=max(params.epochs, 1),  # all epochs, and the best is kept
         error="val_error",
         keep=lambda: save_weights(folder / BEST, network),
         recall=lambda: network.load_state_dict(load_weights(folder / BEST, SoundToPoints).state_dict()),
-    )  # fmt: skip
+    )
 
 
 def _components(network: SoundToPoints, shard: Shard) -> Tensor:

@@ -120,8 +120,9 @@ def write_performance(
     """
     words = PLAYING[performed.instrument]
     marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
-    sides = [] if performed.compared is None else [BESIDE if performed.is_avatar else OVER]
-    frames = _finished(_pictures(performed, height), marks, [*sides, performed.notice])
+    sides = BESIDE if performed.is_avatar else OVER
+    texts = [performed.notice] if performed.compared is None else [sides, performed.notice]
+    frames = _finished(_pictures(performed, height), marks, texts)
     heading = ". ".join(filter(None, [title, performed.notice]))
     pictures = progress(Counted(frames, round(performed.figure.duration * DANCE_RATE)), "drawing")
     write_video(path, pictures, DANCE_RATE, audio=performed.audio, title=heading)
@@ -131,11 +132,15 @@ def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
     """The avatar on a floor, that of the truth to its right; the points alone, or over the true ones."""
     beside, room, width = performed.compared, round(MARKS_SHARE * height), round(height * 4 / 3)
     if performed.is_avatar:
-        true = [] if beside is None else [avatar(beside.truth, performed.instrument)]
-        each = partial(render_dance, fps=DANCE_RATE, height=height, width=height if true else width)
-        return map(np.hstack, zip(*map(each, [performed.figure, *true]), strict=False))
-    drawn = partial(render_points, *beside[:2]) if beside else partial(render_dance, performed.points)
-    frames = drawn(fps=DANCE_RATE, height=height - room, width=width)
+        figures = [performed.figure]
+        if beside is not None:
+            figures, width = [performed.figure, avatar(beside.truth, performed.instrument)], height
+        films = [render_dance(figure, fps=DANCE_RATE, height=height, width=width) for figure in figures]
+        return map(np.hstack, zip(*films, strict=False))
+    draw = partial(render_dance, performed.points)
+    if beside is not None:
+        draw = partial(render_points, beside.truth, beside.prediction)
+    frames = draw(fps=DANCE_RATE, height=height - room, width=width)
     return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
 
 

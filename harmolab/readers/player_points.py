@@ -63,10 +63,14 @@ def fingertips(skeleton: Skeleton, side: str) -> list[int]:
     return [skeleton.joints.index(name) for name in names if name in skeleton.joints]
 
 
+def wrist_names(side: str) -> tuple[str, ...]:
+    """Names of a wrist: as the hand has it, then as the body has it."""
+    return f"{side}_hand", f"{side}_wrist"
+
+
 def hand_root(skeleton: Skeleton, side: str) -> int | None:
-    """Number of a hand's wrist, as the hand has it, else as the body has it; None without either."""
-    names = (f"{side}_hand", f"{side}_wrist")
-    return next((skeleton.joints.index(name) for name in names if name in skeleton.joints), None)
+    """Number of a hand's wrist, by the first of its names that the skeleton has; None without either."""
+    return next((skeleton.joints.index(name) for name in wrist_names(side) if name in skeleton.joints), None)
 
 
 VIOLIN = ("violin_chin", "violin_bridge", "violin_neck", "violin_scroll")
