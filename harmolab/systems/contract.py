@@ -134,9 +134,9 @@ def _class(name: str, module: str) -> Any:
         if not outside or error.name != module.partition(".")[0]:
             raise
         raise ValueError(f"system {name}: there is no module {module}; put its folder on PYTHONPATH") from None
-    names = [key for key in dir(content) if (key == class_name if outside else key.lower() == name)]
-    for value in (getattr(content, key) for key in names):
-        if isinstance(value, type):
+    for key in dir(content):
+        is_meant = key == class_name if outside else key.lower() == name
+        if is_meant and isinstance(value := getattr(content, key), type):
             return value
     raise ValueError(f"system {name}: {module} has no class {class_name or name}")
 
@@ -174,4 +174,5 @@ def maker_of(folder: PathLike) -> str:
     about = read_about(folder)
     if about.get("class") == "PoseNet":
         raise ValueError(f"{folder}: a network that trainings are measured by, no dancer; name the folder of the run")
-    return str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed
+    unnamed = "harmogan" if about.get("class") == "Generator" else ""  # as weights were before 0.2
+    return str(about.get("system") or unnamed)

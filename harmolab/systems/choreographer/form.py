@@ -63,7 +63,8 @@ class Form:
 
     def silences(self, period: float) -> Rows:
         """Seconds from and to which the song is silent, for music of a beat every `period` seconds."""
-        return _rows(~_lasting(~_lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period)), BLINK))
+        silent = _lasting(~self.sounds, max(SILENCE, SILENT_BEATS * period))
+        return _rows(~_lasting(~silent, BLINK))
 
     @property
     def range(self) -> tuple[float, float]:
@@ -102,7 +103,9 @@ class Form:
             f"{word} {_clock(first)}-{_clock(last)}" if last < end else f"{word} from {_clock(first)}"
             for first, last, word in parts[:MOST_TOLD]
         ]
-        return ", ".join(words + ([f"{len(parts) - MOST_TOLD} more"] if len(parts) > MOST_TOLD else []))
+        if len(parts) > MOST_TOLD:
+            words.append(f"{len(parts) - MOST_TOLD} more")
+        return ", ".join(words)
 
     def before_silence(self, music: MusicBeats, start: float) -> float:
         """The second from which to take beats for a dance from `start`: before it where all of these are silent.

@@ -236,7 +236,7 @@ class Choreographer(DanceSystem):
         self._mirrored: dict[Take, Take] = {}
 
     @classmethod
-    def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
+    def of(cls, items: Iterable[Item]) -> Self:
         """A choreographer of recordings, clips or motions, of one skeleton.
 
         Where all beats of a recording are known (`Recording`, `Clip.beats`) it is cut at them; a motion is cut at its
@@ -247,10 +247,10 @@ class Choreographer(DanceSystem):
         ValueError
             One has no motion in three dimensions, or there are none, or two skeletons.
         """
-        return cls([take_of(item, number) for number, item in enumerate(items, 1)], params=params)
+        return cls([take_of(item, number) for number, item in enumerate(items, 1)])
 
     @classmethod
-    def load(cls, folder: PathLike, *, params: ChoreographerParams | None = None) -> Self:
+    def load(cls, folder: PathLike) -> Self:
         """The choreographer that was saved in a folder; or one of the recordings or motion files there.
 
         Raises
@@ -260,25 +260,18 @@ class Choreographer(DanceSystem):
         """
         if json_file(weights_stem(folder)).is_file():
             kept = load_takes(folder)
-            return cls(kept.takes, params=params, notes=kept.notes, limits=kept.limits)
-        return cls.read([folder], params=params)
+            return cls(kept.takes, notes=kept.notes, limits=kept.limits)
+        return cls.read([folder])
 
     @classmethod
-    def read(
-        cls,
-        data: Iterable[PathLike],
-        *,
-        params: ChoreographerParams | None = None,
-        scale: float | None = None,
-        progress: Progress = silent,
-    ) -> Self:
+    def read(cls, data: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> Self:
         """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
 
         The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
         metres in one unit of the files, if they do not say (`harmolab.readers.motion.load_motion`).
         """
         corpus = read_takes(corpora(data), scale=scale, progress=progress)
-        return cls(corpus.takes, params=params, notes=corpus.notes)
+        return cls(corpus.takes, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:
         """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
@@ -362,8 +355,9 @@ class Choreographer(DanceSystem):
         request.check_dance(self.dances)
         takes, notes = self._of_dance(dance)
         track = request.track()
-        is_own_pulse = not takes[0].beats.size
-        period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
+        is_own_pulse, period = not takes[0].beats.size, DEFAULT_PERIOD
+        if not is_own_pulse:
+            period = float(np.median(np.concatenate([np.diff(take.beats) for take in takes])))
         end = start + (frames - 1) / self.fps
         beats_from = partial(lay.beats_between, track, end=end, meter=meter_of(track, dance), period=period)
         form, music = Form.of(request.audio), beats_from(start)

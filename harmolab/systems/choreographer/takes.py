@@ -19,10 +19,8 @@ compared before.
 
 import hashlib
 import io
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,13 +33,13 @@ from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tre
 from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
-from harmolab.files import PathLike, Progress, atomic_write, reading, silent, write_synced
+from harmolab.files import PathLike, Progress, reading, silent
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
-from harmolab.systems.training.about import DEFAULT_STEM, FORMAT, json_file, read_about, stored_skeleton, weights_stem
+from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
 from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
@@ -118,18 +116,21 @@ def _take(
 ) -> Take:  # fmt: skip
     """A take of a motion whose first frame is at `offset` seconds of the music that `track` belongs to."""
     take = Take(name, _kept(name, motion), dance)
-    if track is None or (inside := (track.times >= offset) & (track.times <= offset + take.seconds)).sum() < 2:
+    if track is None:
         return take
-    places = _NO_PLACES if track.bar_places is None else track.bar_places[inside]
-    bar = 0 if track.bar_places is None else meter or meter_of(track, dance)
-    return replace(take, beats=track.times[inside] - offset, places=places, meter=bar)
+    inside = (track.times >= offset) & (track.times <= offset + take.seconds)
+    if inside.sum() > 1:
+        take = replace(take, beats=track.times[inside] - offset)
+        if track.bar_places is not None:
+            take = replace(take, places=track.bar_places[inside], meter=meter or meter_of(track, dance))
+    return take
 
 
 def mirrored(take: Take) -> Take:
     """The take as a mirror shows it: left and right change places, and so do joints that have a side in their name."""
-    joints, other = named_joints(take.motion.skeleton), {"left": "right", "right": "left"}
+    joints, other = named_joints(take.motion.skeleton), {"left": "right", "right": "left", "": ""}
     keys = sides_and_parts(take.motion.skeleton)
-    twins = [joints.get((other.get(side, side), part), joint) for joint, (side, part) in enumerate(keys)]
+    twins = [joints.get((other[side], part), joint) for joint, (side, part) in enumerate(keys)]
     positions = take.motion.positions[:, twins] * np.array([-1.0, 1.0, 1.0])
     return replace(take, name=f"{take.name}, mirrored", motion=replace(take.motion, positions=positions))
 
@@ -137,10 +138,10 @@ def mirrored(take: Take) -> Take:
 def meter_of(track: BeatTrack, dance: str = "") -> int:
     """Beats in a bar of a track: as many places as occur, or those of the dance where no bar is whole; 0: unknown."""
     places = track.bar_places
-    counted = 0 if places is None or places.size == 0 else int(places.max()) + 1
+    if places is None or places.size == 0:
+        return 0
     usual = DANCES[dance].meter if dance in DANCES else 0
-    is_short = places is not None and places.size < usual  # less than a bar does not show all of its places
-    return usual if is_short and counted else counted
+    return usual if places.size < usual else int(places.max()) + 1  # less than a bar does not show all of its places
 
 
 def _kept(name: str, motion: Motion) -> Motion:
@@ -165,11 +166,15 @@ def nearest_dance(takes: Sequence[Take], tempo: float, meter: int) -> str:
     near: dict[str, tuple[bool, bool, float]] = {}
     for take in takes:
         usual = DANCES.get(take.dance)
-        own = (60 / float(np.median(np.diff(take.beats))),) * 2 if take.beats.size else usual.tempo if usual else ()
-        if take.dance and own:
-            bar = take.meter or (usual.meter if usual else 0)
-            is_strange = usual is not None and _octaves_off(tempo, usual.tempo) > LITTLE
-            cost = (bar != meter, is_strange, _octaves_off(tempo, own))
+        bar, tempi, is_strange = take.meter, None, False
+        if usual is not None:
+            bar, tempi = take.meter or usual.meter, usual.tempo
+            is_strange = _octaves_off(tempo, usual.tempo) > LITTLE
+        if take.beats.size:
+            own = 60 / float(np.median(np.diff(take.beats)))
+            tempi = own, own
+        if take.dance and tempi:
+            cost = (bar != meter, is_strange, _octaves_off(tempo, tempi))
             near[take.dance] = min(cost, near.get(take.dance, cost))
     return min(near, key=lambda dance: near[dance], default="")
 
@@ -267,7 +272,9 @@ def _trimmed(motion: Motion) -> tuple[Motion, float]:
     first = 1 / motion.fps if jumps else 0.0
     rest = motion.span(first, motion.duration)
     start, end = dancing_span(rest)
-    return (rest, first) if end - start < KEPT_UP else (rest.span(start, end - start), first + start)
+    if end - start < KEPT_UP:
+        return rest, first
+    return rest.span(start, end - start), first + start
 
 
 def _read(path: Path, root: Path, scale: float | None) -> Take:
@@ -281,7 +288,8 @@ def _read(path: Path, root: Path, scale: float | None) -> Take:
     files, track, meter = recording_files(path), None, None
     if files.beats is not None:
         annotation = load_annotation(files.beats)
-        track, meter = annotation.track() if annotation.times.size > 1 else None, annotation.meter
+        if annotation.times.size > 1:
+            track, meter = annotation.track(), annotation.meter
     return _take(path.name, motion, files.dance, track, (recorded_offset(path) or 0.0) + start, meter)
 
 
@@ -315,8 +323,6 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
     np.savez_compressed(packed, allow_pickle=False, **arrays)
     data = packed.getvalue()
     about = {
-        "format": FORMAT,
-        "harmolab": version("harmolab"),
         "system": "choreographer",
         "class": CLASS,
         "build": {"skeleton": asdict(takes[0].motion.skeleton), "takes": [_entry(take) for take in takes]},
@@ -324,11 +330,7 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
         "notes": list(kept.notes),
         "limits": None if kept.limits is None else kept.limits.to_dict(),
     }
-    text = json.dumps(about, indent=1, allow_nan=False)
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(json_file(stem)) as text_part, atomic_write(_array_file(stem)) as array_part:
-        write_synced(text_part, text.encode())
-        write_synced(array_part, data)
+    write_about(stem, about, _array_file(stem), data)
 
 
 def load_takes(path: PathLike) -> Kept:
@@ -347,7 +349,7 @@ def load_takes(path: PathLike) -> Kept:
         if about.get("class") != CLASS:
             raise ValueError(f"holds a {about.get('class')}, not a {CLASS}")
         if hashlib.sha256(file.read_bytes()).hexdigest() != about.get("sha256"):
-            raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
+            raise ValueError(f"is not the file that {stem.name}.json describes (SHA-256 differs)")
         skeleton, entries = stored_skeleton(about["build"]), about["build"]["takes"]
         tree_order(skeleton.parents)
         shapes = _shapes(entries, len(skeleton.joints))
@@ -436,11 +438,11 @@ def _stored_take(entry: dict[str, Any], motion: Motion, times: FloatArray, place
     """One take; ValueError where its beats are no beats of it."""
     meter = _count(entry, "meter", 0, MOST_METER)
     last = (motion.n_frames - 1) / motion.fps
-    steps_ok = bool(np.isfinite(times).all() and (np.diff(times) > 0).all())
-    if not steps_ok or times.size == 1 or (times.size and not (times[0] >= 0 and times[-1] <= last + 1e-6)):
+    is_rising = np.isfinite(times).all() and (np.diff(times) > 0).all()
+    if not is_rising or times.size == 1 or (times < 0).any() or (times > last + 1e-6).any():
         raise ValueError(f"{str(entry.get('name'))[:40]}: beats must be two or more, rising from 0 to {last:g} s")
-    is_placed = bool(times.size and (places >= 0).all() and meter > 0 and (places < meter).all())
-    if times.size and not is_placed and (places >= 0).any():
+    is_placed = (places >= 0).any()
+    if is_placed and not ((places >= 0) & (places < meter)).all():
         raise ValueError(f"{str(entry.get('name'))[:40]}: places in the bar do not fit its {meter} beats")
-    bar_places = places.astype(np.int64) if is_placed else np.zeros(0, np.int64)
+    bar_places = places.astype(np.int64) if is_placed else _NO_PLACES
     return Take(str(entry["name"]), motion, str(entry["dance"]), times, bar_places, meter)

@@ -6,7 +6,7 @@ natural as that, while harmony pulls at it.
 """
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 
 import torch
 from torch import Tensor
@@ -307,10 +307,8 @@ NOISE = 0.1  # standard deviations, through which discriminators see movement wh
 def score_batch(generator: Generator, joints: Tensor, batch: Tensors, tau: float, params: HarmonyParams) -> SoftHarmony:
     """Relaxed harmony of joints (N, T, J, 3) with the batch's music, over each clip's own meter."""
     prior, length = (batch.index * batch.mask).sum(dim=1), batch.mask.sum(dim=1)
-    return soft_harmony(
-        joints, batch.beats, batch.strengths, batch.beat_mask, batch.mask,
-        fps=generator.fps, tau=tau, params=params, span=torch.stack([prior, length], dim=1) / generator.fps,
-    )  # fmt: skip
+    meter, music = torch.stack([prior, length], dim=1) / generator.fps, (batch.beats, batch.strengths, batch.beat_mask)
+    return soft_harmony(joints, *music, batch.mask, fps=generator.fps, tau=tau, params=params, span=meter)
 
 
 def sketch_harmony(
@@ -324,17 +322,14 @@ def sketch_harmony(
     for number in batch.bars[:, 0].unique().tolist():
         rows = (batch.bars[:, 0] == number).nonzero().flatten()
         own = Tensors(**{name: values[rows] for name, values in vars(batch).items()})
-        pattern = patterns[int(number)] if number >= 0 else None
-        settings = HarmonyParams.valleys() if pattern is None else HarmonyParams.recommended(pattern)
-        places = own.bars[:, 1].long()
-        score = soft_harmony(
-            joints[rows], own.beats, own.strengths, own.beat_mask, own.mask, fps=generator.fps, tau=tau,
-            params=settings, bar_places=places if pattern is not None and bool((places >= 0).all()) else None,
-        )  # fmt: skip
-        if pattern is None:
-            loss = above_chance_loss(score, count_weight=params.count_weight)
+        music = own.beats, own.strengths, own.beat_mask
+        score = partial(soft_harmony, joints[rows], *music, own.mask, fps=generator.fps, tau=tau, bar_places=None)
+        if number < 0:
+            loss = above_chance_loss(score(params=HarmonyParams.valleys()), count_weight=params.count_weight)
         else:
-            loss = -SHAPE * score.above_chance.mean()
+            settings, places = HarmonyParams.recommended(patterns[int(number)]), own.bars[:, 1].long()
+            placed = places if bool((places >= 0).all()) else None
+            loss = -SHAPE * score(params=settings, bar_places=placed).above_chance.mean()
         parts.append(loss * (len(rows) / len(joints)))
     return torch.stack(parts).sum()
 

@@ -127,8 +127,9 @@ class TrainParams:
     def __post_init__(self) -> None:
         zeros = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay", "_drops", "seed"))]
         check_settings(self, not_negative=[*zeros, "pretrain_epochs", "adversarial_epochs", "sketches", "shifted"])
-        if name := next((each for each in zeros if each.endswith("_drops") and 0 in getattr(self, each)), ""):
-            raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
+        for name in ("pretrain_drops", "adversarial_drops"):
+            if 0 in getattr(self, name):
+                raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
         if self.shifted > 1:
             raise ValueError(f"shifted must be a share, 0 to 1, got {self.shifted}")
 

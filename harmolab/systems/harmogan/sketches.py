@@ -76,11 +76,14 @@ def sketched(
         If training units are of one recording: there is no other to dance its song with.
     """
     spans, named = training_spans(split), {sequence_name(folder): folder for folder in folders}
-    takes = {} if bank else {name: _takes(folder, spans.get(name, [])) for name, folder in named.items()}
-    if bank is None and sum(map(bool, takes.values())) < 2:
-        fault = "each song is sketched with the other recordings: two with training units are needed at least"
-        raise ValueError(f"{split.train.source}: {fault}; add recordings, or try another --split-seed")
-    patterns = dance_patterns([take for own in takes.values() for take in own])
+    takes: dict[str, list[Take]] = {}
+    if bank is None:
+        takes = {name: _takes(folder, spans.get(name, [])) for name, folder in named.items()}
+        if sum(map(bool, takes.values())) < 2:
+            fault = "each song is sketched with the other recordings: two with training units are needed at least"
+            raise ValueError(f"{split.train.source}: {fault}; add recordings, or try another --split-seed")
+    every_take = [take for own in takes.values() for take in own]
+    patterns = dance_patterns(every_take)
     names = sorted(patterns)
     units: dict[str, list[DanceUnit]] = {side: [] for side in SIDES}
     for name, folder in progress(named.items(), "sketching"):
@@ -88,15 +91,14 @@ def sketched(
         if not any(own.values()):
             continue  # unread: it may be left out because it cannot be read
         recording = load_recording(folder)
-        others = bank or Choreographer([take for other, each in takes.items() if other != name for take in each])
+        others = bank or Choreographer([take for other in named if other != name for take in takes[other]])
         number = names.index(recording.clip.dance) if recording.clip.dance in patterns else -1
         song = _danced(others, recording, params, split.train.features.fps, number, cleans=bank is None)
         units["train"] += _training_units(own["train"], song, params)
         for side in SIDES[1:]:
             units[side] += [_with_sketch(unit, song, song.codes[0]) for unit in own[side]]
     sides = {side: replace(getattr(split, side), units=tuple(units[side])) for side in SIDES}
-    everything = bank or Choreographer([take for own in takes.values() for take in own])
-    return Sketched(replace(split, **sides), everything, tuple(patterns[name] for name in names))
+    return Sketched(replace(split, **sides), bank or Choreographer(every_take), tuple(patterns[name] for name in names))
 
 
 def _takes(folder: Path, spans: list[tuple[float, float]]) -> list[Take]:

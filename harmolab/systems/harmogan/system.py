@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -143,14 +144,12 @@ class HarmoGAN(NetworkSystem):
         settings: TrainParams = changed(getattr(TrainParams, params)(), changes)
         units = load_units(data, getattr(FeatureParams, params)(), step=step, progress=options.progress)
         split, model = noticed_split(units, split_seed, step, options.notice), getattr(ModelParams, preset)()
+        train = partial(train_harmogan, options=options, model=model, params=settings, pretrained=pretrained)
         if not settings.sketches:
-            train_harmogan(split, options, model=model, params=settings, pretrained=pretrained)
+            train(split)
             return
         of_songs = sketched(split, recording_folders(data)[0], settings, progress=options.progress)
-        train_harmogan(
-            of_songs.split, options, model=model, params=settings, pretrained=pretrained,
-            choreographer=of_songs.choreographer, patterns=of_songs.patterns,
-        )  # fmt: skip
+        train(of_songs.split, choreographer=of_songs.choreographer, patterns=of_songs.patterns)
 
 
 @torch.inference_mode()

@@ -71,7 +71,8 @@ def train_harmogan(
     ValueError
         As `open_run`; if `pretrained` is a run on other data, or without pretraining.
     """
-    before, model = None if pretrained is None else Path(pretrained), replace(model, bounded=params.sketches > 0)
+    before = None if pretrained is None else Path(pretrained)
+    model = replace(model, bounded=params.sketches > 0)
     if before is not None:
         params = replace(params, pretrain_epochs=0)
     fabric, units = make_fabric(accelerator=options.accelerator), split.train
@@ -227,7 +228,7 @@ def validate(
     paper = losses.score_batch(generator, room, units, HARD, HarmonyParams.paper())
     valleys = losses.score_batch(generator, room, units, HARD, HarmonyParams.valleys())
     in_body = losses.score_batch(generator, body, units, HARD, HarmonyParams.valleys())
-    ratios = losses.likeness_ratios(motion, units)
+    others = losses.likeness_ratios(motion, units) | dict(measure(*_dances(generator, room, units)))
     return {
         "val_mse": float(losses.motion_error(generator, motion, units, params.epsilon)),
         "val_harmony": float(paper.harmony.mean()),
@@ -235,14 +236,14 @@ def validate(
         "val_above_chance": float(valleys.above_chance.mean()),
         "val_body_above_chance": float(in_body.above_chance.mean()),
         "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
-        **{f"val_{name}": value for name, value in (ratios | dict(measure(*_dances(generator, room, units)))).items()},
+        **{f"val_{name}": value for name, value in others.items()},
     }
 
 
 def _dances(generator: Generator, positions: Tensor, units: Tensors) -> tuple[list[Motion], list[BeatTrack]]:
     """Dances and beats of some units evenly through all, from joints (N, T, J, 3), the padding left out."""
     motions, tracks = [], []
-    for number in sorted(set(np.linspace(0, len(units) - 1, min(len(units), MEASURED)).astype(int).tolist())):
+    for number in np.unique(np.linspace(0, len(units) - 1, min(len(units), MEASURED)).astype(int)).tolist():
         joints = positions[number, : int(units.mask[number].sum())].double().cpu().numpy()
         motion = Motion(joints, generator.fps, generator.skeleton)
         is_beat = units.beat_mask[number] > 0

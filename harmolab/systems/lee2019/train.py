@@ -191,7 +191,8 @@ def composed(network: DancingToMusic, batch: Pieces) -> Composed:
     fake = network.style_coder(style, torch.randn(count, network.params.noise, generator=generator).to(style))
     real_drawn, fake_drawn = real.drawn(generator), fake.drawn(generator)
     both = network.dance_decoder(torch.cat([real_drawn, fake_drawn]), sequence)
-    real_units, fake_units = (Code(*parts) for parts in zip(*(part.chunk(2) for part in both), strict=True))
+    (real_mean, fake_mean), (real_logvar, fake_logvar) = both.mean.chunk(2), both.logvar.chunk(2)
+    real_units, fake_units = Code(real_mean, real_logvar), Code(fake_mean, fake_logvar)
     poses = network.unit_decoder(z_init, real_units.drawn(generator).flatten(0, 1)).unflatten(0, (count, sequence))
     return Composed(units, poses, real, fake, real_drawn, fake_drawn, real_units, fake_units, style)
 
@@ -243,9 +244,9 @@ CHUNK = 128  # pieces at a time
 @torch.no_grad()
 def rebuilt(network: DancingToMusic, pieces: Tensor) -> Tensor:
     """Pieces (N, 32, C) coded and decoded, by the means of their codes."""
-    parts = [network.unit_decoder(network.poses(part[:, 0]).mean, network.movements(part).mean)
-             for part in pieces.split(CHUNK)]  # fmt: skip
-    return torch.cat(parts)
+    parts = pieces.split(CHUNK)
+    decoded = [network.unit_decoder(network.poses(part[:, 0]).mean, network.movements(part).mean) for part in parts]
+    return torch.cat(decoded)
 
 
 def code_error(network: DancingToMusic, poses: Tensor, pieces: Tensor) -> float:
@@ -309,11 +310,10 @@ def split_pieces(network: DancingToMusic, units: UnitSet, device: torch.device |
 
 def initial_network(units: UnitSet, codes: SingleArray, params: LeeParams) -> DancingToMusic:
     """Untrained networks of the run's seed that normalise by the training units and their pieces (N, S, 32, C)."""
+    lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
+    dances = sorted({unit.dance for unit in units.units})
     with drawn_by(params.seed):
-        network = DancingToMusic(
-            params, units.skeleton, torch.as_tensor(units.bone_lengths, dtype=torch.float32),
-            features=units.features, dances=sorted({unit.dance for unit in units.units}),
-        )  # fmt: skip
+        network = DancingToMusic(params, units.skeleton, lengths, features=units.features, dances=dances)
     train = Tensors.of(units)
     network.set_statistics(Statistics.of(train.audio, train.motion, train.mask))
     poses = from_root(torch.from_numpy(codes), network.root).flatten(1, 2)

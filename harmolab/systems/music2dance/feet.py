@@ -221,7 +221,7 @@ def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, para
     with open_run(fabric, options, split, settings, batching, len(source)) as run:
         with drawn_by(params.seed):
             model = FootModel(params, sequences.code)
-        model.motion_scale.set(*source.statistics[2:])
+        model.motion_scale.set(source.statistics.motion_mean, source.statistics.motion_std)
         model.to(fabric.device)
         run.fit([_phase(model, sequences.params.fps)], source)
         updates = params.epochs * len(epoch_order(len(source), 0, batching))

@@ -157,10 +157,10 @@ def _read(recording: Recording, params: Music2DanceParams, step: int) -> _Read:
 def _coded(item: _Read, code: MotionCode, segments: tuple[Segment, ...]) -> DanceSequence:
     motion, about = item.motion, item.cut.outline
     poses = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-PATH_CHANNELS]
+    coded, contacts = code.encode(motion).astype(np.float32), item.contacts.astype(np.float32)
     return DanceSequence(
-        about.name, about.dance, item.start, segments, item.music, code.encode(motion).astype(np.float32),
-        item.contacts.astype(np.float32), poses, motion.valid,
-    )  # fmt: skip
+        about.name, about.dance, item.start, segments, item.music, coded, contacts, poses, motion.valid
+    )
 
 
 def side_frames(sequence: DanceSequence, groups: Collection[str], fps: float) -> BoolArray:
@@ -294,8 +294,9 @@ class WindowSource:
         motion, contacts, music, moments, dance, valid = (
             torch.from_numpy(np.stack(values)).to(self.device) for values in zip(*parts, strict=True)
         )
-        scale = [values.to(self.device) for values in self.statistics]
-        motion, music = (motion - scale[2]) / scale[3], (music - scale[0]) / scale[1]
+        scale = Statistics(*(values.to(self.device) for values in self.statistics))
+        motion = (motion - scale.motion_mean) / scale.motion_std
+        music = (music - scale.audio_mean) / scale.audio_std
         return Windows(motion, contacts, music, moments, dance, valid)
 
     def raw(self, row: int) -> tuple[NDArray[Any], ...]:
@@ -371,8 +372,9 @@ def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statis
         motion.append(sequence.motion[frames])
         music.append(sequence.music[np.clip(cells, 0, len(sequence.music) - 1)])
     tables = [torch.from_numpy(np.concatenate(parts))[None] for parts in (music, motion)]
-    pairs = [channel_statistics(table, torch.ones(table.shape[:2])) for table in tables]
-    return Statistics(*(part for mean, std in pairs for part in (mean, std.clamp(min=LEAST_STD))))
+    of_music, of_motion = (channel_statistics(table, torch.ones(table.shape[:2])) for table in tables)
+    stds = [std.clamp(min=LEAST_STD) for _, std in (of_music, of_motion)]
+    return Statistics(of_music[0], stds[0], of_motion[0], stds[1])
 
 
 def cluster_weights(sequences: Sequence[DanceSequence], places: IntArray, params: Music2DanceParams) -> FloatArray:

@@ -172,10 +172,11 @@ def global_terms(networks: Networks, dance: Danced) -> Terms:
     verdicts = overall.judge(music.repeat(2, 1), last).chunk(2)
     with drawn_by(dance.seed, mask.device), torch.autocast(mask.device.type, enabled=False):
         fixed_music = music.detach().float()
-        penalty = gradient_penalty(
-            lambda code: overall.judge(fixed_music, overall.maps(code, mask)[-1]), dance.target.float(), fake.float(),
-            mask,
-        )  # fmt: skip
+
+        def judge(code: Tensor) -> Tensor:
+            return overall.judge(fixed_music, overall.maps(code, mask)[-1])
+
+        penalty = gradient_penalty(judge, dance.target.float(), fake.float(), mask)
     return {"critic_global": discriminator_loss(*verdicts), "penalty": penalty}
 
 

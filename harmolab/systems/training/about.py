@@ -5,12 +5,14 @@
     adds about training.
 """
 
+import json
 from collections.abc import Iterable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, reading
+from harmolab.files import MAX_TEXT_BYTES, PathLike, atomic_write, read_json, reading, write_synced
 
 FORMAT = 1
 DEFAULT_STEM = "model"
@@ -57,6 +59,18 @@ def corpora(data: Iterable[PathLike]) -> list[PathLike]:
 def json_file(stem: Path) -> Path:
     """The description beside the numbers of that stem."""
     return stem.with_name(f"{stem.name}.json")
+
+
+def write_about(stem: Path, about: Mapping[str, Any], numbers: Path, data: bytes) -> None:
+    """Write a description, and the file of numbers beside it, to a folder made if need be; both whole or not at all.
+
+    Format and version stand before what the caller says.
+    """
+    text = json.dumps({"format": FORMAT, "harmolab": version("harmolab"), **about}, indent=1, allow_nan=False)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(json_file(stem)) as text_part, atomic_write(numbers) as part:
+        write_synced(text_part, text.encode())
+        write_synced(part, data)
 
 
 def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:

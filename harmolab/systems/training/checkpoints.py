@@ -87,8 +87,9 @@ class EventLog:
 
 def _tag(name: str) -> str:
     """Name of a column with its group before the stroke, as TensorBoard shows it."""
-    group = "schedule" if name in ("rate", "tau") else "validation" if name.startswith("val_") else "loss"
-    return f"{group}/{name.removeprefix('val_')}"
+    if name.startswith("val_"):
+        return f"validation/{name.removeprefix('val_')}"
+    return f"schedule/{name}" if name in ("rate", "tau") else f"loss/{name}"
 
 
 Notice = Callable[[str], None]
@@ -308,4 +309,4 @@ def _where_they_differ(value: Any, other: Any) -> str:
     text, against = json.dumps(value), json.dumps(other)
     same = sum(itertools.takewhile(bool, (a == b for a, b in zip(text, against, strict=False))))
     start = max(0, same - 20) if len(text) > 40 else 0
-    return "..." * (start > 0) + text[start : start + 40] + "..." * (start + 40 < len(text))
+    return f"{'...' if start > 0 else ''}{text[start : start + 40]}{'...' if start + 40 < len(text) else ''}"

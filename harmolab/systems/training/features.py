@@ -19,6 +19,9 @@ from harmolab.types import Audio, BeatTrack, FloatArray, SingleArray
 
 # Settings of the input of a system: frame rate, audio features, length of a training unit (paper Sec. 4.1).
 
+NUMBERS, LISTS = (int, float, int | None, float | None), (tuple[int, ...], tuple[float, ...])  # hints of settings
+LARGEST = {"seed": 2**32 - 1}  # settings that may be larger than sizes are
+
 
 def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: Collection[str] = ()) -> None:
     """ValueError, with name and value, unless numbers are positive numbers and choices among those of their `Literal`.
@@ -31,17 +34,27 @@ def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: C
     """
     check_kinds(settings)
     for name, hint in get_type_hints(type(settings)).items():
-        value, is_list = getattr(settings, name), hint in (tuple[int, ...], tuple[float, ...])
+        value = getattr(settings, name)
         if get_origin(hint) is Literal:
             check_choice(name, value, get_args(hint))
-        elif is_list or (hint in (int, float, int | None, float | None) and name not in free):
-            kind, can_be_zero = KINDS[(*get_args(hint), hint)[0]], name in not_negative
-            entries = value if isinstance(value, tuple | list) else [value] * (value is not None)
-            most = 2**32 - 1 if name == "seed" else MOST_UNITS if kind is KINDS[int] else sys.float_info.max
-            rightful = [isinstance(each, kind) and 0 <= each <= most and (each or can_be_zero) for each in entries]
-            if isinstance(value, tuple | list) != is_list or not all(rightful):
-                least = "a list of numbers, each " * is_list + ("zero or more" if can_be_zero else "positive")
-                raise ValueError(f"{name} must be {least}, got {value}" + f"; {most} at most" * (kind is KINDS[int]))
+        elif hint in LISTS or (hint in NUMBERS and name not in free):
+            _check_numbers(name, value, hint, can_be_zero=name in not_negative)
+
+
+def _check_numbers(name: str, value: Any, hint: Any, *, can_be_zero: bool) -> None:
+    """ValueError unless a setting is a number, or a list of them, as its hint says, and of a size that it may have."""
+    if value is None and hint in NUMBERS:
+        return
+    is_list, is_whole = hint in LISTS, hint in (int, int | None, tuple[int, ...])
+    most = LARGEST.get(name, MOST_UNITS if is_whole else sys.float_info.max)
+    is_right = isinstance(value, tuple | list) == is_list
+    for entry in value if isinstance(value, tuple | list) else [value]:
+        is_number = isinstance(entry, KINDS[int if is_whole else float])
+        is_right = is_right and is_number and 0 <= entry <= most and (entry != 0 or can_be_zero)
+    if not is_right:
+        least = "zero or more" if can_be_zero else "positive"
+        numbers = f"a list of numbers, each {least}" if is_list else least
+        raise ValueError(f"{name} must be {numbers}, got {value}{f'; {most} at most' if is_whole else ''}")
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:

@@ -284,13 +284,11 @@ class TemporalConvolution(nn.Module):
 
     def __init__(self, n_audio: int, channels: Sequence[int], dropout: float) -> None:
         super().__init__()
-        self.layers = nn.ModuleList(
-            nn.Sequential(
-                nn.Conv2d(a, b, (KERNEL, 1), (self.stride if number == len(channels) else 1, 1)),
-                BatchNorm(b, momentum=1.0), nn.ReLU(), nn.Dropout(dropout),
-            )
-            for number, (a, b) in enumerate(pairwise((1, *channels)), 1)
-        )  # fmt: skip
+        self.layers = nn.ModuleList()
+        for number, (a, b) in enumerate(pairwise((1, *channels)), 1):
+            stride = self.stride if number == len(channels) else 1
+            convolution = nn.Conv2d(a, b, (KERNEL, 1), (stride, 1))
+            self.layers.append(nn.Sequential(convolution, BatchNorm(b, momentum=1.0), nn.ReLU(), nn.Dropout(dropout)))
         self.size = channels[-1] * n_audio
 
     def forward(self, music: Tensor) -> Tensor:

@@ -337,8 +337,8 @@ def fit(
         If the state in `folder` is damaged or belongs to other settings, or the training diverges.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
-    new: tuple[None, dict[str, Any]] = None, {"settings": run.settings, "history": []}
-    tensors, about = (checkpoints.load_state(folder) if resume else None) or new
+    saved = checkpoints.load_state(folder) if resume else None
+    tensors, about = saved or (None, {"settings": run.settings, "history": []})
     if about["settings"] != run.settings:
         raise ValueError(f"{folder}: was trained with other settings; resume with those, or choose another folder")
     run.rows += about["history"]

@@ -163,8 +163,6 @@ def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:
 
 # A run: its folder is opened, its phases are run, its weights are written
 
-MODEL = DEFAULT_STEM
-
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -204,14 +202,14 @@ class Run:
 
     def save_movements(self, bank: Callable[[], PoseBank]) -> None:
         """Write the movements that dances may start from, unless an earlier start kept them."""
-        if self.fabric.is_global_zero and not poses_path(self.folder / MODEL).is_file():
-            save_poses(self.folder / MODEL, bank())
+        if self.fabric.is_global_zero and not poses_path(self.folder / DEFAULT_STEM).is_file():
+            save_poses(self.folder / DEFAULT_STEM, bank())
         self.fabric.barrier()
 
     def save(self, network: nn.Module, about: Mapping[str, Any]) -> None:
         """Write the trained network, with JSON-able lines about its training."""
         if self.fabric.is_global_zero:
-            save_weights(self.folder / MODEL, network, about)
+            save_weights(self.folder / DEFAULT_STEM, network, about)
 
 
 @contextmanager

@@ -227,9 +227,8 @@ def _first_movement(dancer: DancerNetwork, poses: PoseBank | None, request: Danc
         mean = dancer.motion_scale.mean.detach().cpu().double().numpy().copy()
         mean[-PATH_CHANNELS:] = 0.0
         return mean[None]
-    clips = poses.of(request.dance)
-    if clips.shape[2] != dancer.n_motion:
-        raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {clips.shape}")
+    if poses.poses.shape[2] != dancer.n_motion:
+        raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {poses.poses.shape}")
     return poses.drawn(request.dance, request.seed)
 
 

@@ -88,10 +88,8 @@ class _Table:
 
     def __init__(self, units: Sequence[DanceUnit]) -> None:
         self.units, self.groups = units, sorted({group for unit in units for group in unit.groups})
-        self.touches, self.meters = (
-            np.array([[group in own for group in self.groups] for own in touched], dtype=bool)
-            for touched in ([unit.groups for unit in units], [unit.meter_groups for unit in units])
-        )
+        self.touches = np.array([[group in unit.groups for group in self.groups] for unit in units], dtype=bool)
+        self.meters = np.array([[group in unit.meter_groups for group in self.groups] for unit in units], dtype=bool)
 
     def members(self, sides: IntArray) -> tuple[list[int], list[int], list[int]]:
         """Rows of the units on each side when group g is on the side `sides[g]`."""
@@ -138,8 +136,11 @@ def training_spans(split: Split) -> dict[str, list[tuple[float, float]]]:
     spans: dict[str, list[tuple[float, float]]] = {}
     for unit in sorted(split.train.units, key=lambda unit: unit.start):
         pieces = spans.setdefault(unit.sequence, [])
-        start, end = pieces.pop() if pieces and unit.start <= pieces[-1][1] else (unit.start, unit.end)
-        pieces.append((start, max(end, unit.end)))
+        start, end = unit.start, unit.end
+        if pieces and start <= pieces[-1][1]:  # it goes on where the piece before has not ended
+            start, before = pieces.pop()
+            end = max(before, end)
+        pieces.append((start, end))
     return spans
 
 

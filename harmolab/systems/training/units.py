@@ -241,15 +241,17 @@ def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
     """
     if not units:
         raise ValueError("a batch needs at least one unit")
-    sketches = (initial_poses(unit.motion, unit.index) if unit.sketch is None else unit.sketch for unit in units)
-    held = [(unit.audio, unit.motion, sketch) for unit, sketch in zip(units, sketches, strict=True)]
-    filled = [
-        (unit.index, np.ones(unit.n_frames), unit.beats, unit.strengths, np.ones(unit.beats.size), np.array(unit.bar))
-        for unit in units
-    ]
+    sketches = [initial_poses(unit.motion, unit.index) if unit.sketch is None else unit.sketch for unit in units]
     return Batch(
-        *(_stacked(arrays) for arrays in zip(*held, strict=True)),
-        *(_stacked(arrays, fill=0.0) for arrays in zip(*filled, strict=True)),
+        audio=_stacked([unit.audio for unit in units]),
+        motion=_stacked([unit.motion for unit in units]),
+        initial=_stacked(sketches),
+        index=_stacked([unit.index for unit in units], fill=0.0),
+        mask=_stacked([np.ones(unit.n_frames) for unit in units], fill=0.0),
+        beats=_stacked([unit.beats for unit in units], fill=0.0),
+        strengths=_stacked([unit.strengths for unit in units], fill=0.0),
+        beat_mask=_stacked([np.ones(unit.beats.size) for unit in units], fill=0.0),
+        bars=_stacked([np.array(unit.bar) for unit in units]),
     )
 
 
@@ -527,7 +529,9 @@ def recording_folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]
         paths, problems = find_recordings(root)
         notes += [problem.message for problem in problems]
         for path in paths:
-            if not (first := folders.setdefault(name := sequence_name(path), path)).samefile(path):
+            name = sequence_name(path)
+            first = folders.setdefault(name, path)
+            if not first.samefile(path):
                 raise ValueError(f"{path}: is called {name}, as {first} is; rename a folder, so that names differ")
     fast = [name for name in folders if Path(name).name == TOO_FAST and not (folders[name] / "beats.json").is_file()]
     notes += [f"{folders.pop(name)}: left out, its motion is 2.2 times too fast" for name in fast]

@@ -9,10 +9,8 @@
 """
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
@@ -22,8 +20,8 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from harmolab.files import PathLike, atomic_write, reading, write_synced
-from harmolab.systems.training.about import FORMAT, MOST_UNITS, json_file, read_about, weights_stem
+from harmolab.files import PathLike, reading
+from harmolab.systems.training.about import MOST_UNITS, json_file, read_about, weights_stem, write_about
 
 _WHAT = "weights of harmolab"
 # A description beyond these is not one of ours; building it would only fill the memory.
@@ -76,8 +74,6 @@ def save_weights(
     _check_finite(stem, tensors)
     data = safetensors.torch.save(tensors)
     about = {
-        "format": FORMAT,
-        "harmolab": version("harmolab"),
         "system": getattr(module, "system", ""),
         "class": type(module).__name__,
         "build": module.description(),
@@ -85,11 +81,7 @@ def save_weights(
         "sha256": hashlib.sha256(data).hexdigest(),
         "meta": dict(meta or {}),
     }
-    text = json.dumps(about, indent=1, allow_nan=False)
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(json_file(stem)) as text_part, atomic_write(_tensor_file(stem)) as tensor_part:
-        write_synced(text_part, text.encode())
-        write_synced(tensor_part, data)
+    write_about(stem, about, _tensor_file(stem), data)
 
 
 def load_weights(path: PathLike, network: type[N]) -> N:

@@ -23,10 +23,10 @@ from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.sketches import Sketched, sketched
 from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
+from harmolab.systems.training.about import DEFAULT_STEM
 from harmolab.systems.training.checkpoints import HISTORY, TrainOptions
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net
-from harmolab.systems.training.runs import MODEL
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.units import load_units
 from study.experiments.clock import TrainingClock, training_minutes
@@ -142,7 +142,7 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
         folders = [base, _run(split, profile, params, base)]
     return Trained(
         folders[-1],
-        load_generator(folders[-1] / MODEL),
+        load_generator(folders[-1] / DEFAULT_STEM),
         load_pose_net(folders[-1] / POSE_NET),
         split,
         pd.concat([pd.read_csv(folder / HISTORY) for folder in folders], ignore_index=True),
@@ -192,7 +192,7 @@ def kept_run(kind: str, about: Any, train: Callable[[TrainOptions], object]) -> 
     folder = _home() / "runs" / f"{kind}-{name}"
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(folder.with_suffix(".lock")):
-        if not (folder / f"{MODEL}.json").is_file():
+        if not (folder / f"{DEFAULT_STEM}.json").is_file():
             device = os.environ.get("HARMOLAB_ACCELERATOR", "cpu")
             train(TrainOptions(folder, resume=True, accelerator=device, report=TrainingClock(folder)))
     return folder

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems.training.about import DEFAULT_STEM
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
-from harmolab.systems.training.runs import MODEL
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import save_weights
 from study.experiments.generation import kept_run, training_split
@@ -41,6 +41,6 @@ def points_net(profile: RunProfile, corpus: str) -> PoseNet:
         folder = Path(options.out)
         net = train_pose_net(pointed(split.train), pointed(split.validation), seed=profile.seed, epochs=epochs)
         folder.mkdir(parents=True, exist_ok=True)
-        save_weights(folder / MODEL, net, {"seed": profile.seed, "epochs": epochs})
+        save_weights(folder / DEFAULT_STEM, net, {"seed": profile.seed, "epochs": epochs})
 
-    return load_pose_net(kept_run("points", {"split": split.to_dict(), "epochs": epochs}, train) / MODEL)
+    return load_pose_net(kept_run("points", {"split": split.to_dict(), "epochs": epochs}, train) / DEFAULT_STEM)
