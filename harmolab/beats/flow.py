@@ -163,9 +163,8 @@ SMALLEST_SIDE = 16  # pixels; the coarse grid of the flow has nothing to hold on
 CHANGED = 2  # grey levels of 255, mean over 5 x 5 pixels
 STILL = 0.02  # picture heights per second; slower is the noise of the camera and of the flow itself
 LAG = 0.04  # seconds, t_1 of Eq. 4
-SMOOTHING = 0.04  # seconds, Gaussian: without it the noise of the flow decides which frame of an impact is highest
-# Picture heights per second: a limb that covers 1 % of the picture and stops from half of one makes 0.002.
-FLOOR = 1e-4
+SMOOTHING = 0.04  # seconds
+FLOOR = 1e-4  # picture heights per second
 
 
 def optical_flow(previous: Frame, current: Frame) -> SingleArray:
@@ -303,21 +302,42 @@ def _lag_frames(lag: float, fps: float) -> int:
     return max(1, round(lag * fps))
 
 
-def flow_envelope(frames: Iterable[Frame], fps: float, *, lag: float = LAG, progress: Progress = silent) -> FloatArray:
-    """The impact envelope of a video, (T,) array in [0, 1]; value i belongs to i / fps seconds.
+def flow_envelope(
+    frames: Iterable[Frame],
+    fps: float,
+    *,
+    lag: float = LAG,
+    smoothing: float = SMOOTHING,
+    radius: float = RADIUS,
+    floor: float = FLOOR,
+    progress: Progress = silent,
+) -> FloatArray:
+    """The impact envelope of a video; value i belongs to i / fps seconds.
 
-    Parameters and errors are those of `flow_directograms`. A video without any impact above `FLOOR` is 0 throughout.
+    Parameters
+    ----------
+    frames, fps, lag, progress : see `flow_directograms`
+    smoothing : float, seconds
+        Standard deviation of a Gaussian. Without it the noise of the flow decides which frame of an impact is highest.
+    radius : float, seconds, t_2 of Eq. 5
+    floor : float, picture heights per second, mean over the picture
+        A video without any impact above this counts as still. A limb that covers 1 % of the picture and stops from
+        half a picture height per second makes 0.002 after the smoothing.
+
+    Returns
+    -------
+    (T,) array in [0, 1]
     """
     columns = flow_directograms(frames, fps, lag=lag, progress=progress)
-    impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=SMOOTHING * fps)
-    return normalise_envelope(impacts, radius_frames=max(1, round(RADIUS * fps)), floor=FLOOR)
+    impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=smoothing * fps)
+    return normalise_envelope(impacts, radius_frames=max(1, round(radius * fps)), floor=floor)
 
 
 def flow_beats(frames: Iterable[Frame], fps: float, *, lag: float = LAG, progress: Progress = silent) -> BeatTrack:
     """Visual beats of a video: sudden stops of anything in the picture (Eq. 4-5; Davis & Agrawala 2018).
 
-    A video in which nothing stops has no beats. The parameters are those of `flow_envelope`; for other settings of the
-    beats take that and `envelope_beats` one after the other.
+    A video in which nothing stops has no beats. The parameters are those of `flow_envelope`; for other settings take
+    that and `envelope_beats` one after the other.
 
     Returns
     -------
