@@ -120,7 +120,7 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     return _track([_fingertip_events(motion, side, prominence) for side in _hands(motion, hand)], motion)
 
 
-def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
+def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
     """Moments at which a violinist's bow turns; their strength is the length of the shorter stroke beside it.
 
     They are the extrema of a curve: how far the bow hand (the mean of the right hand's points) is from the bridge. The
@@ -133,16 +133,18 @@ def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
     reading : "distance" or "direction"
         The distance does not change when the bow goes over to another string. "direction" is the place along the first
         principal component of the hand's path beside the bridge: where strings change often, that is across the bow.
+    prominence : float, unit of the positions, optional
+        Length of the shortest stroke, 3 % of the curve's range when left out; noise as in `strikes`.
 
     Returns
     -------
-    BeatTrack, as from `strikes`; a stroke is 3 % of the curve's range long at least, and longer than noise makes it.
-    Slurred notes share a stroke, and a bow that stops and goes on does not turn.
+    BeatTrack, as from `strikes`. Slurred notes share a stroke, and a bow that stops and goes on does not turn.
 
     Raises
     ------
     ValueError
-        For another reading, or a motion that has no right hand, or no shoulder or hand on the left.
+        For another reading, a motion that has no right hand, or no shoulder or hand on the left, or a prominence that
+        is NaN.
     """
     check_choice("reading", reading, ("distance", "direction"))
     path = _bow_path(motion)
@@ -151,7 +153,8 @@ def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
     else:
         curve = path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     smooth = _smooth_curves(curve[:, None], motion, SMOOTHING)[:, 0]
-    least = max(STROKE_SHARE * float(np.ptp(smooth)), NOISE * _noise(curve, motion.fps))
+    least = STROKE_SHARE * float(np.ptp(smooth)) if prominence is None else prominence
+    least = max(least, NOISE * _noise(curve, motion.fps))
     return _track([_peaks(sign * smooth, _rate(motion), least) for sign in (1.0, -1.0)], motion)
 
 

@@ -16,6 +16,7 @@ from harmolab.lab.explain.performance import Explanation, Finding
 from harmolab.lab.figures.beats import signed_offsets
 from harmolab.musician.events import CERTAIN, PlayingScore, onset_beats, playing_score
 from harmolab.musician.performances import Performance
+from harmolab.params import HarmonyParams
 from harmolab.score import HarmonyScore, hit_mask
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
 
@@ -115,8 +116,15 @@ class ExplainedPlaying:
         return dict(plain(about | self.score.to_dict() | words))
 
 
-def explain_playing(performance: Performance) -> ExplainedPlaying:
+def explain_playing(
+    performance: Performance, *, params: HarmonyParams | None = None, n_rotations: int = 1000, seed: int = 0
+) -> ExplainedPlaying:
     """A performance scored and explained, by its notes, or where there are none by the onsets of its sound.
+
+    Parameters
+    ----------
+    performance : Performance
+    params, n_rotations, seed : as in `harmolab.musician.events.playing_score`
 
     Raises
     ------
@@ -134,7 +142,7 @@ def explain_playing(performance: Performance) -> ExplainedPlaying:
     whole = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
     sound = whole.span(performance.offset + skipped, part.duration)
     with named_faults(name):
-        score = playing_score(part, sound, performance.instrument)
+        score = playing_score(part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed)
     audio = None if performance.audio is None else shared.audio
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, playing_findings(score))
 

@@ -236,7 +236,7 @@ class Choreographer(DanceSystem):
         self._mirrored: dict[Take, Take] = {}
 
     @classmethod
-    def of(cls, items: Iterable[Item]) -> Self:
+    def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
         """A choreographer of recordings, clips or motions, of one skeleton.
 
         Where all beats of a recording are known (`Recording`, `Clip.beats`) it is cut at them; a motion is cut at its
@@ -247,10 +247,10 @@ class Choreographer(DanceSystem):
         ValueError
             One has no motion in three dimensions, or there are none, or two skeletons.
         """
-        return cls([take_of(item, number) for number, item in enumerate(items, 1)])
+        return cls([take_of(item, number) for number, item in enumerate(items, 1)], params=params)
 
     @classmethod
-    def load(cls, folder: PathLike) -> Self:
+    def load(cls, folder: PathLike, *, params: ChoreographerParams | None = None) -> Self:
         """The choreographer that was saved in a folder; or one of the recordings or motion files there.
 
         Raises
@@ -260,18 +260,25 @@ class Choreographer(DanceSystem):
         """
         if json_file(weights_stem(folder)).is_file():
             kept = load_takes(folder)
-            return cls(kept.takes, notes=kept.notes, limits=kept.limits)
-        return cls.read([folder])
+            return cls(kept.takes, params=params, notes=kept.notes, limits=kept.limits)
+        return cls.read([folder], params=params)
 
     @classmethod
-    def read(cls, data: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> Self:
+    def read(
+        cls,
+        data: Iterable[PathLike],
+        *,
+        params: ChoreographerParams | None = None,
+        scale: float | None = None,
+        progress: Progress = silent,
+    ) -> Self:
         """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
 
         The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
         metres in one unit of the files, if they do not say (`harmolab.readers.motion.load_motion`).
         """
         corpus = read_takes(corpora(data), scale=scale, progress=progress)
-        return cls(corpus.takes, notes=corpus.notes)
+        return cls(corpus.takes, params=params, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:
         """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
