@@ -6,7 +6,6 @@ No torch here: the choreographer dances without.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from harmolab.beats.audio import music_beats
 from harmolab.body.skeletons import Skeleton
@@ -92,18 +91,18 @@ class DanceSystem:
         """The dance that is asked for."""
         raise NotImplementedError
 
-    def generate(self, audio: Audio, beats: BeatTrack | None = None, **options: Any) -> Motion:
-        """A dance to music (`harmolab.systems.System`).
-
-        Parameters
-        ----------
-        audio, beats : as of `DanceRequest`
-        options : ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet`` and ``progress``
-            As of `DanceRequest`.
-
-        Raises
-        ------
-        ValueError
-            As `harmolab.systems.System`, or for an unknown `dance`.
-        """
-        return self.respond(DanceRequest(audio, beats, **options))
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+        dance: str | None = None,
+        plant_feet: bool = True,
+        progress: Progress = silent,
+    ) -> Motion:
+        """A dance to music (`harmolab.systems.System`); all options are those of `DanceRequest`."""
+        return self.respond(DanceRequest(audio, beats, start, seconds, seed, initial, dance, plant_feet, progress))
