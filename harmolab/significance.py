@@ -110,9 +110,8 @@ def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: flo
     share, square = hits / n, quantile**2 / n
     centre = (share + square / 2) / (1 + square)
     half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
-    low = float(max(centre - half, 0.0)) if hits > 0 else 0.0
-    high = float(min(centre + half, 1.0)) if hits < n else 1.0
-    return low, high
+    low, high = np.clip([centre - half, centre + half], 0.0, 1.0).tolist()
+    return (low if hits > 0 else 0.0), (high if hits < n else 1.0)
 
 
 def bootstrap_interval(

@@ -372,11 +372,8 @@ class Clip(Display):
         parts = [clipped(self.name), f"{self.audio.duration:.2f} s of music"]
         if self.motion is not None:
             parts.append(f"{self.motion.duration:.2f} s of motion at {self.motion.fps:g} fps from {self.offset:.2f} s")
-        if self.beats is not None:
-            parts.append(f"{len(self.beats)} beats")
-        if self.dance:
-            parts.append(clipped(self.dance))
-        return f"Clip({', '.join(parts)})"
+        beats = "" if self.beats is None else f"{len(self.beats)} beats"
+        return f"Clip({', '.join(filter(None, [*parts, beats, self.dance and clipped(self.dance)]))})"
 
     def span(self, start: float, seconds: float) -> "Clip":
         """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.

@@ -203,7 +203,7 @@ def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> _Analy
     if not isinstance(audio, Audio):  # here, since a score that asks in another room walks farther
         raise ValueError(f"a harmolab.Audio is needed, got {type(audio).__name__}")
     key = _key(audio, bounds)
-    stored = _stored_analysis(cached_arrays(key))
+    stored = _stored_analysis(cached_arrays(key) or {})
     if stored is None:
         compile_tracker()
         envelope, frames = _analyse(audio, bounds)
@@ -223,10 +223,8 @@ def sounding_span(audio: Audio) -> tuple[float, float]:
     return (float(loud[0] / audio.sample_rate), float(loud[-1] / audio.sample_rate)) if loud.size else (0.0, 0.0)
 
 
-def _stored_analysis(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
+def _stored_analysis(arrays: Mapping[str, NDArray[Any]]) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
-    if arrays is None:
-        return None
     try:
         envelope, beats, quality, windows = (arrays[name].astype(np.float64) for name in _Analysis._fields)
     except (KeyError, ValueError):
