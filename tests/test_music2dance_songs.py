@@ -139,8 +139,10 @@ def test_songs_of_one_dance_are_too_few(small: Path, corpus: Path, tmp_path: Pat
     assert refusal(small, tmp_path / "run") == fault
 
 
-def test_a_song_without_a_dance_is_left_out_by_name(small: Path, tmp_path: Path):
+def test_a_silent_song_and_one_without_a_dance_are_left_out_by_name(small: Path, tmp_path: Path):
     (folder,) = small.iterdir()
+    soundfile.write(folder / "audio.wav", np.zeros(22050), 22050)
+    assert f"(left out: {folder}: silent from beginning to end)" in refusal(small, tmp_path / "run")
     (folder / "beats.json").unlink()
     folder = folder.rename(small / "nameless")
     fault = f"songs here: 0 (left out: {folder}: no dance is named in beats.json)"

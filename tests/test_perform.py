@@ -431,11 +431,14 @@ def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_
     assert about["errors"]["mean pose"]["full"] > 0
 
 
-def test_a_performance_without_sound_is_left_out_of_the_training_and_named(corpus: Path, tmp_path: Path):
+def test_a_performance_without_sound_is_left_out_and_named_and_a_silent_one_is_named_too(corpus: Path, tmp_path: Path):
     takes = shutil.copytree(corpus, tmp_path / "takes")
     (takes / "take_3" / "audio.wav").unlink()
+    save_audio(takes / "take_4" / "audio.wav", Audio(np.zeros(4 * 22050), 22050.0))
     command = ("train", takes, "--system", "audio2body", "--out", tmp_path / "run", "--epochs", 1)
-    assert f"left out: {takes / 'take_3'}: has no sound; render its notes" in done(app, *command).stderr
+    notes = done(app, *command).stderr
+    assert f"left out: {takes / 'take_3'}: has no sound; render its notes" in notes
+    assert f"trained on although silent: {takes / 'take_4'}; " in notes
     for path in takes.glob("*/audio.wav"):
         path.unlink()
     alone = called(app, *command[:-4], "--out", tmp_path / "none")

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 
-from harmolab import Audio, Clip, Motion, Recording, meter_units, save_motion, write_corpus
+from harmolab import Audio, Clip, Motion, Recording, load_motion, meter_units, save_motion, write_corpus
 from harmolab.body.kinematics import resample_motion
 from harmolab.readers.beats import BeatAnnotation, Unit
 from harmolab.systems.training.features import FeatureParams, audio_features
@@ -239,6 +240,19 @@ def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path,
     assert lines == [f"left out: {line}" for line in units.notes]
     mute, bad = units.notes
     assert f"{tmp_path / 'mute'}: has no audio" in mute and str(tmp_path / "bad" / "motion.npz") in bad
+
+
+def test_recordings_that_spoil_a_training_are_named_in_a_line_for_each_kind(synthetic: Path, tmp_path: Path):
+    silent, still, wild = (copied(synthetic, tmp_path / name) for name in ("silent", "still", "wild"))
+    soundfile.write(silent / "audio.wav", np.zeros(13 * 22050), 22050)
+    danced = load_motion(still / "motion.npz")
+    is_wild = np.arange(danced.n_frames)[:, None, None] == 50
+    for folder, positions in ((still, 0 * danced.positions + danced.positions[0]), (wild, danced.positions + is_wild)):
+        save_motion(folder / "motion.npz", replace(danced, positions=positions))
+    lines: list[str] = []
+    refused("no unit is left for the", noticed_split, load_units(tmp_path, PARAMS), 0, 2, lines.append)
+    faults = {silent: "silent", still: "without movement", wild: "faster than 10 m/s"}
+    assert [line.split(";")[0] for line in lines] == [f"trained on although {faults[at]}: {at}" for at in faults]
 
 
 def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path: Path):

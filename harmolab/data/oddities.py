@@ -4,8 +4,9 @@ A fault is an odd thing that spoils numbers in silence: another unit, another ax
 joints that cannot be told apart. `harmolab evaluate` measures no such file.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,17 +30,19 @@ GAP = 2.5  # median beat intervals
 class Oddity(str):
     """A sentence on an odd thing, `brief`, the same in a few words and without numbers, and whether it `is_fault`.
 
+    `spoils` is its name where it spoils a training in silence, "" for others.
+
     >>> Oddity("frozen once, longest 1.50 s at 3.00 s", "frozen").brief
     'frozen'
     """
 
-    __slots__ = ("brief", "is_fault")
     brief: str
     is_fault: bool
+    spoils: str
 
-    def __new__(cls, sentence: str, brief: str = "", is_fault: bool = False) -> "Oddity":
+    def __new__(cls, sentence: str, brief: str = "", is_fault: bool = False, spoils: str = "") -> "Oddity":
         self = super().__new__(cls, sentence)
-        self.brief, self.is_fault = brief, is_fault
+        self.brief, self.is_fault, self.spoils = brief, is_fault, spoils
         return self
 
 
@@ -122,7 +125,8 @@ def _frozen(motion: Motion) -> Iterator[Oddity]:
         first, last = max(runs, key=lambda run: run[1] - run[0])
         times = "once" if len(runs) == 1 else f"{len(runs)} times"
         longest = f"longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"
-        yield Oddity(f"frozen {times}, {longest}", f"frozen for {FROZEN_SECONDS:g} s and more")
+        brief, spoils = f"frozen for {FROZEN_SECONDS:g} s and more", "without movement" if still.all() else ""
+        yield Oddity(f"frozen {times}, {longest}", brief, spoils=spoils)
 
 
 def _too_fast(motion: Motion) -> Iterator[Oddity]:
@@ -136,14 +140,14 @@ def _too_fast(motion: Motion) -> Iterator[Oddity]:
         frame, joint = divmod(int(np.argmax(speed)), speed.shape[1])
         peak = f"{speed.max():.1f} m/s ({motion.skeleton.joints[joint]}, {(frame + 1) / motion.fps:.2f} s)"
         brief = f"faster than {MAX_SPEED:g} m/s"
-        yield Oddity(f"{brief} in {frames}, up to {peak}", brief)
+        yield Oddity(f"{brief} in {frames}, up to {peak}", brief, spoils=brief)
 
 
 def sound_oddities(audio: Audio) -> tuple[Oddity, ...]:
     """Odd things in samples."""
     peak = float(np.abs(audio.samples).max())
     if peak == 0:
-        return (Oddity("silent from beginning to end", "silent"),)
+        return (Oddity("silent from beginning to end", "silent", spoils="silent"),)
     loud = Oddity(f"amplitudes reach {peak:.3g}; full scale is 1", "louder than full scale")
     return (loud,) if peak > 2 else ()
 
@@ -185,3 +189,11 @@ def frames_text(count: int) -> str:
 def brief_text(oddities: Sequence[Oddity]) -> str:
     """The oddities in short, each once."""
     return ", ".join(dict.fromkeys(one.brief for one in oddities))
+
+
+def training_lines(odd: Mapping[Any, Sequence[Oddity]]) -> list[str]:
+    """A line for each kind of oddity that spoils a training, with the names of the recordings that have it."""
+    kinds = dict.fromkeys(one.spoils for own in odd.values() for one in own if one.spoils)
+    having = {kind: [str(name) for name, own in odd.items() if kind in [one.spoils for one in own]] for kind in kinds}
+    end = "to leave them out, move them to another folder"
+    return [f"trained on although {kind}: {', '.join(names)}; {end}" for kind, names in having.items()]

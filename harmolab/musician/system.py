@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
+from harmolab.data.oddities import Oddity, motion_oddities, sound_oddities, training_lines
 from harmolab.files import PathLike
 from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
@@ -144,9 +145,10 @@ class Audio2Body(Learner):
 def _performances(
     data: Sequence[PathLike], instrument: str | None, fps: float | None, hears_sound: bool, options: TrainOptions
 ) -> list[Performance]:
-    """All performances in folders, named by their paths; a notice tells of each that is left out."""
+    """All performances in folders, named by their paths; notices tell of those that are left out, or odd."""
     performances: list[Performance] = []
     left_out: list[str] = []
+    odd: dict[Path, list[Oddity]] = {}
     for root in map(Path, data):
         folders, problems = find_performances(root)
         left_out += [problem.message for problem in problems]
@@ -158,9 +160,11 @@ def _performances(
             except (ValueError, FileNotFoundError) as error:
                 left_out.append(str(error))
                 continue
+            sound = [] if own.audio is None else sound_oddities(own.audio)
+            odd[folder] = [*sound, *motion_oddities(own.motion)]
             performances.append(replace(own, name=Path(root.resolve().name, folder.relative_to(root)).as_posix()))
-    for reason in left_out:
-        options.notice(f"left out: {reason}")
+    for line in (*(f"left out: {reason}" for reason in left_out), *training_lines(odd)):
+        options.notice(line)
     if not performances:
         reason = left_out[0] if left_out else "there is none"
         raise ValueError(f"no performance to train on below {', '.join(map(str, data))}: {reason}")

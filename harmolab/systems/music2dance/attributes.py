@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
+from harmolab.data.oddities import sound_oddities
 from harmolab.data.recordings import recording_files
 from harmolab.files import PathLike, Progress, silent
 from harmolab.readers.audio import load_audio
@@ -322,7 +323,10 @@ def load_songs(roots: Sequence[PathLike], *, progress: Progress = silent) -> Son
             files = recording_files(folder)
             if not files.dance:
                 raise ValueError(f"{folder}: no dance is named in beats.json")
-            music = blind_features(load_audio(files.song))
+            audio = load_audio(files.song)
+            if not audio.samples.any():
+                raise ValueError(f"{folder}: {sound_oddities(audio)[0]}")
+            music = blind_features(audio)
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
             continue

@@ -142,15 +142,15 @@ class NetworkSystem(Learner, DanceSystem):
 
 
 def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) -> Split:
-    """Units `step` beats apart split by motion group; `notice` gets what was left out, and how many there are.
+    """Units `step` beats apart split by motion group; `notice` gets what is left out or odd, and how many there are.
 
     Raises
     ------
     ValueError
         For too few recordings.
     """
-    for line in units.notes:
-        notice(f"left out: {line}")
+    for line in (*(f"left out: {note}" for note in units.notes), *units.remarks):
+        notice(line)
     split = split_units(units, seed=split_seed)
     split.settings["step"] = step
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from harmolab.beats.meter import meter_units
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
-from harmolab.data.oddities import faults_of
+from harmolab.data.oddities import Oddity, faults_of, motion_oddities, sound_oddities, training_lines
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
 from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.features import FeatureParams, audio_features
@@ -165,6 +165,7 @@ class UnitSet:
     features : FeatureParams of their features
     source : str, names of the corpora
     notes : tuple of str, one for each recording left out, with the reason
+    remarks : tuple of str, one for each kind of oddity that spoils what is learnt from recordings that are not left out
     """
 
     units: tuple[DanceUnit, ...]
@@ -173,6 +174,7 @@ class UnitSet:
     features: FeatureParams
     source: str = ""
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = [unit.name for unit in self.units]
@@ -326,6 +328,7 @@ class CutRecording:
     outline : Outline, of all its motion
     motion : at the rate of the features
     track : its beats, of the whole song
+    odd : what is odd about its sound and its motion
     """
 
     folder: Path
@@ -333,6 +336,7 @@ class CutRecording:
     outline: Outline
     motion: Motion
     track: BeatTrack
+    odd: tuple[Oddity, ...]
 
 
 class _Coded(NamedTuple):
@@ -379,7 +383,8 @@ def cut_recording(
     """
     if step is not None and step < 1:
         raise ValueError(f"step must be a positive number of beats, got {step}")
-    annotation, motion = recording.annotation, resample_motion(motion_in_space(recording), params.fps)
+    annotation, danced = recording.annotation, motion_in_space(recording)
+    motion = resample_motion(danced, params.fps)
     track = recording_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
     coded = _coded(recording, motion, track, params, bare=bare)
     spans = meter_spans(coded.track, params)
@@ -387,7 +392,8 @@ def cut_recording(
     extras = {(start + params.unit_beats - EXTRA_METER, EXTRA_METER) for start in starts} - set(spans)
     units = [_unit(coded, span, params, extra=span in extras) for span in (*spans, *sorted(extras))]
     cut = [unit for unit in units if unit is not None]
-    return CutRecording(recording.folder, cut, outline(recording), motion, track)
+    odd = (*sound_oddities(recording.clip.audio), *motion_oddities(danced))
+    return CutRecording(recording.folder, cut, outline(recording), motion, track, odd)
 
 
 def _coded(recording: Recording, motion: Motion, track: BeatTrack, params: FeatureParams, *, bare: bool) -> _Coded:
@@ -509,7 +515,8 @@ def grouped_units(
     bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]
     lengths = np.average(bones, axis=0, weights=[motion.n_frames for motion in motions])
     source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in contents))
-    return UnitSet(tuple(units), motions[0].skeleton, lengths, params, source, tuple(notes)), segments
+    remarks = tuple(training_lines({item.folder: item.odd for item in contents if item.units}))
+    return UnitSet(tuple(units), motions[0].skeleton, lengths, params, source, tuple(notes), remarks), segments
 
 
 NO_UNIT = "no unit to learn from: no beats were found, or too few in a row that lie inside recorded movement"
