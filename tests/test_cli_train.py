@@ -17,6 +17,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import typer
+from filelock import FileLock
 from typer.testing import CliRunner, Result
 
 from harmolab import write_corpus
@@ -166,11 +167,16 @@ def test_a_corpus_that_fails_is_told(name: str, size: tuple[int, float] | None, 
     assert not (tmp_path / "run").exists()
 
 
-def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[Path, Result], run: Run):
+def test_a_folder_in_use_is_refused_before_any_recording_is_read(
+    trained: tuple[Path, Result], run: Run, tmp_path: Path
+):
     out, before = trained[0], files(trained[0])
     line = told(run("/nowhere/at/all", "--out", out))
     assert line == f"harmolab: {out}: is not empty; use --resume to go on with a run there, or choose another folder"
     assert files(out) == before
+    with FileLock(tmp_path / ".lock"):  # of a training that has only begun to read
+        line = told(run("/nowhere/at/all", "--out", tmp_path))
+    assert line == f"harmolab: {tmp_path}: another process is training there"
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -213,8 +213,8 @@ def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def check_folder(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> None:
-    """ValueError unless `folder` is new or empty or, with `resume`, holds a run (on `corpus`); nothing is written."""
+def check_folder(folder: Path, *, resume: bool) -> None:
+    """ValueError unless `folder` is new or empty or, with `resume`, holds a run; nothing is written."""
     place = next(each for each in (folder, *folder.parents) if each.exists())
     if not (place.is_dir() and os.access(place, os.W_OK)):
         fault = "nothing may be written there" if place.is_dir() else "is a file"
@@ -224,8 +224,32 @@ def check_folder(folder: Path, *, resume: bool, corpus: Corpus | None = None) ->
         raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or choose another folder")
     if held and SETTINGS not in held:
         raise ValueError(f"{folder}: holds {held[0]} but no {SETTINGS}, so no run to resume; choose another folder")
-    if corpus is not None and (folder / CORPUS).is_file():
-        _checked_corpus(folder / CORPUS, corpus())
+
+
+@contextmanager
+def locked(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> Iterator[None]:
+    """Keep other processes out of `folder`, which is made, and removed if nothing is written; errors of `open_folder`.
+
+    A process that holds the lock may take it again.
+    """
+    check_folder(folder, resume=resume)
+    new = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        lock = FileLock(folder / LOCK, is_singleton=True).acquire(timeout=0)
+    except Timeout:
+        raise ValueError(f"{folder}: another process is training there") from None
+    with lock:
+        try:
+            if corpus is not None and (folder / CORPUS).is_file():
+                _checked_corpus(folder / CORPUS, corpus())
+            yield
+        finally:
+            if new and [*folder.iterdir()] == [folder / LOCK]:
+                with suppress(OSError):  # another process may begin there
+                    (folder / LOCK).unlink()
+                    for each in new:
+                        each.rmdir()
 
 
 @contextmanager
@@ -248,23 +272,18 @@ def open_folder(
         If the folder may not be written to, holds a run with other settings, another split or other recordings, or
         another process trains in it.
     """
-    check_folder(folder, resume=resume)
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with FileLock(folder / LOCK, timeout=0):
-            for unfinished in folder.glob(".*.tmp"):
-                unfinished.unlink()
-            recorded = _checked_corpus(folder / CORPUS, corpus())
-            for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, files.plain(split.to_dict()))):
-                if path.exists():
-                    _compare(path, _read(path), content)
-                else:
-                    files.write_json(path, content)
-            if recorded:
-                files.write_json(folder / CORPUS, recorded)
-            yield
-    except Timeout:
-        raise ValueError(f"{folder}: another process is training there") from None
+    with locked(folder, resume=resume):
+        for unfinished in folder.glob(".*.tmp"):
+            unfinished.unlink()
+        recorded = _checked_corpus(folder / CORPUS, corpus())
+        for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, files.plain(split.to_dict()))):
+            if path.exists():
+                _compare(path, _read(path), content)
+            else:
+                files.write_json(path, content)
+        if recorded:
+            files.write_json(folder / CORPUS, recorded)
+        yield
 
 
 def _checked_corpus(path: Path, corpus: dict[str, str]) -> dict[str, str]:

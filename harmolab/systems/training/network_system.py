@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from harmolab.data.recordings import find_recordings, recorded_files
 from harmolab.files import PathLike, Progress, silent
 from harmolab.score import check_whole
 from harmolab.systems.training.about import DEFAULT_STEM, corpora, read_about
-from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, check_folder
+from harmolab.systems.training.checkpoints import Measure, Notice, Report, TrainOptions, locked
 from harmolab.systems.training.features import FeatureParams, check_choice
 from harmolab.systems.training.loop import check_accelerator
 from harmolab.systems.training.requests import DanceRequest, DanceSystem
@@ -96,9 +97,9 @@ class Learner:
         check_accelerator(accelerator)
         check_whole(**{name: own[name] for name in ("step", "split_seed") if name in own})
         corpus = partial(cls.digests, folders := corpora(data))
-        if int(os.environ.get("RANK", 0)) == 0:
-            check_folder(Path(out), resume=resume, corpus=corpus)
-        cls.learn(folders, TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus), **own)
+        first = int(os.environ.get("RANK", 0)) == 0
+        with locked(Path(out), resume=resume, corpus=corpus) if first else nullcontext():
+            cls.learn(folders, TrainOptions(out, resume, accelerator, report, notice, progress, measure, corpus), **own)
         return cls.load(out)
 
 
