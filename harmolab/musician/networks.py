@@ -16,7 +16,7 @@ from harmolab.musician.sequences import PointSpace, continued, frames_of, steps_
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.readers.arrays import number_array
 from harmolab.readers.player_points import INSTRUMENTS
-from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.about import stored_list, stored_skeleton
 from harmolab.systems.training.layers import Normaliser
 from harmolab.systems.training.weights import stored_record, whole
 from harmolab.types import Audio, FloatArray, Motion, Notes, SingleArray
@@ -129,7 +129,7 @@ class SoundToPoints(nn.Module):
 
 def _stored_reference(stored: Mapping[str, Any], skeleton: Skeleton) -> Reference:
     """The reference of a description; ValueError for other points than the skeleton's."""
-    joints = tuple(str(name) for name in stored["joints"])
+    joints = tuple(str(name) for name in stored_list(stored, "joints"))
     if not {*joints} <= {*skeleton.joints}:
         raise ValueError(f"describes a reference of other points than its {len(skeleton.joints)}")
     points = number_array(stored["points"], "reference", (len(joints), 2)) if joints else np.zeros((0, 2))

@@ -26,7 +26,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.params import HarmonyParams
 from harmolab.systems.lee2019.params import Beats, LeeParams
-from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.about import stored_list, stored_skeleton
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, local_joints, parameter_count
 from harmolab.systems.training.motion_code import continued, frames_at
@@ -381,7 +381,7 @@ class DancingToMusic(DancerNetwork):
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """The networks as their description says; ValueError for sizes that cannot be."""
         params, features = stored_record(LeeParams, build["params"]), FeatureParams(**build["features"])
-        dances, lengths = [str(dance) for dance in build["dances"]], tensors["bone_lengths"]
+        dances, lengths = [str(dance) for dance in stored_list(build, "dances")], tensors["bone_lengths"]
         return cls(params, stored_skeleton(build), lengths, features=features, dances=dances)
 
 

@@ -21,7 +21,7 @@ from harmolab.readers.audio import load_audio
 from harmolab.systems.music2dance.music_features import CHANNELS, blind_features
 from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS, PRESETS
 from harmolab.systems.training import layers
-from harmolab.systems.training.about import read_about
+from harmolab.systems.training.about import read_about, stored_list
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_settings
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
@@ -147,7 +147,7 @@ class AttributeClassifier(nn.Module):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A classifier as its description says; ValueError for sizes that cannot be."""
-        classes = [str(name) for name in build["classes"]]
+        classes = [str(name) for name in stored_list(build, "classes")]
         if not 0 < len(classes) == len(set(classes)) <= MOST_CLASSES or max(map(len, classes)) > LONGEST_NAME:
             needed = f"one to {MOST_CLASSES} different names of {LONGEST_NAME} letters at most are needed"
             raise ValueError(f"describes {len(classes)} classes; {needed}")

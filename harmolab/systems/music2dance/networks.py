@@ -16,6 +16,7 @@ from harmolab.systems.music2dance.codes import MotionCode, stored_code
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.sequences import Windows
 from harmolab.systems.training import layers
+from harmolab.systems.training.about import stored_list
 from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 
 KERNEL = 2  # frames of a dilated convolution
@@ -175,7 +176,7 @@ class DanceNetwork(layers.Normalised):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A network as its description says; ValueError for sizes that cannot be."""
-        dances = [str(dance) for dance in build["dances"]]
+        dances = [str(dance) for dance in stored_list(build, "dances")]
         if not 0 < len(dances) == len(set(dances)) <= MOST_DANCES:
             raise ValueError(f"describes {len(dances)} dances; one to {MOST_DANCES}, all different, are needed")
         return cls(stored_params(build["params"]), stored_code(build["code"]), dances)

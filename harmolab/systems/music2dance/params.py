@@ -144,8 +144,9 @@ class Music2DanceParams:
             raise ValueError(f"dilations must be one or more frames, got {self.dilations}")
         if self.song.window != self.window:
             raise ValueError(f"music and motion need windows of one length, got {self.song.window} and {self.window} s")
-        if self.reach > MOST_REACH or self.fps > MOST_RATE or self.song.rate > MOST_RATE or self.window > MOST_SECONDS:
-            raise ValueError("dilations, rates and windows must be of a size that a dance can have")
+        rate, seconds = max(self.fps, self.song.rate), max(self.window, self.smoothing)
+        if self.reach > MOST_REACH or rate > MOST_RATE or seconds > MOST_SECONDS:
+            raise ValueError("dilations, rates, windows and smoothing must be of a size that a dance can have")
         if not 0 <= self.temperature <= MOST_TEMPERATURE:
             raise ValueError(f"temperature must be from 0 to {MOST_TEMPERATURE:g}, got {self.temperature:g}")
         if self.motion_dropout >= 1 or max(self.carry, self.first_drop, self.second_drop) > 1:

@@ -6,7 +6,7 @@
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from harmolab.files import MAX_TEXT_BYTES, PathLike, atomic_write, read_json, re
 FORMAT = 1
 DEFAULT_STEM = "model"
 SETTINGS = "settings.json"  # of a run, from its first moment on; the weights come at its end
-MOST_JOINTS, MOST_UNITS = 1000, 2**16  # a description beyond is not one of ours
+MOST_JOINTS, MOST_UNITS, MOST_FPS = 1000, 2**16, 1000  # a description beyond is not one of ours
 _WHAT = "weights of harmolab"
 _PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
 _SUFFIXES = (".safetensors", ".npz", ".json")
@@ -73,9 +73,16 @@ def write_about(stem: Path, about: Mapping[str, Any], numbers: Path, data: bytes
         write_synced(part, data)
 
 
+def stored_list(build: Mapping[str, Any], name: str) -> Sequence[Any]:
+    """A list of a description; ValueError for what is none."""
+    if not isinstance(build[name], list | tuple):
+        raise ValueError(f"describes {name} = {str(build[name])[:40]}; a list is needed")
+    return build[name]
+
+
 def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:
     """The skeleton of a description; ValueError for one of too many joints."""
-    skeleton = Skeleton(tuple(build["skeleton"]["joints"]), tuple(build["skeleton"]["parents"]))
+    skeleton = Skeleton(*(tuple(stored_list(build["skeleton"], name)) for name in ("joints", "parents")))
     if len(skeleton.joints) > MOST_JOINTS:
         raise ValueError(f"describes {len(skeleton.joints)} joints, more than {MOST_JOINTS}")
     return skeleton

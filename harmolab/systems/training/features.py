@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.files import cached_arrays, import_librosa, keep_arrays
 from harmolab.params import KINDS, check_kinds
-from harmolab.systems.training.about import MOST_UNITS
+from harmolab.systems.training.about import MOST_FPS, MOST_UNITS
 from harmolab.systems.training.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray, SingleArray
 
@@ -89,6 +89,8 @@ class FeatureParams:
 
     def __post_init__(self) -> None:
         check_settings(self, free=("unit_beats",))
+        if self.fps > MOST_FPS:
+            raise ValueError(f"fps must be {MOST_FPS} at most, got {self.fps:g}")
         if self.unit_beats < 7:
             raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
 

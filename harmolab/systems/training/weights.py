@@ -20,7 +20,7 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from harmolab.files import PathLike, reading
+from harmolab.files import PathLike, named_faults, reading
 from harmolab.systems.training.about import MOST_UNITS, json_file, read_about, weights_stem, write_about
 
 _WHAT = "weights of harmolab"
@@ -117,7 +117,7 @@ def load_weights(path: PathLike, network: type[N]) -> N:
             raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
         _check_finite(stem, tensors)
         # Without memory of its own ("meta" device): a false description cannot fill the machine.
-        with torch.device("meta"), _NothingDrawn():
+        with named_faults(json_file(stem).name), torch.device("meta"), _NothingDrawn():
             module = network.built(about["build"], tensors)  # type: ignore[attr-defined]
         return _filled(module, tensors)
 
