@@ -462,6 +462,11 @@ def test_what_a_system_cannot_take_is_refused_before_reading(arguments: tuple[ob
     assert result.exit_code == 2 and result.stderr == f"harmolab: {line}\n"
 
 
+def test_settings_of_the_song_are_no_dict(tmp_path: Path):
+    message = r"song must be SongParams\(\.\.\.\), got {'rate': 10.0}"
+    refused(message, trainable("music2dance").train, [tmp_path], tmp_path / "run", song={"rate": 10.0})
+
+
 # Corpora that cannot be trained on
 
 

@@ -3,7 +3,7 @@
 import hashlib
 import sys
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -28,7 +28,7 @@ def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: C
 
     Parameters
     ----------
-    settings : a dataclass of numbers, lists of them, flags and choices; fields of other types are not looked at
+    settings : a dataclass of numbers, lists of them, flags, choices, settings; other fields are not looked at
     not_negative : names of the numbers that may be zero as well
     free : of those that may be any number
     """
@@ -37,6 +37,8 @@ def check_settings(settings: Any, *, not_negative: Collection[str] = (), free: C
         value = getattr(settings, name)
         if get_origin(hint) is Literal:
             check_choice(name, value, get_args(hint))
+        elif isinstance(hint, type) and is_dataclass(hint) and not isinstance(value, hint):
+            raise ValueError(f"{name} must be {hint.__name__}(...), got {value!r}")
         elif hint in LISTS or (hint in NUMBERS and name not in free):
             _check_numbers(name, value, hint, can_be_zero=name in not_negative)
 
