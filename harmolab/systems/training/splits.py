@@ -73,9 +73,10 @@ def split_units(units: UnitSet, *, seed: int = 0) -> Split:
             names[side] += [table.units[row].name for row in rows]
     for side, members in names.items():
         if not members:
+            other = ", or another --split-seed" * (len(sides) >= len(SIDES))
             raise ValueError(
                 f"no unit is left for the {SIDES[side]} side: {len(units)} units dance {len(sides)} motion groups; "
-                "more recordings of other figures are needed, or another --split-seed"
+                f"more recordings of other figures are needed{other}"
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
     settings = {"seed": seed, "test_share": TEST_SHARE, "validation_share": VALIDATION_SHARE}
