@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterable
 from operator import attrgetter
@@ -362,33 +361,19 @@ def workers_of(pid: int) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes by /proc")
 def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
-    count, kills, is_over = 320, [0], threading.Event()
+    count, kills = 320, list[int]()
     run_rows(Numbers(count), square, tmp_path / "alone", jobs=0)
 
-    def kill_workers() -> None:
-        while kills[0] < 3 and not is_over.wait(3.0):  # a fourth could be the end of a row, where workers start slowly
-            for pid in workers_of(os.getpid())[-1:]:
-                os.kill(pid, signal.SIGKILL)
-                kills[0] += 1
+    def killing(items: Iterable[Any], label: str) -> Iterable[Any]:
+        for place, item in enumerate(items):
+            if place in (40, 120, 200):  # a fourth could be the end of a row
+                kills.append(workers_of(os.getpid())[0])
+                os.kill(kills[-1], signal.SIGKILL)
+            yield item
 
-    killer = threading.Thread(target=kill_workers)
-
-    def begun(items: Iterable[Any], label: str) -> Iterable[Any]:
-        killer.start()
-        return items
-
-    try:
-        run_rows(Numbers(count), slow_square, tmp_path / "killed", jobs=2, progress=begun)
-    finally:
-        is_over.set()
-        killer.join()
-    assert kills[0] >= 2
+    run_rows(Numbers(count), square, tmp_path / "killed", jobs=2, progress=killing)
+    assert len(set(kills)) == 3
     assert contents(tmp_path / "killed") == contents(tmp_path / "alone")
-
-
-def slow_square(task: Number) -> dict[str, Any]:
-    time.sleep(0.05)
-    return square(task)
 
 
 @pytest.mark.slow
