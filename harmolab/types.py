@@ -268,12 +268,12 @@ class BeatTrack(Display):
         """The beats in [start, start + duration), counted from `start`."""
         if not np.isfinite(start):
             raise ValueError(f"no beats from {start} s on")
-        part = self.select((self.times >= start) & (self.times < start + duration))
-        if self.windows is not None:
-            away = np.abs(self.windows[:, 0] - start - duration / 2)
+        part, windows = self.select((self.times >= start) & (self.times < start + duration)), self.windows
+        if windows is not None:
+            away = np.abs(windows[:, 0] - start - duration / 2)
             near = away <= max(duration / 2, away.min(initial=np.inf))  # a part shorter than a window has the nearest
-            part = replace(part, windows=self.windows[near] - (start, 0.0))
-        return replace(part, times=part.times - start, duration=duration)
+            windows = windows[near] - (start, 0.0)
+        return replace(part, times=part.times - start, duration=duration, windows=windows)
 
 
 @dataclass(frozen=True, eq=False)
