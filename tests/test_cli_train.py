@@ -226,7 +226,7 @@ def test_a_setting_called_otherwise_is_named_by_option_too(monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_defaults_of_the_help_are_those_of_the_settings():
-    for name in ("harmony_weight", "pretrain_epochs", "adversarial_epochs"):
+    for name in ("harmony_weight", "pretrain_epochs", "adversarial_epochs", "pose_epochs"):
         usual, paper = (getattr(params, name) for params in (TrainParams.recommended(), TrainParams.paper()))
         option = inspect.get_annotations(train)[name].__metadata__[0]
         assert option.show_default == (f"{usual:g}" if usual == paper else f"{usual:g}; {paper:g} in paper")

@@ -43,6 +43,7 @@ def train(
     harmony_weight: Annotated[float | None, typer.Option(show_default="1")] = None,
     pretrain_epochs: Annotated[int | None, typer.Option(min=0, show_default="0; 225 in paper")] = None,
     adversarial_epochs: Annotated[int | None, typer.Option(min=0, show_default="9; 45 in paper")] = None,
+    pose_epochs: Annotated[int | None, typer.Option(min=1, show_default="40")] = None,
     pretrained: Path | None = None,
     representation: Annotated[
         Literal["positions", "rotations"] | None, typer.Option(show_default="positions; rotations in paper")
@@ -123,6 +124,7 @@ def train(
     harmony_weight : HarmoGAN's weight of the harmony loss; 0 is the ablation.
     pretrain_epochs : HarmoGAN's epochs of pretraining.
     adversarial_epochs : Epochs after it.
+    pose_epochs : Epochs of its pose network.
     pretrained : Run of HarmoGAN on the same data whose pretraining is taken over.
     representation : Motion of music2dance and feet.
     phase1 : music2dance's epochs of learning from recorded frames.
@@ -206,12 +208,11 @@ def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
     """
     from rich.console import Console, Group
     from rich.live import Live
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
     from rich.text import Text
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=console)
+    bar = Progress("{task.description}", BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console)
     task, live = bar.add_task("", total=None), Live(bar, console=console)
     scores: dict[str, float] = {}  # of the last validation
     last = monotonic()  # moment of the last line
