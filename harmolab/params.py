@@ -156,8 +156,7 @@ class HarmonyParams:
         check_kinds(self)
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
-                or_none = ", or None" if name == "visual_threshold" else ""
-                raise ValueError(f"{name} must be zero or more{or_none}, got {value}")
+                raise ValueError(f"{name} must be zero or more{', or None' if 'visual' in name else ''}, got {value}")
         if (value := max(self.smoothing, self.position_smoothing)) > MAX_SMOOTHING:
             raise ValueError(f"smoothing and position_smoothing must be at most {MAX_SMOOTHING:g} s, got {value:g}")
         for name in ("beta", "clock", "fps"):

@@ -105,8 +105,7 @@ def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: flo
     """
     if n == 0:
         return math.nan, math.nan
-    part = (1 + level) / 2
-    quantile = stdtrit(freedom, part) if np.isfinite(freedom) else ndtri(part)
+    quantile = stdtrit(freedom, (1 + level) / 2) if np.isfinite(freedom) else ndtri((1 + level) / 2)
     share, square = hits / n, quantile**2 / n
     centre = (share + square / 2) / (1 + square)
     half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)

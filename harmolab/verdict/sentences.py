@@ -32,7 +32,9 @@ HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it,
 
 def verdict(evidence: Evidence) -> str:
     """The level in a sentence or two, where it does not hold, and how long the body rested."""
-    words = (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level]
+    if evidence.level == 0:
+        return _cannot_tell(evidence)
+    words = (_no_sign, _no_place, _in_time, _on_the_beat)[evidence.level - 1]
     return words(evidence) + elsewhere(evidence) + stillness(evidence)
 
 
