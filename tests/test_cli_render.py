@@ -4,6 +4,7 @@ import re
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import av
 import numpy as np
@@ -15,8 +16,9 @@ from harmolab.cli import app, screen
 from harmolab.clips import load_clip
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.explain.offset import picture_motion
+from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import render_skeleton
-from harmolab.params import HarmonyParams
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.readers.motion import load_motion
 from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
@@ -237,6 +239,12 @@ def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
         rests = visual_beats(picture_motion(video, video.fps), params=HarmonyParams.valleys())
         scores.append(score_harmony(clip.beats, rests, params=HarmonyParams.valleys(), n_rotations=0))
     assert scores[0].harmony_above_chance < 0.45 and scores[1].harmony_above_chance > 0.65
+
+
+def test_the_marks_of_a_retimed_dance_are_those_of_its_number(pair: tuple[Path, Path], tmp_path: Path):
+    with patch("harmolab.lab.render.video.render_dance", wraps=render_dance) as drawn:
+        retime(*pair, "--out", tmp_path / "out.mp4", "--how", "hit", "--height", 120)
+    assert drawn.call_args.kwargs["score"].params.pattern == HOW_PATTERNS["hit"]
 
 
 @pytest.mark.parametrize("name", ["x.npz", "x.mp4", "x.bvh"])

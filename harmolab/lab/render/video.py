@@ -276,7 +276,7 @@ def retime_files(
     if video:
         warp_video(video, out, retimed.warp, sound_of(clip), height=height, progress=progress)
     elif Path(out).suffix.lower() in CODINGS:
-        write_dance(out, replace(clip, motion=retimed.motion), height=height, progress=progress)
+        write_dance(out, replace(clip, motion=retimed.motion), height=height, params=params, progress=progress)
     else:
         save_motion(out, retimed.motion, offset=clip.offset)
     return retimed
