@@ -73,7 +73,7 @@ def split_units(units: UnitSet, *, seed: int = 0) -> Split:
             names[side] += [table.units[row].name for row in rows]
     for side, members in names.items():
         if not members:
-            other = ", or another --split-seed" * (len(sides) >= len(SIDES))
+            other = ", or another --split-seed" if len(sides) >= len(SIDES) else ""
             raise ValueError(
                 f"no unit is left for the {SIDES[side]} side: {len(units)} units dance {len(sides)} motion groups; "
                 f"more recordings of other figures are needed{other}"
