@@ -269,7 +269,7 @@ def alarm_words(table: pd.DataFrame) -> str:
 
 
 def levels_figure(table: pd.DataFrame) -> Figure:
-    """A bar for each music, cut by level, for each corpus: where nothing is told, and a program finds the beats.
+    """A bar for each music, cut by level, for each corpus: beats by a program, told only the tempi of the dance.
 
     Parameters
     ----------
