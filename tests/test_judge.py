@@ -268,8 +268,10 @@ def test_without_a_start_all_is_said_that_asks_for_no_place_in_the_beat() -> Non
 
 
 def test_a_picture_and_two_points_say_so() -> None:
-    flat = judged(Motion(dancer().positions[..., :2], 30.0, dancer().skeleton))
-    assert any("picture" in remark for remark in flat.remarks)
+    for tempo, words in ((120.0, "a turning statue"), (97.0, "every third dancer")):
+        motion = dancer(tempo=tempo)
+        flat = judged(Motion(motion.positions[..., :2], 30.0, motion.skeleton))
+        assert any(words in remark for remark in flat.remarks)
     hands = judged(Motion(dancer().positions[:, [10, 13]], 30.0, Skeleton.unnamed(2)))
     assert any("no shape" in remark for remark in hands.remarks)
 
