@@ -87,7 +87,7 @@ def test_only_this_machine_is_answered_by_its_own_name_and_with_the_token(server
     for path in ("/", "/state", "/dance/x.mp4", f"{parts.path[:-2]}/"):
         assert {ask(server.address, method, path=path)[0] for method in ("GET", "POST", "PUT")} == {404}
     assert kept(server) == []
-    refused(rf"port {parts.port}: .*; end what uses it, or choose another", AppServer, echo, ENDINGS, port=parts.port)
+    refused(rf"port {parts.port}: .*; choose another", AppServer, echo, ENDINGS, port=parts.port)
 
 
 def test_page_asks_for_nothing_elsewhere(server: AppServer):

@@ -417,6 +417,8 @@ def test_beats_begin_and_end_with_the_sound(click_track: Callable[..., Audio]):
         audio = Audio(np.pad(click_track(120, seconds=20.0).samples, (silence * 22050, 7 * 22050)), 22050)
         assert listening.sounding_span(audio) == pytest.approx((silence, silence + 19.52), abs=0.01)
         np.testing.assert_allclose(listening.audio_beats(audio).times, silence + np.arange(0, 19.6, 0.5), atol=0.02)
+        moved = listening.audio_beats(audio, lateness=30).times  # by .7 s, before the sound: such beats are left out
+        np.testing.assert_allclose(moved[-1], silence + 19.5 - 0.7, atol=0.03)
 
 
 def test_silence_has_no_sounding_span():

@@ -386,7 +386,7 @@ def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_pa
     refused(twice, load_keypoints, folder, fps=30)
     (folder / "other_1_keypoints.json").unlink()
     (folder / "dance_000000000002_keypoints.json").unlink()
-    refused("frames: frame 2 is missing between 0 and 3", load_keypoints, folder, fps=30)
+    refused("frames: frame 2 is missing between 0 and 3; add it, or number the files", load_keypoints, folder, fps=30)
 
 
 @cases(
@@ -531,7 +531,7 @@ def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
     ("{", "cannot be read as"),
     ("[" * 100_000, "cannot be read as"),
     ('{"a": 1}\nnonsense', "cannot be read as"),
-    ("[]", "holds a list of 0, which is neither MediaPipe landmarks .* nor COCO-17"),
+    ("[]", "holds a list of 0, which is neither MediaPipe landmarks .* nor COCO-17.*; of others save x, y, confidence"),
     ("3", "holds '3', which is neither"),
     ({}, "holds an object with nothing in it, which is neither"),
     ([[1, 2], [3, 4]], r"holds a list of 2, first '\[1, 2\]', which is neither"),
@@ -618,8 +618,11 @@ def test_frames_numbered_at_a_regular_step_are_all_there_at_a_lower_rate(tmp_pat
     coco = [
         {"image_id": f"{number:06d}.jpg", "keypoints": coco_pose(x)} for number, x in zip(numbers, moves, strict=True)
     ]
-    for content in (media, coco):
-        file = read_motion(as_json(tmp_path / "dance.json", content), fps=30)
+    array = np.zeros((numbers[-1] + 1, 17, 3))
+    array[numbers] = np.reshape([entry["keypoints"] for entry in coco], (-1, 17, 3))
+    paths = [as_json(tmp_path / "media.json", media), as_json(tmp_path / "coco.json", coco)]
+    for path in (*paths, save(tmp_path / "dance.npy", array)):
+        file = read_motion(path, fps=30)
         assert file.motion.fps == 30 / step and "frame rate guessed" in file.assumptions[0].brief
         np.testing.assert_array_equal(np.flatnonzero(~file.motion.valid), [*range(lead), lead + 7])
         places = 0.01 * (first + step * np.arange(40))

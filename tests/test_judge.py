@@ -268,7 +268,7 @@ def test_without_a_start_all_is_said_that_asks_for_no_place_in_the_beat() -> Non
 
 
 def test_a_picture_and_two_points_say_so() -> None:
-    for tempo, words in ((120.0, "a turning statue"), (97.0, "every third dancer")):
+    for tempo, words in ((120.0, "a turning statue"), (97.0, "every fourth dancer")):
         motion = dancer(tempo=tempo)
         flat = judged(Motion(motion.positions[..., :2], 30.0, motion.skeleton))
         assert any(words in remark for remark in flat.remarks)

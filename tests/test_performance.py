@@ -14,6 +14,7 @@ from harmolab.data.synthetic import synthetic_clip, synthetic_motion
 from harmolab.lab.explain import performance as own
 from harmolab.lab.explain.page import dance_page, dance_player, save_page
 from harmolab.lab.explain.performance import OwnDance, Placement, load_performance
+from harmolab.lab.player_page import of_dance
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.readers.audio import load_sound
@@ -207,7 +208,8 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance, pag
 
 @pytest.mark.slow
 def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
-    dances = (told_of(folder, "dance.npz", offset=offset, dance="cha-cha") for offset in (START, None))
+    dances = [told_of(folder, "dance.npz", offset=offset, dance="cha-cha") for offset in (START, None)]
+    assert all(of_dance(dance.verdict) in html.unescape(dance_player(dance).page) for dance in dances)
     page, unplaced = (html.unescape(dance_page(dance)) for dance in dances)
     assert "1 is the best moment, 0.5 the middle one" in page and "nearest moment of rest" not in page
     assert "nearest moment of rest" in unplaced and "by its bars" in page and "by its bars" not in unplaced

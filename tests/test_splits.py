@@ -130,3 +130,5 @@ def test_one_group_cannot_be_split_nor_can_nothing():
     alone = unit_set([unit(place, "a", "a") for place in (2, 4, 6)])
     refused(r"no unit is left for the \w+ side: 3 units dance 1 motion groups; .* are needed$", split_units, alone)
     refused("no unit is left for the train side: 0 units", split_units, unit_set([]))
+    apart = unit_set([unit(2, name, name, dance=name, sequence=name) for name in "abc"])
+    refused("3 motion groups; .*, or another --split-seed", split_units, apart)

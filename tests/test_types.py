@@ -223,6 +223,7 @@ def test_paper_mode_has_the_papers_values():
     ({"reaction_delay": float("nan")}, "reaction_delay must be zero or more, got nan"),
     ({"position_smoothing": float("inf")}, "position_smoothing must be zero or more, got inf"),
     ({"smoothing": 1e9}, r"smoothing and position_smoothing must be at most 10 s, got 1e\+09"),
+    ({"position_smoothing": 11}, "smoothing and position_smoothing must be at most 10 s, got 11"),
     ({"beta": 0.0}, "beta must be positive, got 0.0"),
     ({"clock": -1.0}, "clock must be positive, got -1.0"),
     ({"visual_threshold": -1.0}, "visual_threshold must be zero or more, or None, got -1.0"),

@@ -112,7 +112,7 @@ def audio_beats(
     audio : Audio
         The whole recording. Beats of separate 6 s pieces agree with those of the whole at F = .71 only.
     tempo : dance name or (low, high) beats per minute, optional
-        Prior of the tempo. Without one the tempo is that of 19 in 23 dance recordings we have, and twice that of three:
+        Prior of the tempo. Without one the tempo is that of 19 in 23 dance recordings we have, and twice that of four:
         whether music counts 80 or 160 the sound does not tell.
     lateness : float, envelope samples by which the beats are moved earlier; 0 leaves them on the onset strength
 
@@ -125,10 +125,10 @@ def audio_beats(
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)
-    # A beat that is heard as the sound begins is there, and not before it.
-    times = np.maximum(analysis.beats - lateness / rate, 0.0)
-    inside = (analysis.beats >= 0) & (times <= audio.duration)
-    quality, windows = analysis.quality, analysis.windows
+    times = analysis.beats - lateness / rate
+    # A beat that is heard as the sound begins is there, and not a little before it.
+    inside = (analysis.beats >= 0) & (times >= -NEAR) & (times <= audio.duration)
+    times, quality, windows = np.maximum(times, 0.0), analysis.quality, analysis.windows
     return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=quality, windows=windows)
 
 

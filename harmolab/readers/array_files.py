@@ -259,9 +259,10 @@ def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions
     if is_parameters(content):
         return parameter_motion(content, file, options)
     if isinstance(samples := content.get("motion"), np.ndarray) and samples.ndim == 4:
+        item = ".item()" if file.suffix.lower() == ".npy" else ""
         raise ValueError(
             f"holds {len(samples)} motions of MDM; where you trust it, save one: m = numpy.load({file.name!r}, "
-            "allow_pickle=True).item(); numpy.savez('dance.npz', "
+            f"allow_pickle=True){item}; numpy.savez('dance.npz', "
             "positions=m['motion'][0].transpose(2, 0, 1)[: m['lengths'][0]], fps=20)"
         )
     if {"keypoints3d", "keypoints3d_optim"} & content.keys() or (values := positions_in(content)) is None:
@@ -303,14 +304,15 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
 def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tuple[Assumption, ...]:
     """Notes on what key points leave open unless their file is about it: rate, metres, order and shape of a picture."""
     notes = list[Assumption]()
-    if (step := keypoints.looked_at(values).step) > 1:
+    frames = keypoints.looked_at(values)
+    if (step := frames.step) > 1:
         rates = f"guessed: of {step} frames, at {motion.fps * step:g} a second, one is in the file"
         brief = "frame rate guessed: frames lie at a regular step"
         notes.append(Assumption(f"{motion.fps:g} frames a second ({rates})", brief))
     if motion.positions.shape[2] == 3:
         return (*notes, *(() if "world" in about else (_WORLD,)))
     if values.shape[1:] in _PICTURE_SHAPES:
-        notes += _order_notes(keypoints.picture_order(values))
+        notes += _order_notes(keypoints.picture_order(values[frames]))
     is_square = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about
     return (*notes, _SQUARE) if is_square else tuple(notes)
 

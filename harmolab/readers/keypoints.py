@@ -436,12 +436,13 @@ def described_motion(
 def looked_at(values: NDArray[Any]) -> slice:
     """The frames of key points (T, ...) that were looked at: where bodies lie at a regular step, none between.
 
-    A few bodies may lie so by chance.
+    A few bodies may lie so by chance. The first looked at is frame 0, or 1 where frames are counted from 1 on.
     """
     axes = tuple(range(1, values.ndim))
     bodies = np.flatnonzero(values.any(axis=axes) & ~np.isnan(values).all(axis=axes))
     step = int(np.gcd.reduce(np.diff(bodies))) if len(bodies) >= _ENOUGH else 1
-    return slice(int(bodies[0]) % step if step > 1 else 0, None, step)
+    first = int(bodies[0]) % step if step > 1 else 0
+    return slice(first, None, step) if first < 2 else slice(0, None, 1)
 
 
 def keypoints_motion(

@@ -200,7 +200,7 @@ def _caveats(evidence: Evidence) -> list[str]:
     if evidence.level == 2 and evidence.keeps_the_beat:
         lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if signal.dimensions == 2:
-        hidden = "A picture hides every third dancer who keeps time: a body in space shows more."
+        hidden = "A picture hides about every fourth dancer who keeps time: a body in space shows more."
         lines.append(hidden if evidence.level == 1 else "In a picture, a turning statue cannot be told from a dancer.")
     return lines
 

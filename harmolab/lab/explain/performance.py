@@ -134,7 +134,7 @@ def explain(score: HarmonyScore) -> Explanation:
         return Explanation(tuple(findings))
     halves = _half_lags(judgement)
     findings += [*_lag(judgement), *_change(halves), *_hits(score)]
-    return Explanation(tuple(findings), halves=halves if judgement.pattern else ())
+    return Explanation(tuple(findings), halves=halves if judgement.pattern and judgement.has_start else ())
 
 
 def _score(judgement: Judgement) -> list[Finding]:
@@ -166,7 +166,7 @@ def _rate(judgement: Judgement) -> Finding:
 
 def _lag(judgement: Judgement) -> list[Finding]:
     """The lag, where it was told from what."""
-    if judgement.pattern is None:
+    if judgement.pattern is None or not judgement.has_start:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"

@@ -73,7 +73,7 @@ class LocalPage:
         try:
             self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
         except OSError as error:
-            raise ValueError(f"port {port}: {error.strerror}; end what uses it, or choose another (0: any)") from None
+            raise ValueError(f"port {port}: {error.strerror}; choose another (0: any), or end what uses it") from None
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     def get(self, name: str) -> Reply | None:

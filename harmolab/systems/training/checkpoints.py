@@ -230,7 +230,7 @@ def check_folder(folder: Path, *, resume: bool) -> None:
 def locked(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> Iterator[None]:
     """Keep other processes out of `folder`, which is made, and removed if nothing is written; errors of `open_folder`.
 
-    A process that holds the lock may take it again.
+    The thread that holds the lock may take it again.
     """
     check_folder(folder, resume=resume)
     new = [each for each in (folder, *folder.parents) if not each.exists()]
@@ -245,8 +245,8 @@ def locked(folder: Path, *, resume: bool, corpus: Corpus | None = None) -> Itera
                 _checked_corpus(folder / CORPUS, corpus())
             yield
         finally:
-            if new and [*folder.iterdir()] == [folder / LOCK]:
-                with suppress(OSError):  # another process may begin there
+            with suppress(OSError):  # another process may begin there, or have removed it
+                if new and [*folder.iterdir()] == [folder / LOCK]:
                     (folder / LOCK).unlink()
                     for each in new:
                         each.rmdir()
