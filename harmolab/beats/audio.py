@@ -120,6 +120,7 @@ def audio_beats(
     -------
     BeatTrack; empty for silence. From the first to the last sound, on one steady grid where the music keeps one, with
     `quality`, the share of the tracked beats that lie on it, and `windows`, the music that the beats explain.
+    A beat with which the sound begins has strength 0: nothing is before it that its onset could rise above.
     Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
     """
     analysis = _cached_analysis(audio, tempo_range(tempo))
