@@ -457,5 +457,5 @@ def _with_null(score: HarmonyScore, count: int, seed: int) -> HarmonyScore:
     music, params = score.music, score.params
     null = _null(music, score.visual.times - params.lag, params, count)
     low, high = bootstrap_interval(score.shares, music.strengths, count=count, seed=seed)
-    interval = above_chance(low, score.chance), above_chance(high, score.chance)
-    return replace(score, null=null, p_value=p_value(score.mean_share, null), interval=interval)
+    p, edges = p_value(score.mean_share, null), (above_chance(low, score.chance), above_chance(high, score.chance))
+    return replace(score, null=null, p_value=p, interval=edges)
