@@ -16,7 +16,7 @@ from harmolab.lab.explain.performance import Explanation, explain
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.types import Clip
-from harmolab.verdict.judge import score_motion
+from harmolab.verdict.judge import score_motion, without_start
 from tests.builders import cases, complaint, done, planted_dance, refused, still, write_dance, write_song
 
 SECONDS = 24.0
@@ -42,13 +42,14 @@ def value_of(words: Explanation, kind: str) -> float:
 
 
 def test_dancer_who_falls_80_ms_behind_in_the_second_half_hears_of_it():
-    words = explain(score_of(MUSIC.times + 0.08 * (MUSIC.times >= SECONDS / 2)))
+    score = score_of(MUSIC.times + 0.08 * (MUSIC.times >= SECONDS / 2))
+    words = explain(score)
     (change,) = [finding for finding in words.findings if finding.kind == "change"]
     assert change.value == pytest.approx(0.08, abs=0.015)
     assert change.interval[0] > 0
     assert re.fullmatch(r"In the second half you are \d\d ms later than in the first\.", change.sentence)
     assert [half.mean for half in words.halves] == pytest.approx([0.0, 0.08], abs=0.015)
-    unplaced = words.relative()  # without a known place in the song
+    unplaced = explain(without_start(score))  # without a known place in the song
     assert (kinds_of(unplaced), unplaced.halves) == (["tempo", "rate", "change"], ())
 
 

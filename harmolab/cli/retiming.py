@@ -23,7 +23,7 @@ MEANINGS = (
     "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
 )
 LOSS = 0.1  # of the number above chance, which moves by less with nothing but chance
-WORSE = "The dance goes less well with the music than before: keep it as it was (or --strength 0.5)."
+WORSE = "The dance goes less well with the music than before: keep it as it was (or --strength with a smaller number)."
 
 
 @with_options

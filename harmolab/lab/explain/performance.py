@@ -90,11 +90,6 @@ class Explanation:
         """The sentence of each finding."""
         return tuple(finding.sentence for finding in self.findings)
 
-    def relative(self) -> "Explanation":
-        """The findings that hold for a dance whose place in the song is known modulo the beat only."""
-        kept = tuple(one for one in self.findings if one.kind in ("tempo", "rate", "change"))
-        return replace(self, findings=kept, halves=())
-
     def __str__(self) -> str:
         return "\n".join(self.sentences)
 
@@ -133,8 +128,10 @@ def explain(score: HarmonyScore) -> Explanation:
     if judgement.level < 3:
         return Explanation(tuple(findings))
     halves = _half_lags(judgement)
+    if not judgement.has_start:  # what changes from half to half does not ask for the place in the beat
+        return Explanation((*findings, *_change(halves)))
     findings += [*_lag(judgement), *_change(halves), *_hits(score)]
-    return Explanation(tuple(findings), halves=halves if judgement.pattern and judgement.has_start else ())
+    return Explanation(tuple(findings), halves=halves if judgement.pattern else ())
 
 
 def _score(judgement: Judgement) -> list[Finding]:
@@ -166,7 +163,7 @@ def _rate(judgement: Judgement) -> Finding:
 
 def _lag(judgement: Judgement) -> list[Finding]:
     """The lag, where it was told from what."""
-    if judgement.pattern is None or not judgement.has_start:
+    if judgement.pattern is None:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"
@@ -516,11 +513,10 @@ def explain_performance(
     score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
     if score.judgement is not None and score.judgement.level == 1:
         check_sign(performance.path, performance.motion)
-    words = explain(score)
     return OwnDance(
         Path(song).name, performance, shared.audio, cast(BeatTrack, shared.beats), cast(Motion, shared.motion),
         clip.shared_frame() / performance.motion.fps, placement, score,
-        words if placement.is_absolute else words.relative(),
+        explain(score),
     )  # fmt: skip
 
 
