@@ -86,7 +86,7 @@ else
 endif
 
 claims: $(STAMP) ## write docs/claims.md and docs/report.md from the published tables
-	PYTHONPATH=notebooks $(BIN)/python -m study.report.pages
+	PYTHONPATH=notebooks $(BIN)/python -m study.claims.pages
 
 docs: claims ## build the site in site/, readable from disk; warnings are errors
 	$(BIN)/python -m sphinx -b html -W --keep-going -q docs site

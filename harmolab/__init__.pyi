@@ -9,6 +9,8 @@ from .beats.meter import describe_beats as describe_beats
 from .beats.meter import meter_units as meter_units
 from .beats.meter import strong_beats as strong_beats
 from .beats.meter import with_one as with_one
+from .beats.salience import salient_audio as salient_audio
+from .beats.salience import salient_visual as salient_visual
 from .beats.visual import motion_curve as motion_curve
 from .beats.visual import visual_beats as visual_beats
 from .body.skeletons import Skeleton as Skeleton
@@ -64,8 +66,6 @@ from .score import hit_mask as hit_mask
 from .score import hit_pairs as hit_pairs
 from .score import hitting_score as hitting_score
 from .score import nearest_intervals as nearest_intervals
-from .score import salient_audio as salient_audio
-from .score import salient_visual as salient_visual
 from .score import score_harmony as score_harmony
 from .significance import auc as auc
 from .significance import p_value as p_value

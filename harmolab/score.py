@@ -1,7 +1,7 @@
-"""The paper's harmony score: salience, hits, hitting score, F-measure, chance level, null distribution (Eq. 10-21).
+"""The paper's harmony score: hits, hitting score, F-measure, chance level, null distribution (Eq. 10, 14-21).
 
-Salience (Eq. 11-13) keeps the beats that a viewer or listener would notice (paper Sec. 3.3.1). The intervals between
-beats (Eq. 15-17) give the hits (Eq. 18), the hits the hitting score (Eq. 19) and the F-measure (Eq. 20-21). Beside them
+`harmolab.beats.salience` keeps the beats that a viewer or listener would notice (Eq. 11-13). The intervals between
+them (Eq. 15-17) give the hits (Eq. 18), the hits the hitting score (Eq. 19) and the F-measure (Eq. 20-21). Beside these
 stand the chance level, harmony above chance, and the null distribution, in which the visual beats are rotated in time.
 The functions stand in this order.
 
@@ -10,7 +10,6 @@ start from a motion and from a clip.
 """
 
 from dataclasses import dataclass, field, replace
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -18,96 +17,11 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from harmolab.beats.salience import salient_audio, salient_visual
 from harmolab.files import plain
 from harmolab.params import CHOICES, HarmonyParams
 from harmolab.significance import bootstrap_interval, p_value, rotated_hits, rotations
 from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray, frozen_array
-
-# Salience of beats (Eq. 11-13)
-
-
-def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "threshold") -> BoolArray:
-    """W_a: which music beats are attentional (Eq. 11).
-
-    Parameters
-    ----------
-    strengths : (N,) array, s_a
-    threshold : float, lambda_1
-    reading : "threshold" or "literal"
-        s_a > lambda_1 SD(s_a), or the formula as printed: sign(s_a - SD(s_a)) * lambda_1 > 0, in which lambda_1
-        cannot matter.
-    """
-    if strengths.size == 0:
-        return np.zeros(0, dtype=bool)
-    if reading == "literal":
-        return np.sign(strengths - strengths.std()) * threshold > 0
-    return strengths > threshold * strengths.std()
-
-
-def strength_steps(strengths: FloatArray) -> FloatArray:
-    """R (M,): peak-to-valley difference of each visual beat to the one before (Eq. 12); R(1) := R(2).
-
-    >>> strength_steps(np.array([3.0, 1.0, 4.0]))
-    array([2., 2., 3.])
-    """
-    if strengths.size < 2:
-        return np.zeros(strengths.size)
-    steps = np.abs(np.diff(strengths))
-    return np.concatenate([steps[:1], steps])
-
-
-def visual_mask(
-    strengths: FloatArray,
-    threshold: float | None,
-    *,
-    reading: str = "threshold",
-    quantity: str = "difference",
-    first_beat: str = "copy",
-) -> BoolArray:
-    """W_v: which visual beats are attentional (Eq. 13); SD is over the defined R(2..M).
-
-    Parameters
-    ----------
-    strengths : (M,) array, s_v
-    threshold : float or None, lambda_2
-        None keeps every beat.
-    reading : "threshold" or "literal", as in `audio_mask`
-    quantity : "difference" or "strength"
-        Compare R (the text) or s_v (the formula) with lambda_2 SD(R).
-    first_beat : "copy" or "drop"
-        The first beat has no R of its own: give it the second's, or leave it out.
-    """
-    if threshold is None or strengths.size == 0:
-        return np.ones(strengths.size, dtype=bool)
-    steps = strength_steps(strengths)
-    spread = steps[1:].std() if steps.size > 1 else 0.0
-    compared = strengths if quantity == "strength" else steps
-    mask = np.sign(compared - spread) * threshold > 0 if reading == "literal" else compared > threshold * spread
-    if first_beat == "drop":
-        mask[0] = False
-    return mask
-
-
-def normalise_strengths(strengths: FloatArray, how: str) -> FloatArray:
-    """Strengths (N,) over their maximum ("max"), over their mean ("mean") or as they are ("raw")."""
-    if how == "raw" or strengths.size == 0:
-        return strengths
-    scale = strengths.max() if how == "max" else strengths.mean()
-    return strengths / scale if scale > 0 else strengths
-
-
-def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
-    """The attentional music beats p'_a with strengths s'_a."""
-    strengths = normalise_strengths(track.strengths, params.normalisation)
-    mask = audio_mask(strengths, params.audio_threshold, reading=params.saliency)
-    return replace(track, strengths=strengths).select(mask)
-
-
-def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
-    """The attentional visual beats p'_v with strengths s'_v."""
-    readings = {"reading": params.saliency, "quantity": params.visual_saliency, "first_beat": params.first_beat}
-    return track.select(visual_mask(track.strengths, params.visual_threshold, **readings))
-
 
 # The score as a record, with its evidence
 
@@ -272,8 +186,6 @@ def hit_mask(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, m
     ValueError
         If the times are no lists of finite numbers, the delay is negative or NaN, or `matching` is another word.
     """
-    if matching == "many" and delay >= 0:
-        return nearest_intervals(audio_times, visual_times) <= delay + EDGE
     return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
 
 
@@ -360,7 +272,7 @@ def above_chance(share: float, chance: float) -> float:
 def check_whole(**values: object) -> None:
     """ValueError that names what is no whole number from 0 on."""
     for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
             raise ValueError(f"{name} must be a whole number, not negative, got {value!r}")
 
 
@@ -435,21 +347,16 @@ def score_of_shares(
     )  # fmt: skip
 
 
-def _matched_shares(music: BeatTrack, times: FloatArray, params: HarmonyParams, shifts: FloatArray) -> FloatArray:
-    """(S,) share of the music beats that is hit after each rotation, where a visual beat serves one music beat only."""
-    moved = np.sort(np.mod(times + shifts[:, None], music.duration), axis=1)
-    hits = [hit_mask(music.times, row, delay=params.reaction_delay, matching=params.matching) for row in moved]
-    return np.asarray(hits) @ music.strengths / music.strengths.sum()
-
-
 def _null(music: BeatTrack, times: FloatArray, params: HarmonyParams, count: int) -> FloatArray:
     """(count,) share of the music beats that is hit after each rotation of the visual beats."""
-    delay, duration = params.reaction_delay, music.duration
-    if params.matching != "many":
-        return _matched_shares(music, times, params, rotations(duration, count))
-    around = np.sort(np.mod(times, duration))
-    hits = rotated_hits(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
-    return hits / music.strengths.sum()
+    weights, delay, duration = music.strengths, params.reaction_delay, music.duration
+    if params.matching == "many":
+        around = np.sort(np.mod(times, duration))
+        hits = rotated_hits(music.times, around, weights, delay=delay, duration=duration, count=count)
+    else:
+        moved = np.sort(np.mod(times + rotations(duration, count)[:, None], duration), axis=1)
+        hits = np.array([hit_mask(music.times, row, delay=delay, matching=params.matching) for row in moved]) @ weights
+    return hits / weights.sum()
 
 
 def _with_null(score: HarmonyScore, count: int, seed: int) -> HarmonyScore:

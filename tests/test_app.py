@@ -420,7 +420,7 @@ def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path,
 
 
 def test_a_page_that_is_left_out_is_said_and_each_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("harmolab.lab.player_page.LONGEST", 5.0)
+    monkeypatch.setattr("harmolab.lab.player_data.LONGEST", 5.0)
     said: list[dict[str, Any]] = []
     song = write_song(tmp_path / "song.wav", planted_dance())
     work(Order("dance", song, None, "", None, tmp_path), Teller(said.append))

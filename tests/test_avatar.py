@@ -17,7 +17,7 @@ from harmolab.body.skeletons import Skeleton, skull_and_limbs
 from harmolab.data.synthetic import DANCER, synthetic_clip
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.person import LIFT, body_plan, shadow_outline, stage_of
-from harmolab.lab.player_page import Dancer, Player, movement_data
+from harmolab.lab.player_data import Dancer, Player, movement_data
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import BACKGROUND, render_skeleton
 from harmolab.lab.render.video import CORE, RIM, overlay_skeleton

@@ -8,12 +8,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from study.claims.body_dynamics import BODY_DYNAMICS
+from study.claims.claim import claims_table, contradicted, spread, value
+from study.claims.harmony import HARMONY
+from study.claims.music2dance import MUSIC2DANCE
+from study.claims.pages import PAGES, page
 from study.findings import RunTables
-from study.report.body_dynamics import BODY_DYNAMICS
-from study.report.claims import claims_table, contradicted, spread, value
-from study.report.harmony import HARMONY
-from study.report.music2dance import MUSIC2DANCE
-from study.report.pages import PAGES, page
 from tests.builders import cases, refused
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harmolab.beats.salience import audio_mask
 from harmolab.beats.visual import visual_beats
 from harmolab.cli import app
 from harmolab.lab.labs import live, one_clip
-from harmolab.score import audio_mask
 from harmolab.verdict.sentences import UNPLACED
 from tests.builders import complaint, done, planted_dance, write_dance, write_song
 

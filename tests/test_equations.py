@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from harmolab import score as scoring
+from harmolab.beats import salience
 from harmolab.beats.audio import audio_beats, onset_envelope
 from harmolab.beats.flow import impact_envelope, local_peaks
 from harmolab.beats.meter import strong_beats
@@ -30,8 +31,8 @@ from tests.builders import along_x, track
 
 EQUATIONS: dict[int, Callable[..., object]] = {
     1: score_clip, 2: onset_envelope, 3: audio_beats, 4: impact_envelope, 5: local_peaks, 6: score_clip,
-    7: joint_speed, 8: step_signs, 9: turning_points, 10: scoring.score_harmony, 11: scoring.audio_mask,
-    12: scoring.strength_steps, 13: scoring.visual_mask, 14: scoring.score_harmony, 15: scoring.position_matrix,
+    7: joint_speed, 8: step_signs, 9: turning_points, 10: scoring.score_harmony, 11: salience.audio_mask,
+    12: salience.strength_steps, 13: salience.visual_mask, 14: scoring.score_harmony, 15: scoring.position_matrix,
     16: scoring.interval_matrix, 17: scoring.nearest_intervals, 18: scoring.hit_mask, 19: scoring.hitting_score,
     20: scoring.f_score, 21: scoring.harmony_from_hits, 22: strong_beats, 23: initial_poses, 24: losses.kl_loss,
     25: losses.charbonnier_mse, 26: losses.feature_loss, 27: losses.harmony_loss, 28: losses.adversarial_value,
@@ -135,18 +136,18 @@ def test_equation_10_only_attentional_beats_are_aligned():
 def test_equation_11_audio_mask_keeps_beats_above_the_spread_of_strengths():
     # Mean 2, SD 1 (population): 3 > 1 * 1, 1 is not; 1 > 0.9 * 1 is.
     strengths = np.array([1.0, 3.0, 1.0, 3.0])
-    np.testing.assert_array_equal(scoring.audio_mask(strengths, 1.0), [False, True, False, True])
-    np.testing.assert_array_equal(scoring.audio_mask(strengths, 0.9), [True, True, True, True])
+    np.testing.assert_array_equal(salience.audio_mask(strengths, 1.0), [False, True, False, True])
+    np.testing.assert_array_equal(salience.audio_mask(strengths, 0.9), [True, True, True, True])
 
 
 def test_equation_12_peak_to_valley_difference():
     # |5 - 1|, |3 - 5|, |9 - 3|; the first takes the second's.
-    np.testing.assert_array_equal(scoring.strength_steps(np.array([1.0, 5.0, 3.0, 9.0])), [4, 4, 2, 6])
+    np.testing.assert_array_equal(salience.strength_steps(np.array([1.0, 5.0, 3.0, 9.0])), [4, 4, 2, 6])
 
 
 def test_equation_13_visual_mask_keeps_beats_whose_difference_exceeds_the_spread():
     # R = 4, 4, 2, 6, SD over 4, 2, 6 = sqrt(8 / 3) = 1.633: 1.5 SD = 2.45 drops only the third beat.
-    np.testing.assert_array_equal(scoring.visual_mask(np.array([1.0, 5.0, 3.0, 9.0]), 1.5), [True, True, False, True])
+    np.testing.assert_array_equal(salience.visual_mask(np.array([1.0, 5.0, 3.0, 9.0]), 1.5), [True, True, False, True])
 
 
 def test_equation_14_harmony_is_the_f_score_of_both_sides():

@@ -22,6 +22,7 @@ from harmolab.cli import app, evaluating
 from harmolab.data.synthetic import write_corpus
 from harmolab.lab.evaluate import page as evaluation_page
 from harmolab.lab.evaluate import pairing, summary
+from harmolab.lab.evaluate.as_text import full_methods, methods_paragraph, number_text, table_csv, table_notes
 from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.findings import findings
@@ -32,8 +33,7 @@ from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, So
 from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
 from harmolab.lab.evaluate.sets import SetNumber, collect, protocol_sets, set_numbers, written_parts
-from harmolab.lab.evaluate.tables import full_methods, methods_paragraph, number_text, table_csv, table_notes
-from harmolab.lab.player_page import of_dance, player_of
+from harmolab.lab.player_data import of_dance, player_of
 from harmolab.metrics.features import diversity, frechet_distance
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion

@@ -26,7 +26,7 @@ from harmolab.lab.labs.live import Stage
 from harmolab.lab.labs.meter import UNIT_COLOURS, unit_label
 from harmolab.lab.labs.one_clip import scoring_numbers
 from harmolab.lab.person import ANGLE
-from harmolab.lab.player_page import Dancer, Player
+from harmolab.lab.player_data import Dancer, Player
 from harmolab.lab.render.stick import hit_times
 from harmolab.params import CHOICES, HOW_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore, score_harmony

@@ -16,7 +16,7 @@ from scipy.stats import rankdata
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_motion
-from harmolab.lab.player_page import of_dance
+from harmolab.lab.player_data import of_dance
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed

@@ -305,7 +305,7 @@ import harmolab
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.trials import Item, make_trials
 from harmolab.lab.listening.local_page import StudyServer
-from harmolab.lab.player_page import blind_page
+from harmolab.lab.player_data import blind_page
 clip = harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
 items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(items, kind="pick", n=4, seed=1, rater="Ada")

@@ -22,7 +22,7 @@ from harmolab.lab.labs import corpus, live, meter, one_clip, pages
 from harmolab.lab.labs.corpus import Corpus, corpus_lab, corpus_numbers
 from harmolab.lab.labs.live import CONTROLS, LabContent, LiveLab, Stage
 from harmolab.lab.labs.one_clip import detector_lab
-from harmolab.lab.player_page import percent
+from harmolab.lab.player_data import percent
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.score import score_harmony
 from harmolab.types import BeatTrack, Clip, Motion

@@ -14,7 +14,7 @@ from harmolab.lab.labs.one_clip import saliency_lab, scoring_lab
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.local_page import StudyServer, TapServer
 from harmolab.lab.listening.trials import Item, TrialSet, make_trials
-from harmolab.lab.player_page import blind_page
+from harmolab.lab.player_data import blind_page
 from harmolab.readers.beats import TappedBeats, tapped_beats
 from harmolab.types import Audio, Clip
 from tests.builders import planted_dance

@@ -22,7 +22,7 @@ from harmolab.lab.evaluate import measured
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
 from harmolab.lab.labs.live import Stage
-from harmolab.lab.player_page import of_dance
+from harmolab.lab.player_data import of_dance
 from harmolab.lab.render.video import retime_files
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import load_annotation

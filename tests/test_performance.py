@@ -14,7 +14,7 @@ from harmolab.data.synthetic import synthetic_clip, synthetic_motion
 from harmolab.lab.explain import performance as own
 from harmolab.lab.explain.page import dance_page, dance_player, save_page
 from harmolab.lab.explain.performance import OwnDance, Placement, load_performance
-from harmolab.lab.player_page import of_dance
+from harmolab.lab.player_data import of_dance
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.readers.audio import load_sound

@@ -21,7 +21,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import resample_motion
 from harmolab.cli import app
 from harmolab.clips import load_clip
-from harmolab.lab.player_page import HEIGHT, Dancer, Player, blind_page, coded_sound, of_dance, player_of
+from harmolab.lab.player_data import HEIGHT, Dancer, Player, blind_page, coded_sound, of_dance, player_of
 from harmolab.lab.report.templates import framed
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import save_motion
@@ -238,7 +238,7 @@ def test_shown_in_a_frame_and_saved_whole(clip: Clip, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_player_needs_no_widget_library() -> None:
     names = "{'ipywidgets', 'matplotlib', 'torch'}"
-    code = f"import sys, harmolab.lab.player_page; print({names} & set(sys.modules) or '')"
+    code = f"import sys, harmolab.lab.player_data; print({names} & set(sys.modules) or '')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
 
 

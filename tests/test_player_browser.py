@@ -14,7 +14,7 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.lab.labs.one_clip import scoring_lab
 from harmolab.lab.person import hulls, person_discs, shadow_outline, stage_of
-from harmolab.lab.player_page import Dancer, Player, of_dance, page_motion
+from harmolab.lab.player_data import Dancer, Player, of_dance, page_motion
 from harmolab.lab.report.pages import NotebookRun, write_pages
 from harmolab.lab.report.templates import framed
 from harmolab.musician.avatar import avatar

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harmolab.beats.salience import audio_mask, normalise_strengths, strength_steps, visual_mask
 from harmolab.beats.visual import curve_beats
 from harmolab.body.kinematics import smooth, turning_points
 from harmolab.data.recordings import load_recording
 from harmolab.metrics.beat_alignment import beat_align, kinematic_params
 from harmolab.params import HOW_PATTERNS, HarmonyParams
-from harmolab.score import audio_mask, normalise_strengths, score_harmony, strength_steps, visual_mask
+from harmolab.score import score_harmony
 from harmolab.shape_speed import ShapeSignal, shape_speed
 from harmolab.types import BeatTrack, FloatArray
 from harmolab.verdict.evidence import MOMENTS, PlaceTest, place_test

@@ -556,9 +556,9 @@ def test_page_of_what_has_another_name_by_now_is_removed_and_no_other(extension,
     monkeypatch.setattr(generated, "FOLDER", tmp_path)
     generated.write_pages({"labs.inc": "labs", "gallery/04.md": "four"})
     generated.write_pages({"areas.inc": "areas", "api/player.rst": "player", "api/score.rst": "score"})
-    generated.write_pages({"areas.inc": "areas", "api/player_page.rst": "player", "api/score.rst": "score"})
+    generated.write_pages({"areas.inc": "areas", "api/player_data.rst": "player", "api/score.rst": "score"})
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
-    assert names == {"labs.inc", "gallery/04.md", "areas.inc", "api/player_page.rst", "api/score.rst"}
+    assert names == {"labs.inc", "gallery/04.md", "areas.inc", "api/player_data.rst", "api/score.rst"}
 
 
 def test_every_public_name_is_on_one_page_of_the_reference(extension):

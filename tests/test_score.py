@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 
 from harmolab import score as scoring
 from harmolab import significance
+from harmolab.beats import salience
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
 from harmolab.data.synthetic import synthetic_clip
@@ -296,7 +297,7 @@ STRENGTHS = np.array([1.0, 3.0, 1.0, 3.0])
     ([], 1.0, "threshold", []),
 )
 def test_a_music_beat_is_salient_above_the_spread_of_strengths(strengths, factor, reading, expected):
-    np.testing.assert_array_equal(scoring.audio_mask(np.array(strengths), factor, reading=reading), expected)
+    np.testing.assert_array_equal(salience.audio_mask(np.array(strengths), factor, reading=reading), expected)
 
 
 # R = 4, 4, 2, 6 (the first copied); SD of the defined 4, 2, 6 is sqrt(8/3) = 1.63.
@@ -318,7 +319,7 @@ VISUAL = np.array([1.0, 5.0, 3.0, 9.0])
     *(([], 1.0, {}, []), ([2.0], 1.0, {}, [False]), ([2.0, 3.0], 1.0, {}, [True, True])),
 )
 def test_a_visual_beat_is_salient_where_its_step_exceeds_the_spread_of_steps(strengths, threshold, how, expected):
-    np.testing.assert_array_equal(scoring.visual_mask(np.array(strengths), threshold, **how), expected)
+    np.testing.assert_array_equal(salience.visual_mask(np.array(strengths), threshold, **how), expected)
 
 
 @cases(
@@ -327,13 +328,13 @@ def test_a_visual_beat_is_salient_where_its_step_exceeds_the_spread_of_steps(str
     *(([], "max", []), ([0.0, 0.0], "max", [0.0, 0.0])),
 )
 def test_strengths_are_normalised_as_asked(strengths, how, expected):
-    np.testing.assert_allclose(scoring.normalise_strengths(np.array(strengths), how), expected)
+    np.testing.assert_allclose(salience.normalise_strengths(np.array(strengths), how), expected)
 
 
 def test_salient_music_beats_keep_time_bar_place_and_normalised_strength():
     params = replace(HarmonyParams.paper(), audio_threshold=1.0, normalisation="max")
     beats = metronome([1.0, 3.0, 1.0, 3.0], bar_places=[0, 1, 2, 3], period=1.0, duration=10.0)
-    kept = scoring.salient_audio(beats, params)
+    kept = salience.salient_audio(beats, params)
     np.testing.assert_array_equal(kept.times, [1.0, 3.0])
     np.testing.assert_array_equal(kept.strengths, [1.0, 1.0])
     np.testing.assert_array_equal(kept.bar_places, [1, 3])
@@ -347,7 +348,7 @@ def test_salient_music_beats_keep_time_bar_place_and_normalised_strength():
     ({"visual_threshold": 3.0, "saliency": "literal"}, [0.0, 1.0, 2.0, 3.0]),
 )
 def test_visual_saliency_is_read_as_the_params_say_and_strengths_stay_raw(how, times):
-    kept = scoring.salient_visual(metronome(VISUAL.tolist(), period=1.0), replace(HarmonyParams.paper(), **how))
+    kept = salience.salient_visual(metronome(VISUAL.tolist(), period=1.0), replace(HarmonyParams.paper(), **how))
     np.testing.assert_array_equal(kept.times, times)
     np.testing.assert_array_equal(kept.strengths, VISUAL[kept.times.astype(int)])
 
@@ -355,7 +356,7 @@ def test_visual_saliency_is_read_as_the_params_say_and_strengths_stay_raw(how, t
 @pytest.mark.parametrize(("reading", "count"), [("threshold", 0), ("literal", 4)])
 def test_audio_saliency_is_read_as_the_params_say(reading, count):
     params = replace(HarmonyParams.paper(), audio_threshold=100.0, saliency=reading)
-    assert len(scoring.salient_audio(metronome([1.0, 3.0, 2.0, 3.0]), params)) == count
+    assert len(salience.salient_audio(metronome([1.0, 3.0, 2.0, 3.0]), params)) == count
 
 
 def test_rotations_are_spread_evenly_and_never_zero():

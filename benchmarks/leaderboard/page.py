@@ -7,10 +7,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from harmolab.lab.evaluate.as_text import number_text
 from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.submission import TABLE_MEASURES
 from harmolab.lab.evaluate.summary import measure_of
-from harmolab.lab.evaluate.tables import number_text
 
 SCORES = {
     "recommended": "recommended score of harmolab",

@@ -46,7 +46,7 @@ AREAS = {
     "harmolab.lab.harmonise": "Bringing a dance into harmony",
     "harmolab.lab.labs": "Labs in JupyterLab",
     "harmolab.lab.listening": "Listening studies",
-    "harmolab.lab.player_page": "The player",
+    "harmolab.lab.player_data": "The player",
     "harmolab.lab.render": "Videos",
     "harmolab.lab.report": "The report",
 }

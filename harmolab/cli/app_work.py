@@ -22,7 +22,7 @@ from harmolab.lab.explain.filmed import points_in_video
 from harmolab.lab.explain.page import dance_player, save_page
 from harmolab.lab.explain.performance import OwnDance, explain_performance, load_performance
 from harmolab.lab.labs.one_clip import scoring_lab
-from harmolab.lab.player_page import LONGEST, player_of
+from harmolab.lab.player_data import LONGEST, player_of
 from harmolab.lab.render.video import retime_files, write_dance
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed

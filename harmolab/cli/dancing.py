@@ -222,7 +222,7 @@ class DanceReport:
 
 def _of_dance(words: Iterable[str]) -> tuple[str, ...]:
     """Sentences on the dance, said of it."""
-    from harmolab.lab.player_page import of_dance
+    from harmolab.lab.player_data import of_dance
 
     return tuple(map(sentence, map(of_dance, words)))
 

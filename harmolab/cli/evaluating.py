@@ -213,8 +213,8 @@ def _print(evaluation: lab.Evaluation) -> None:
     """The most important measures, as many systems beside one another as fit, findings, remarks, what was left out."""
     from rich.console import Console
 
+    from harmolab.lab.evaluate.as_text import table_notes, table_records
     from harmolab.lab.evaluate.findings import findings
-    from harmolab.lab.evaluate.tables import table_notes, table_records
 
     records = table_records(evaluation)
     beside = max(1, (Console().width - NAME_WIDTH) // CELL_WIDTH)
@@ -234,7 +234,7 @@ def _print_table(records: list[dict[str, Any]], measures: Sequence[str], measure
     """A table with a column a record, and a line a measure; `measured` are the numbers of dances by system, as text."""
     from rich.table import Column
 
-    from harmolab.lab.evaluate.tables import number_text
+    from harmolab.lab.evaluate.as_text import number_text
 
     systems = (Column(record["system"], overflow="fold") for record in records)
     rows = [["dances", *(measured[record["system"]] for record in records)]]

@@ -85,7 +85,7 @@ def lab(
     """
 
     from harmolab.lab.labs.one_clip import scoring_lab
-    from harmolab.lab.player_page import LONGEST
+    from harmolab.lab.player_data import LONGEST
 
     files = sources(context, song, motion, judged)
     out = out or Path(f"{common.plain_name(files.motion)}_lab.html")

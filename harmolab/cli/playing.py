@@ -54,7 +54,7 @@ def render(
 ) -> None:
     """Write the video, and print the verdict on the whole dance, of which it may show a part."""
     from harmolab.lab.explain.filmed import points_in_video
-    from harmolab.lab.player_page import of_dance
+    from harmolab.lab.player_data import of_dance
     from harmolab.lab.render.video import load_points, write_dance
 
     is_gif, over = out.suffix.lower() == GIF, video.over or (files.motion if files.is_video else None)
@@ -179,7 +179,7 @@ def _page(
 ) -> None:
     """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
-    from harmolab.lab.player_page import player_of
+    from harmolab.lab.player_data import player_of
 
     if files.is_video and not is_body_found(files.motion):
         paths = " ".join(dict.fromkeys(map(str, (files.song, files.motion))))
@@ -227,14 +227,14 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
     """
     common.check_out(out, "the page", common.PAGES)
     with waiting("making the page"):
-        from harmolab.lab import player_page
+        from harmolab.lab import player_data
 
-        page = player_page.demo()
+        page = player_data.demo()
         page.player.save(out)
     typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):
         met = f"{int((score.pairs >= 0).sum())} of {score.n_audio} beats met"
-        verdict = "" if score.judgement is None else player_page.of_dance(score.judgement.verdict)
+        verdict = "" if score.judgement is None else player_data.of_dance(score.judgement.verdict)
         typer.echo(f"  {name}: {met}, harmony above chance {score.above_chance:.2f}. {verdict}")
     typer.echo("Press play on the page; the lamps flash on the beats of the music and of the dancer.")
     wrote(out)

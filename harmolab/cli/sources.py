@@ -148,8 +148,8 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
             files.song, movement or files.motion, offset=offset, dance=files.dance, beats=files.beats, one=files.one,
             report=note_assumptions, **options,
         )  # fmt: skip
-    if clip.motion is not None:
-        note_music(clip.audio.duration - clip.offset, clip.motion.duration, files.song)
+        seconds, duration = clip.audio.duration - clip.offset, clip.motion.duration if clip.motion else 0.0
+    note_music(seconds, duration, files.song)
     if files.dance and clip.beats is not None:
         note_tempo(files.song, files.dance, clip.beats)
     return clip

@@ -48,8 +48,8 @@ from .listening.local_page import StudyServer as StudyServer
 from .listening.trials import Item as Item
 from .listening.trials import make_key as make_key
 from .listening.trials import make_trials as make_trials
-from .player_page import Dancer as Dancer
-from .player_page import Player as Player
-from .player_page import blind_page as blind_page
+from .player_data import Dancer as Dancer
+from .player_data import Player as Player
+from .player_data import blind_page as blind_page
 from .render.stick import render_skeleton as render_skeleton
 from .render.video import write_dance as write_dance

@@ -12,7 +12,7 @@ from typing import Any
 
 from harmolab.lab.figures.beats import beat_strip, claim, headline, png_text, score_figure
 from harmolab.lab.figures.people import pose_row
-from harmolab.lab.player_page import coded_sound, player_of
+from harmolab.lab.player_data import coded_sound, player_of
 from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.judge import Judgement

@@ -18,7 +18,7 @@ import numpy as np
 from harmolab.files import PathLike, write_text
 from harmolab.lab.explain.page import NARROW, WIDE, explained_page
 from harmolab.lab.figures.beats import png_text, timing_figure
-from harmolab.lab.player_page import LONGEST, PLAYING, Dancer, Player
+from harmolab.lab.player_data import LONGEST, PLAYING, Dancer, Player
 from harmolab.musician import explain
 from harmolab.musician.avatar import avatar
 from harmolab.musician.events import BOW_HAND, PlayingScore, onset_beats, playing_score

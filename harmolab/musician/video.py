@@ -18,7 +18,7 @@ import numpy as np
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.files import Counted, PathLike, Progress, silent
 from harmolab.lab.person import OUTLINES, Part, Stage, person_shapes, shared_wall, stage_of
-from harmolab.lab.player_page import PLAYING
+from harmolab.lab.player_data import PLAYING
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed, picture_width
 from harmolab.lab.render.video import RATE as DANCE_RATE

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from harmolab.beats.salience import salient_audio, salient_visual
 from harmolab.params import HarmonyParams
-from harmolab.score import salient_audio, salient_visual
 from harmolab.types import BeatTrack, FloatArray, IntArray
 
 HALVINGS = 60  # of the interval between two knots: beyond the precision of a double

@@ -31,10 +31,11 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import cycle_of_meter
+from harmolab.beats.salience import normalise_strengths
 from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
-from harmolab.score import HarmonyScore, check_whole, hit_pairs, normalise_strengths, score_harmony, score_of_shares
+from harmolab.score import HarmonyScore, check_whole, hit_pairs, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
 from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind
 from harmolab.verdict import evidence, sentences
@@ -175,10 +176,9 @@ def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: Bea
     music = track.select((late >= 0) & (late <= min(track.duration, motion.duration + 1 / motion.fps)))
     judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
     pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    shares, share, chance, null = np.full(pairs.size, np.nan), np.nan, np.nan, np.zeros(0)
     if place := judgement.place:
         shares, share, chance, null = place.shares(pairs.size), float(place.curve[0]), place.chance, place.curve
-    else:
-        shares, share, chance, null = np.full(pairs.size, np.nan), np.nan, np.nan, np.zeros(0)
     score = score_of_shares(params, music, visual, pairs, shares, share, chance)
     return _with_judgement(replace(score, null=null), judgement)
 

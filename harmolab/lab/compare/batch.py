@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harmolab.beats.salience import normalise_strengths, strength_steps
 from harmolab.beats.visual import visual_beats
 from harmolab.params import HarmonyParams
-from harmolab.score import EDGE, normalise_strengths, strength_steps
+from harmolab.score import EDGE
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 from harmolab.verdict.evidence import MOMENTS, floor, place_test, time_test

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
+from harmolab.lab.evaluate.as_text import number_text
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
 from harmolab.lab.evaluate.summary import FEWEST_SONGS, Difference
-from harmolab.lab.evaluate.tables import number_text
 
 # Two dancers are called alike only where their difference is surely smaller than this part of what recorded dances have
 # with their own songs and not with others.

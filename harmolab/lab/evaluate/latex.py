@@ -7,7 +7,7 @@ from itertools import accumulate, pairwise
 from types import MappingProxyType
 from typing import Any
 
-from harmolab.lab.evaluate import tables
+from harmolab.lab.evaluate import as_text
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.measured import DANCE_MEASURES, MUSIC_MEASURES
 from harmolab.lab.evaluate.protocols import protocol_of
@@ -35,7 +35,7 @@ def table_tex(evaluation: Evaluation) -> str:
     Intervals stand small behind the numbers. Bold is a first rank: better than another system beyond luck, and none
     better than it; where no difference excludes 0, nothing is bold.
     """
-    records, deaf = tables.table_records(evaluation), set(tables.deaf_measures(evaluation))
+    records, deaf = as_text.table_records(evaluation), set(as_text.deaf_measures(evaluation))
     heads = _heads(evaluation)
 
     def marked(group: str) -> dict[str, str]:
@@ -115,7 +115,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
-    songs = tables.number_range(count.songs for count in evaluation.counts.values())
+    songs = as_text.number_range(count.songs for count in evaluation.counts.values())
     others = ((head, _songs_of(evaluation, name)) for name, head in heads.items())
     fewer = [f"{head}: {text}" for head, text in others if text not in ("", songs)]
     few = f" ({'; '.join(fewer)})" if fewer else ""
@@ -126,7 +126,7 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
         "FID corrected for the bias of small samples. Below the line: controls."
     ]
     if evaluation.missing:
-        parts.append(f"Measured: {latex_text(tables.measured_text(evaluation))}.")
+        parts.append(f"Measured: {latex_text(as_text.measured_text(evaluation))}.")
     if protocols:
         parts.append(
             f"Columns of {latex_text(', '.join(protocols))} follow these published codes, their faults and the bias of "
@@ -134,9 +134,9 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
         )
         missing = ((name, protocol_of(name).missing) for name in protocols)
         parts += [latex_text(f"{name}: {text}") for name, text in missing if text]
-    if heads.keys() & set(tables.deaf_measures(evaluation)):
+    if heads.keys() & set(as_text.deaf_measures(evaluation)):
         parts.append(f"{DEAF}: does not tell recorded dances from the same with another song.")
-    if any(tables.constant_features(evaluation, name) for name in heads):
+    if any(as_text.constant_features(evaluation, name) for name in heads):
         parts.append(f"{CONSTANT}: meaningless, of features that are constant in the reference.")
     return " ".join([*parts, f"Computed with harmolab {latex_text(version('harmolab'))}."])
 
@@ -144,7 +144,7 @@ def _caption(evaluation: Evaluation, heads: Mapping[str, str]) -> str:
 def _songs_of(evaluation: Evaluation, measure: str) -> str:
     """The numbers of songs that the means of a measure are over; "" for a measure of sets."""
     numbers = [mean.songs for (_, name), mean in evaluation.means.items() if name == measure]
-    return tables.number_range(numbers) if numbers else ""
+    return as_text.number_range(numbers) if numbers else ""
 
 
 def _cell(record: dict[str, Any], name: str) -> str:
@@ -158,7 +158,7 @@ def _cell(record: dict[str, Any], name: str) -> str:
 
 def _number(value: float) -> str:
     """A number with a minus sign, where the text of a table has a hyphen."""
-    text = tables.number_text(value)
+    text = as_text.number_text(value)
     return f"$-${text[1:]}" if text[1:] and text[0] == "-" else text
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, plain, write_text
-from harmolab.lab.evaluate import tables
+from harmolab.lab.evaluate import as_text
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
 from harmolab.lab.evaluate.findings import findings
 from harmolab.lab.evaluate.latex import table_tex
@@ -17,7 +17,7 @@ from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.figures.beats import png_text
 from harmolab.lab.figures.evaluation import distribution_figure
-from harmolab.lab.player_page import player_of
+from harmolab.lab.player_data import player_of
 from harmolab.lab.report.templates import rendered
 from harmolab.params import HarmonyParams
 
@@ -40,11 +40,11 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     -------
     name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
     """
-    content = plain({**tables.table_content(evaluation), "findings": list(findings(evaluation))})
+    content = plain({**as_text.table_content(evaluation), "findings": list(findings(evaluation))})
     texts = {
         "index.html": evaluation_page(evaluation),
-        "methods.txt": f"{tables.methods_paragraph(evaluation)}\n\n{tables.full_methods(evaluation)}\n",
-        "table.csv": tables.table_csv(evaluation),
+        "methods.txt": f"{as_text.methods_paragraph(evaluation)}\n\n{as_text.full_methods(evaluation)}\n",
+        "table.csv": as_text.table_csv(evaluation),
         "table.json": json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
         "table.tex": table_tex(evaluation),
     }
@@ -56,10 +56,10 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
 
 def evaluation_page(evaluation: Evaluation) -> str:
     """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
-    records = tables.table_records(evaluation)
+    records = as_text.table_records(evaluation)
     charts = [name for name in evaluation.measures if name not in MEASURES or MEASURES[name].drawn]
     left_out = [*evaluation.errors, *evaluation.unpaired]
-    notes = list(tables.table_notes(evaluation))
+    notes = list(as_text.table_notes(evaluation))
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
@@ -72,8 +72,8 @@ def evaluation_page(evaluation: Evaluation) -> str:
         dances=list(_players(evaluation)),
         shown_seconds=SHOWN_SECONDS,
         notes=notes,
-        methods=tables.methods_paragraph(evaluation),
-        full_methods=tables.full_methods(evaluation).split("\n\n"),
+        methods=as_text.methods_paragraph(evaluation),
+        full_methods=as_text.full_methods(evaluation).split("\n\n"),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
         version=version("harmolab"),
@@ -90,20 +90,20 @@ def _groups(evaluation: Evaluation) -> Iterator[tuple[str, Sequence[str]]]:
         yield title, [name for name in columns if name.startswith(f"{protocol} ")]
 
 
-def _line(records: list[dict[str, Any]], name: str, notes: Sequence[tables.Note]) -> dict[str, Any]:
+def _line(records: list[dict[str, Any]], name: str, notes: Sequence[as_text.Note]) -> dict[str, Any]:
     """A line of the page's table: a measure in words, its direction, remarks, and a cell for each row of the table."""
     measure = measure_of(name)
     cells = [_cell(record, name) for record in records]
     return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
 
 
-def _marked(evaluation: Evaluation, record: dict[str, Any], notes: Sequence[tables.Note]) -> dict[str, Any]:
+def _marked(evaluation: Evaluation, record: dict[str, Any], notes: Sequence[as_text.Note]) -> dict[str, Any]:
     """A record with the numbers of the remarks that concern it, and how many of its dances were measured."""
     name = record["system"]
     return {**record, "marks": _marks(notes, name), "measured": evaluation.counts[name].text}
 
 
-def _marks(notes: Sequence[tables.Note], name: str) -> list[int]:
+def _marks(notes: Sequence[as_text.Note], name: str) -> list[int]:
     """Numbers of the remarks that concern a row or a measure, from 1."""
     return [number for number, note in enumerate(notes, 1) if name in note.about]
 
@@ -112,10 +112,10 @@ def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The texts of a number, of its interval or its sample sizes, and its rank."""
     low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
     sizes = [record.get(f"{name}_{each}", math.nan) for each in ("n", "n_recorded")]
-    beside = "" if math.isnan(low) else f"{tables.number_text(low)} to {tables.number_text(high)}"
+    beside = "" if math.isnan(low) else f"{as_text.number_text(low)} to {as_text.number_text(high)}"
     if sizes[0] > 0:
         beside = f"{' and '.join(f'{size:.0f}' for size in sizes if size == size)} dances"
-    return {"value": tables.number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
+    return {"value": as_text.number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
 
 
 def _chart(evaluation: Evaluation, name: str) -> str:
@@ -134,7 +134,7 @@ def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
                 "measure": measure_of(one.measure).words,
                 "a": one.a,
                 "b": one.b,
-                "difference": "{} ({} to {})".format(*map(tables.number_text, (one.mean, one.low, one.high))),
+                "difference": "{} ({} to {})".format(*map(as_text.number_text, (one.mean, one.low, one.high))),
                 "songs": str(one.songs),
             }
 
@@ -151,7 +151,7 @@ def _players(evaluation: Evaluation) -> Iterator[Shown]:
 def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     pair = extreme.pair
     seed = f", {pair.seed}" if pair.seed else ""
-    title = f"{words}, {pair.song}{seed} ({tables.number_text(extreme.harmony)} above chance)"
+    title = f"{words}, {pair.song}{seed} ({as_text.number_text(extreme.harmony)} above chance)"
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)

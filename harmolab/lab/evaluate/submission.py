@@ -23,6 +23,7 @@ import pandas as pd
 
 from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
 from harmolab.lab.evaluate import summary
+from harmolab.lab.evaluate.as_text import MUSICAL, number_text
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK, ROWS
 from harmolab.lab.evaluate.measured import MEASURES
@@ -31,7 +32,6 @@ from harmolab.lab.evaluate.parts import STAMP, part_paths, part_texts
 from harmolab.lab.evaluate.reference import is_saved
 from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.sets import collect
-from harmolab.lab.evaluate.tables import MUSICAL, number_text
 
 ROW, EVIDENCE, FILES, README = "row.json", "evidence.csv", "files.csv", "README.md"
 ABOUT = ("title", "by", "synthetic", "data", "licence", "obtain", "note", "commands")

@@ -13,7 +13,7 @@ from harmolab.beats.meter import describe_beats
 from harmolab.files import PathLike, write_text
 from harmolab.lab.explain.performance import OwnDance
 from harmolab.lab.figures.beats import event_name, is_ranked, png_text, ranks_figure, timing_figure
-from harmolab.lab.player_page import LONGEST, Dancer, Player
+from harmolab.lab.player_data import LONGEST, Dancer, Player
 from harmolab.lab.report.templates import rendered
 from harmolab.readers.video import video_frames
 from harmolab.score import HarmonyScore

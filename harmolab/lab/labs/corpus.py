@@ -10,7 +10,7 @@ import numpy as np
 from harmolab.beats.visual import visual_beats
 from harmolab.lab.compare.batch import PlaceBatch, rescore_places
 from harmolab.lab.labs import live
-from harmolab.lab.player_page import LAB_SENTENCES, Dancer, Player, percent
+from harmolab.lab.player_data import LAB_SENTENCES, Dancer, Player, percent
 from harmolab.params import HarmonyParams
 from harmolab.score import score_harmony
 from harmolab.significance import auc

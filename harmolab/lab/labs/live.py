@@ -22,7 +22,7 @@ from IPython import get_ipython
 
 from harmolab.beats.visual import motion_curve
 from harmolab.files import PathLike, plain, write_text
-from harmolab.lab.player_page import LAB_SENTENCES
+from harmolab.lab.player_data import LAB_SENTENCES
 from harmolab.lab.report.templates import framed, rendered
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion

@@ -10,10 +10,10 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
+from harmolab.beats.salience import salient_audio
 from harmolab.lab.labs import live
-from harmolab.lab.player_page import LAB_SENTENCES, percent
+from harmolab.lab.player_data import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
-from harmolab.score import salient_audio
 from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, IntArray
 
 NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar

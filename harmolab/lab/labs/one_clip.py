@@ -18,12 +18,13 @@ import ipywidgets
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harmolab.beats.salience import audio_mask, normalise_strengths, visual_mask
 from harmolab.beats.visual import visual_beats
 from harmolab.lab.labs import live
-from harmolab.lab.player_page import LAB_SENTENCES, LUCK, percent
+from harmolab.lab.player_data import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern
 from harmolab.readers.video import is_video
-from harmolab.score import HarmonyScore, audio_mask, nearest_intervals, normalise_strengths, score_harmony, visual_mask
+from harmolab.score import HarmonyScore, nearest_intervals, score_harmony
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip, FloatArray

@@ -1,4 +1,4 @@
-"""The pages `docs/claims.md` and `docs/report.md`, written from the published tables: ``python -m study.report.pages``."""
+"""The pages `docs/claims.md` and `docs/report.md`, written from the published tables: ``python -m study.claims.pages``."""
 
 import sys
 from collections.abc import Sequence
@@ -8,11 +8,11 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harmolab.files import write_text
+from study.claims.body_dynamics import BODY_DYNAMICS, rest_of_order
+from study.claims.claim import Claim, claims_table, counts, spread, value
+from study.claims.harmony import HARMONY
+from study.claims.music2dance import MUSIC2DANCE
 from study.findings import RunTables, published_tables
-from study.report.body_dynamics import BODY_DYNAMICS, rest_of_order
-from study.report.claims import Claim, claims_table, counts, spread, value
-from study.report.harmony import HARMONY
-from study.report.music2dance import MUSIC2DANCE
 from study.saving import project_folder
 
 PAGES = ("claims.md", "report.md")

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+from study.claims.claim import Claim, Words, spread, value
 from study.findings import RunTables
-from study.report.claims import Claim, Words, spread, value
 
 SONGS = "recorded, 4 dances"
 OURS, THEIR_BASELINE, LINEAR = "temporal convolution + Bi-LSTM", "FC + Bi-LSTM", "logistic on onset rhythm"

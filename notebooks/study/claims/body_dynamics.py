@@ -2,8 +2,8 @@
 
 from scipy.stats import kendalltau
 
+from study.claims.claim import Claim, value
 from study.findings import RunTables
-from study.report.claims import Claim, value
 
 FILES = {"violin": "a2b_table01_violin", "piano": "a2b_table02_piano"}
 DIRTY, HALF = "frames not dropped", "50 % of the training data"

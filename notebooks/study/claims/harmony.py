@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from study.claims.claim import Claim, spread, value
 from study.findings import RunTables
-from study.report.claims import Claim, spread, value
 
 CORPUS = "beatlocked"
 PEOPLE = "ten people and an afternoon: `harmolab data study` is the kit, nobody was asked"
