@@ -279,7 +279,23 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("1.0 1.0\n1.5 1.5\n2.0 2.0\n", None, [1, 1, 1]),
     ("1.0\t1.0\t1\n1.5\t1.5\tsecond, weak\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("time\n1.0\t1.0\tbar 1\n1.5\n2.0\t2.0\t\n", None, [1, 1, 1]),
-    ids=["madmom", "from the third beat", "strong and weak", "strengths that skip", "Audacity", "with a text", "mixed"],
+    ("0.500000000,New Point\n1.0,New Point\n1.5,\n", None, [1, 1, 1]),
+    ("0.5,1\n1.0,2\n1.52,3\n2.0,4\n", None, [1, 1, 1, 1]),
+    ('"TIME","LABEL"\n0.5,"1"\n1.0,"2"\n1.5,"3"\n2.0,"1"\n', [0, 1, 2, 0], [1, 1, 1, 1]),
+    ("0.5,1.2\n1.0,1.3\n1.5,2.1\n2.0,2.2\n", [1, 2, 0, 1], [1, 1, 1, 1]),
+    ("time_s,is_downbeat\n0.5,0\n1.0,1\n1.5,0\n2.0,0\n2.5,1\n", [2, 0, 1, 2, 0], [1, 1, 1, 1, 1]),
+    ids=[
+        *(
+            "madmom",
+            "from the third beat",
+            "strong and weak",
+            "strengths that skip",
+            "Audacity",
+            "with a text",
+            "mixed",
+        ),
+        *("Sonic Visualiser", "beats counted", "in quotes", "bar and place", "1 where a bar begins"),
+    ],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
     for name in ("song.txt", "song.csv"):
@@ -317,6 +333,13 @@ def test_json_gives_everything_that_was_written_down_and_beats_alone_are_enough(
     assert notes.units == (Unit("W-3-1", 0.5, 2.0, 3, "W-3"),)
 
 
+def test_json_of_other_programs_has_beats_and_downbeats_which_tell_the_meter(tmp_path: Path):
+    written = {"path": "song.mp3", "bpm": 120, "beats": [0.5, 1.0, 1.5, 2.0, 2.5], "downbeats": [1.0, 2.5]}
+    notes = load_annotation(write(tmp_path, "song.json", written | {"beat_positions": [3, 1, 2, 3, 1], "segments": []}))
+    np.testing.assert_array_equal(notes.times, written["beats"])
+    assert (notes.bpm, notes.meter, list(notes.bar_places())) == (120, 3, [2, 0, 1, 2, 0])
+
+
 def test_beats_in_frames_or_milliseconds_are_refused_but_not_slow_music_in_whole_seconds(tmp_path: Path):
     for times in ([12, 24, 37, 50], [500, 1000, 1500, 2000], [12.5, 25.0, 37.5, 50.0, 62.5]):
         path = write(tmp_path, "song.txt", "\n".join(map(str, times)))
@@ -345,6 +368,7 @@ def test_lines_of_a_beats_file_are_counted_before_they_are_read(tmp_path: Path, 
     ("song.csv", "0.5,1,7\n", "has 3 columns"),
     ("song.csv", "0.5,-1\n", "strengths must not be negative"),
     ("song.csv", ",time\n0,0.5\n1,1.25\n2,2\n3,2.75\n", "second column that rises as times and counts do"),
+    ("song.csv", ",0\n0,0.5\n1,1.25\n2,2\n3,2.75\n", "second column that rises as times and counts do"),
     ("song.txt", "0.5\t0.6\n1.25\t1.35\n2\t2.1\n2.75\t2.85\n", "write the time of each beat, alone"),
     ("song.txt", "0.5 1\n1.25 1\n2 2\n2.75 2\n", "no strengths"),
     ("song.csv", "\n\n", "holds no beats; a line for each"),

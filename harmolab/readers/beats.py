@@ -5,13 +5,13 @@
 ``.csv .txt``   lines ``time [strength]``: seconds; comma, semicolon, tab or blank between; a header line may be first
 ``.json``       ``{"beats_s": [...], "downbeats_s": [...] or null, "meter": 3, "bpm": 90.0, "dance": "waltz",
                 "source": "synthetic", "motion_offset_s": 0.0, "units": [{"name", "start_s", "end_s", "beats",
-                "figure"}]}``; only ``beats_s`` must be there
+                "figure"}]}``; only ``beats_s``, or ``beats`` as other programs have it, must be there
 ==============  ==============================================================================================
 
 Lines that start with ``#`` are comments. `save_beats` writes ``.beats``. In ``.csv .txt`` a second column that repeats
-the times (Audacity's labels, whose text is passed over) is none, and one that counts bars of three beats or more holds
-the places; one that never falls is an error, since lines may be numbered in the first. A comma may be that of a
-decimal: ``0,250``.
+the times (Audacity's labels), counts all beats, or is text (Sonic Visualiser's) is passed over. One that counts bars of
+three beats or more holds the places, also as ``1.1 1.2 1.3 2.1``; one of 0 and 1 is 1 where a bar begins; any other
+that never falls is an error, since lines may be numbered in the first. A comma may be that of a decimal: ``0,250``.
 
 Of the taps of a person who listens, one tempo and one phase go through all taps, mended by the sound.
 
@@ -44,6 +44,7 @@ _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
 _MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
 _LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
+_NAMED = re.compile(r'^\s*([\d.]+)\s*[,;\t]\s*"?[^\W\d][^,;\t]*$')  # a moment of Sonic Visualiser: "0.5,New Point"
 
 
 @dataclass(frozen=True)
@@ -245,13 +246,10 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
     lines = [(number, line) for number, line in numbered if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) > _MAX_BEATS:
         raise ValueError(f"has {len(lines)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
-    if header:
-        lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
-    if header and all(_MOMENT.match(line) for _, line in lines):
-        lines = [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]
+    lines = _without_texts(lines) if header else lines
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]
-    rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines]
+    rows = [(number, re.findall(r'[^\s,;"]+', line)) for number, line in lines]
     rows = [(number, words) for number, words in rows if words]
     if header and rows and all(_number(word) is None for word in rows[0][1]):
         rows = rows[1:]
@@ -269,6 +267,14 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
             raise ValueError(f"line {line} has {len(words)} columns, the first has {width}")
         row[:] = list(map(float, words))
     return table[:, 0], table[:, 1] if width == 2 else None
+
+
+def _without_texts(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Lines of other programs, numbered: without what stands beside a moment, and without a head that begins empty."""
+    lines = [(number, _NAMED.sub(r"\1", _LABEL.sub(r"\1", line))) for number, line in lines]
+    if all(_MOMENT.match(line) for _, line in lines):
+        return [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]
+    return lines[1:] if lines[0][1].lstrip(' "')[:1] in (",", ";") else lines  # pandas and R number the lines
 
 
 def _are_decimal_commas(lines: list[str]) -> bool:
@@ -292,12 +298,18 @@ def _number(word: str) -> float | None:
 def _from_columns(times: FloatArray, second: FloatArray | None) -> BeatAnnotation:
     """An annotation from times and, perhaps, strengths; also from what other programs write beside a time.
 
-    That is the time once more (Audacity's labels of a moment), or the places in bars of three beats or more.
+    That is the time once more (Audacity's labels of a moment), 1 where a bar begins and 0 elsewhere, the number of the
+    beat, or the places in bars of three beats or more.
     """
     if second is None or np.abs(second - times).max() < 1e-3:
         return BeatAnnotation(times)
     if second.min() < 0:
         raise ValueError(f"strengths must not be negative, got {second.min():g}")
+    if set(second) == {0.0, 1.0}:
+        return _with_meter(BeatAnnotation(times, times[second == 1]))
+    if second.size > 3 and (np.diff(second) == 1).all() and (np.diff(times) != 1).any():
+        return BeatAnnotation(times)
+    second = _places_in_bars(second)
     counts_on = (second[0] == round(second[0])) & ((np.diff(second) == 1) | (second[1:] == 1))
     if second.min() >= 1 and second.max() >= 3 and second.size > second.max() and counts_on.all():
         return _from_bars(times, second)
@@ -306,6 +318,21 @@ def _from_columns(times: FloatArray, second: FloatArray | None) -> BeatAnnotatio
             "has a second column that rises as times and counts do, no strengths; write the time of each beat, alone"
         )
     return BeatAnnotation(times, strengths=second)
+
+
+def _with_meter(notes: BeatAnnotation) -> BeatAnnotation:
+    """The annotation with the meter that its downbeats tell, where it names none."""
+    if notes.meter is not None or notes.downbeats is None:
+        return notes
+    return replace(notes, meter=annotation_of(notes.times, notes.downbeats).meter)
+
+
+def _places_in_bars(column: FloatArray) -> FloatArray:
+    """The places of numbers such as 1.1, 1.2, 1.3, 2.1, ... (bar and place); other columns as they are."""
+    bars, places = np.divmod(np.round(10 * column), 10)
+    begins = np.diff(bars) == 1
+    goes_on = (places[1:] == np.where(begins, 1, places[:-1] + 1)) & (begins | (np.diff(bars) == 0))
+    return places if begins.any() and places.min() >= 1 and goes_on.all() else column
 
 
 def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
@@ -322,6 +349,8 @@ def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
 def _from_json(path: Path) -> BeatAnnotation:
     """An annotation from our `beats.json`."""
     content = read_json(path)
+    if isinstance(content, dict):
+        content = {f"{name}_s": content[name] for name in ("beats", "downbeats") if name in content} | content
     if not isinstance(content, dict) or "beats_s" not in content:
         raise ValueError("has no 'beats_s', the list of beats in seconds")
     if not content["beats_s"]:
@@ -332,11 +361,11 @@ def _from_json(path: Path) -> BeatAnnotation:
     meter, bpm, offset = (
         None if content.get(name) is None else _field(content, name) for name in ("meter", "bpm", "motion_offset_s")
     )
-    return BeatAnnotation(
+    return _with_meter(BeatAnnotation(
         content["beats_s"], content.get("downbeats_s"), None if meter is None else int(meter), bpm,
         str(content.get("dance") or ""), tuple(_unit(unit, number) for number, unit in enumerate(units)), offset,
         str(content.get("source") or ""),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def _unit(unit: Any, number: int) -> Unit:
