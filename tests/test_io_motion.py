@@ -226,7 +226,7 @@ def test_bvh_rotations_apply_in_the_order_of_the_channels(tmp_path: Path):
 
 
 def test_bvh_positions_of_a_joint_take_the_place_of_its_offset(tmp_path: Path):
-    text = bvh(SIX, "0 0 0 0 0 0 5 6 7\n" * 2, joint="CHANNELS 3 Xposition Yposition Zposition")
+    text = bvh(SIX, "0 0 0 0 0 0 5 6 7\n" * 2, joint=POSITIONS)
     np.testing.assert_allclose(positions_of(tmp_path, text)[0, 1], [5, 6, 7])
     np.testing.assert_allclose(positions_of(tmp_path, text.replace("5 6 7", "0 0 0"))[0, 1], [1, 0, 0])
 
@@ -256,6 +256,41 @@ def test_bvh_over_3_units_tall_is_in_centimetres_and_over_1000_in_millimetres(tm
     (tmp_path / "walk.bvh").write_text(GOOD.replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0"))
     assert load_bvh(tmp_path / "walk.bvh").positions[0, 2, 1] == pytest.approx(-float(leg) * factor)
     assert load_bvh(tmp_path / "walk.bvh", scale=0.5).positions[0, 2, 1] == pytest.approx(-float(leg) * 0.5)
+
+
+@cases("leg, factor", (0.9, 1.0), (24, 0.056444), (60, 0.0254), (90, 0.01), (1700, 0.001))
+def test_bvh_of_a_body_that_is_too_small_in_centimetres_is_in_units_of_cmu_or_inches(tmp_path: Path, leg, factor):
+    text = GOOD.replace("ROOT hip", "ROOT Head").replace("JOINT knee", "JOINT Foot")
+    (tmp_path / "walk.bvh").write_text(text.replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0"))
+    assert load_bvh(tmp_path / "walk.bvh").positions[0, 2, 1] == pytest.approx(-leg * factor)
+
+
+def test_head_of_a_bvh_may_be_the_end_of_its_neck(tmp_path: Path):
+    neck = "JOINT Neck1 { OFFSET 0 0 0.5 CHANNELS 0 End Site { OFFSET 0 0 0.2 } }"
+    (tmp_path / "walk.bvh").write_text(
+        f"HIERARCHY\nROOT Hips {{ OFFSET 0 0 0 CHANNELS 1 Zposition {neck} JOINT LeftFoot {{ OFFSET 0 0 -0.9 }} }}\n"
+        "MOTION\nFrames: 2\nFrame Time: 0.04\n0\n0\n"
+    )
+    assert load_motion(tmp_path / "walk.bvh").positions[0, :, 1] == pytest.approx([0, 0.5, 0.7, -0.9])
+
+
+POSITIONS = "CHANNELS 3 Xposition Yposition Zposition"
+
+
+@cases(
+    "root, knees, is_rig",
+    (["0 0 0 0 0 0"] * 2, ["0 0.9 0", "2 0.9 0"], True),
+    (["0 0 0 0 0 0", "0 0.1 0 0 0 0"], ["0 0.9 0", "2 0.9 0"], False),  # a root that moves
+    (["0 0 0 0 0 0"] * 2, ["0 0.9 0", "0.9 0 0"], False),  # a bone that turns
+)
+def test_still_root_of_a_rig_is_no_part_of_the_body_that_travels(tmp_path: Path, root, knees, is_rig: bool):
+    rows = "".join(f"{one} {other}\n" for one, other in zip(root, knees, strict=True))
+    (tmp_path / "walk.bvh").write_text(bvh(SIX, rows, joint=POSITIONS))
+    file = read_motion(tmp_path / "walk.bvh")
+    whole = Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1))
+    assert file.motion.skeleton == (Skeleton(("knee", "knee_end"), (-1, 0)) if is_rig else whole)
+    assert ("root of a rig left out" in [one.brief for one in file.assumptions]) == is_rig
+    np.testing.assert_allclose(file.motion.positions[1, -2], np.array(knees[1].split(), float), atol=0.11)
 
 
 GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
@@ -595,6 +630,19 @@ def test_landmarks_whose_hips_stay_at_the_origin_are_in_metres(tmp_path: Path, c
     assert load_motion(as_json(tmp_path / "p.json", {**told, "world": False})).positions.shape == (2, 33, 2)
 
 
+def test_33_places_without_visibility_are_of_a_picture_or_of_a_body_in_space_with_its_axis(tmp_path: Path):
+    body = np.tile([0.5, 0.5, 0.0], (10, 33, 1))  # x, y as shares, depth from the hips
+    body[:, 0, 1], body[:, 29:31, 1], body[:, 0, 2] = 0.2, 0.8, -0.1
+    motion = load_motion(save(tmp_path / "picture.npy", body), fps=25)
+    np.testing.assert_allclose(motion.positions, body[..., :2])
+    space = np.stack(
+        [1000 * body[..., 0], 1000 * body[..., 2], 2000 - 1000 * body[..., 1]], axis=2
+    )  # as FreeMoCap has it
+    motion, _, notes = read_motion(save(tmp_path / "mediapipe_body_3d_xyz.npy", space), fps=25)
+    assert motion.skeleton == MEDIAPIPE_33 and notes[-1].startswith("z up (guessed: the head is 0.")
+    np.testing.assert_allclose(motion.positions[0, [0, 29], 1], [1.8, 1.2])
+
+
 def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
     path = as_json(tmp_path / "dance.json", {"fps": 30.0, "frames": [landmarks(0.2), {"landmarks": landmarks(0.4)}]})
     assert (load_keypoints(path).fps, load_keypoints(path, fps=24).fps) == (30, 24)
@@ -782,6 +830,7 @@ def test_no_tree_and_image_coordinates_are_refused_by_file(tmp_path: Path, skele
 @pytest.mark.data
 def test_recorded_bvh_moves_like_a_person(data_root: Path):
     motion = load_bvh(data_root / "extra" / "bvh" / "cmu_131_03.bvh", scale=0.056444)
+    np.testing.assert_array_equal(load_bvh(data_root / "extra" / "bvh" / "cmu_131_03.bvh").positions, motion.positions)
     assert (motion.positions.shape, motion.fps) == ((1102, 38, 3), pytest.approx(120, abs=0.01))
     head, toe = (motion.skeleton.joints.index(name) for name in ("Head", "LeftToe"))
     assert np.median(motion.positions[:, head, 1] - motion.positions[:, toe, 1]) == pytest.approx(1.5, abs=0.3)

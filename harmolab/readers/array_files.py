@@ -345,14 +345,17 @@ def _array_motion(
         return _joint_motion(values, file, options, own_fps)
     own, notes = _own_rate(own_fps, file, options)
     rate = options.rate(own)
-    is_world = options.scale is None and not options.up and keypoints.are_world_landmarks(values)
-    if is_world or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
+    is_open = options.scale is None and not options.up
+    is_world = is_open and keypoints.are_world_landmarks(values)
+    is_image = is_open and keypoints.are_image_landmarks(values)
+    if is_world or is_image or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
         motion = keypoints.described_motion(values, {}, fps=rate, joints=options.joints, world=is_world)
         return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
     factor, unit = motion_file.metre_factor(values, options)
     unit = _METRES if options.scale is None and factor == 1 else unit
     skeleton = keypoints.named_skeleton(values.shape[1])
     notes += (_OPENPOSE,) if skeleton else ()
+    skeleton = keypoints.MEDIAPIPE_33 if values.shape[1] == len(keypoints.MEDIAPIPE_33.joints) else skeleton
     motion = checked_motion(in_metres(values, factor), rate, skeleton)
     return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 

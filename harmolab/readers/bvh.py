@@ -7,8 +7,10 @@ Files are read with any skeleton and any order of channels:
   joint whose positions are all 0 stays at its OFFSET, as in files that write what is added to it.
 * An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
 * BVH says nothing about its unit. A rest skeleton that extends over more than 1000 units is taken for millimetres, over
-  more than 3 for centimetres, else for metres; pass `scale` where that is wrong (the CMU files, for one, are in units
-  of 5.6 cm: `scale=0.056444`).
+  more than 3 for centimetres, else for metres. No body from head to feet is small in centimetres: one of up to 45 units
+  is taken for one of the CMU files, which are in units of 5.6 cm, up to 75 for inches. Pass `scale` where it is wrong.
+* A root that stays at one place while the only joint on it travels, as rigs and the Bandai-Namco files have it, is no
+  part of the body and left out.
 * Nor does it tell which axis points up: the way from the feet to the head does (Blender writes z up), else it is y.
 * A Frame Time that is rounded is that of the usual rate: 0.033 means 30 frames per second; at 30.3 a dance would be
   half a beat off after half a minute.
@@ -41,10 +43,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from harmolab.body.rotations import alignment, mean_shape
-from harmolab.body.skeletons import Skeleton, ancestors, children, tree_order
+from harmolab.body.skeletons import Skeleton, ancestors, children, skeleton_part, tree_order
 from harmolab.files import PathLike, atomic_write, named_faults, read_text, reading
 from harmolab.readers.arrays import checked_motion, in_metres
-from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, as_read
+from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, as_read, head_above_feet
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
@@ -52,6 +54,8 @@ _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGN
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_NAME, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 200, 2**24
 _BLOCK_PLACES = 2**17
 _UNITS = ((1000.0, 0.001), (3.0, 0.01))  # extent at rest, in units of the file, above which a unit is so many metres
+_BODY_UNITS = ((1000.0, 0.001), (75.0, 0.01), (45.0, 0.0254), (3.0, 0.056444))  # the same with head and feet
+_TRAVEL = 0.05  # share of its distance from the root by which a joint is not joined to it
 _USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
 
 
@@ -103,8 +107,20 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
         with np.errstate(over="ignore", invalid="ignore"):
             positions = _positions(joints, values)
         rate, guess = _rate(step, options)
-        motion = checked_motion(in_metres(positions, factor), rate, skeleton)
-        return as_read(motion, "BVH", options, unit, *guess, is_open=True)
+        motion, left_out = _without_rig(checked_motion(in_metres(positions, factor), rate, skeleton))
+        return as_read(motion, "BVH", options, unit, *guess, *left_out, is_open=True)
+
+
+def _without_rig(motion: Motion) -> tuple[Motion, tuple[Assumption, ...]]:
+    """The motion without a root that stays at one place while the only joint that hangs on it travels, and a note."""
+    joints, places = motion.skeleton.joints, motion.positions
+    distances = np.linalg.norm(places[:, 1:2] - places[:, :1], axis=2)
+    is_rig = motion.skeleton.parents.count(0) == 1 and bool((places[:, 0] == places[0, 0]).all())
+    if not (is_rig and np.ptp(distances) > _TRAVEL * distances.max()):
+        return motion, ()
+    sentence = f"without {joints[0]}, which stays where it is while {joints[1]} travels"
+    body = Motion(places[:, 1:], motion.fps, skeleton_part(motion.skeleton, range(1, len(joints))))
+    return body, (Assumption(sentence, "root of a rig left out"),)
 
 
 def _hierarchy(words: list[str]) -> list[_Joint]:
@@ -222,9 +238,11 @@ def _guessed_scale(joints: list[_Joint]) -> tuple[float, str]:
     """Metres in one unit, by the extent of the rest skeleton, and a sentence."""
     rest = ancestors([joint.parent for joint in joints]) @ np.array([joint.offset for joint in joints])
     extent = np.ptp(rest, axis=0).max()
-    limit, factor = next((row for row in _UNITS if extent > row[0]), (_UNITS[-1][0], 1.0))
-    size = f"{'is' if factor < 1 else 'is not'} larger than {limit:g} units"
-    reason = f"guessed: its rest skeleton {size}; --scale overrules it"
+    is_body = head_above_feet(np.zeros((1, *rest.shape)), [joint.name for joint in joints]) is not None
+    limit, factor = next((row for row in (_BODY_UNITS if is_body else _UNITS) if extent > row[0]), (3.0, 1.0))
+    size = f"its rest skeleton {'is' if factor < 1 else 'is not'} larger than {limit:g} units"
+    size = f"the body extends over {extent:.3g} units at rest" if is_body else size
+    reason = f"guessed: {size}; --scale overrules it"
     return factor, Assumption(f"{factor:g} m a unit ({reason})", f"unit guessed: {factor:g} m")
 
 

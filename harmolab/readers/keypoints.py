@@ -358,6 +358,7 @@ _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
 _ENOUGH = 10  # bodies at a regular step, before frames between them count as not looked at
 _ORIGIN = 0.01  # metres, or share of a picture
+_IN_PICTURE = 0.9  # share of the landmarks
 BAILANDO_END = "_kps.json"
 # Shares of the spread of all joints. In recorded dances, seen from all sides and from 60 degrees above, COCO's head is
 # 0.22 wide at most and Human3.6M's hips and leg 0.34 or more; its spine and thorax lie 0.32 off the middles at most.
@@ -507,14 +508,25 @@ def _unseen(places: NDArray[Any]) -> BoolArray:
 
 def are_world_landmarks(landmarks: NDArray[Any]) -> bool:
     """True for MediaPipe's landmarks (T, 33, 3 or 4) in metres: y points down, and the hips stay at the origin."""
-    if landmarks.ndim != 3 or landmarks.shape[1] != _LANDMARKS or landmarks.shape[2] not in (3, 4):
-        return False
-    bodies = landmarks[~np.isnan(landmarks).any(axis=(1, 2)) & landmarks[..., :2].any(axis=(1, 2))]
-    if not len(bodies):
-        return False
-    hips = bodies[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :2].mean(axis=1)
+    bodies, hips = _bodies_and_hips(landmarks)
     noses = bodies[:, MEDIAPIPE_33.joints.index("nose"), 1]
-    return bool(np.median(np.abs(hips).max(axis=1)) < _ORIGIN and np.median(noses) < -_ORIGIN)
+    at_origin = len(bodies) and np.median(np.abs(hips[:, :2]).max(axis=1)) < _ORIGIN
+    return bool(at_origin and np.median(noses) < -_ORIGIN)
+
+
+def are_image_landmarks(landmarks: NDArray[Any]) -> bool:
+    """True for those in a picture: nearly all x and y are shares of it, and z, a depth, is counted from the hips."""
+    bodies, hips = _bodies_and_hips(landmarks)
+    inside = (bodies[..., :2] >= 0) & (bodies[..., :2] <= 1)
+    return bool(len(bodies) and inside.mean() > _IN_PICTURE and np.median(np.abs(hips[:, 2])) < _ORIGIN)
+
+
+def _bodies_and_hips(landmarks: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The frames of landmarks (T, 33, 3 or 4) that show a body, and the middles of their hips; none of other arrays."""
+    if landmarks.ndim != 3 or landmarks.shape[1] != _LANDMARKS or landmarks.shape[2] not in (3, 4):
+        landmarks = np.empty((0, _LANDMARKS, 3))
+    bodies = landmarks[~np.isnan(landmarks).any(axis=(1, 2)) & landmarks[..., :2].any(axis=(1, 2))]
+    return bodies, bodies[:, joint_indices(MEDIAPIPE_33, ("left_hip", "right_hip")), :3].mean(axis=1)
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:

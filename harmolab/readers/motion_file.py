@@ -21,7 +21,7 @@ LOG = logging.getLogger(__name__)
 UPRIGHT = 0.8  # share of the way from feet to head that lies along one axis, before that axis counts as up
 # Largest extent of a body, in units of its file, that is read as metres, centimetres and millimetres.
 EXTENTS = ((10.0, 1.0, "metres"), (400.0, 0.01, "centimetres"), (4000.0, 0.001, "millimetres"))
-_HEAD = re.compile(r"head|nose|skull|^[lr][fb]hd", re.IGNORECASE)
+_HEAD = re.compile(r"head|nose|skull|neck\d*_end|^[lr][fb]hd", re.IGNORECASE)  # also the End Site of a neck
 _FEET = re.compile(r"foot|toe|ankle|heel|^[lr](ank|hee)", re.IGNORECASE)
 
 
