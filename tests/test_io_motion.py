@@ -237,6 +237,11 @@ def test_bvh_names_joints_and_ends_and_gives_its_rate(tmp_path: Path):
     assert (motion.skeleton, motion.fps) == (Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1)), pytest.approx(20))
 
 
+def test_bvh_may_have_one_frame_more_than_it_promises_as_rokoko_writes_it(tmp_path: Path):
+    places = positions_of(tmp_path, bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 4 + "7 0 0 0 0 0 0 0 0\n", frames=4))
+    assert places[:, 0, 0].tolist() == [0, 0, 0, 0, 7]
+
+
 @cases("step, rate", ("0.033", 30), ("0.0330000", 30), (".0167", 60), ("0.00833", 120), ("0.0417", 24))
 def test_rounded_frame_time_of_a_bvh_is_that_of_the_usual_rate_and_said_so(tmp_path: Path, step: str, rate: int):
     (tmp_path / "walk.bvh").write_text(GOOD.replace("0.05", step))
@@ -305,6 +310,7 @@ GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
     (GOOD.replace("0.05", "25"), "was this the time of one frame"),
     (GOOD.replace("Frames: 2", "Frames: 3"), "promises 3 frames of 9 numbers, but 18"),
     (GOOD.replace("Frames: 2", "Frames: 1e300"), "promises"),
+    (GOOD.replace("Frames: 2", "Frames: 0"), "promises 0 frames of 9 numbers, but 18"),
     (GOOD[:-10], "numbers follow: cut off"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 0", frames=1), "at least two frames, got 1"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 x\n" * 2), "something else than numbers"),
@@ -364,6 +370,9 @@ def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
     points[:, 3] = 0.0
     path = save(tmp_path / "points.npy", points)
     refused(r"points\.npy: never shows left_ear; keep the other joints only", load_keypoints, path, fps=30)
+    refused(
+        r"\(--joints nose,left_eye,right_eye,right_ear,left_shoulder,\S+,right_ankle; in Py", load_motion, path, fps=30
+    )
     motion = load_keypoints(path, fps=30, joints=["left_shoulder", "left_wrist"])
     assert motion.skeleton == Skeleton(("left_shoulder", "left_wrist"), (-1, 0))
     np.testing.assert_allclose(motion.positions[0, :, 1], [50, 90])
@@ -427,7 +436,7 @@ def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_pa
 @cases(
     "content, fault",
     ("{", "cannot be read as an OpenPose frame"),
-    ("[]", "has no list 'people'"),
+    ("[]", "has no list 'people', as OpenPose writes; of others save x, y, confidence"),
     ('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}', "3 values; OpenPose has 18 or 25 points"),
     ("[" * 100_000, "cannot be read as an OpenPose frame"),
     (json.dumps({"people": [{"pose_keypoints_2d": [float("nan")] * 75}]}), "NaN or infinity at joint 0"),
@@ -445,6 +454,12 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
     (tmp_path / "dance.xyz").write_text("x")
     (tmp_path / "empty.npz").touch()
     refused(r"dance\.xyz: is no motion file that is known \(\.xyz\)", load_motion, tmp_path / "dance.xyz")
+    (tmp_path / "dance.csv").write_text("frame,x_0,y_0\n")
+    refused(
+        r"known \(\.csv\); of points in a picture save .* MediaPipe's .* \(T, 33, 4\)",
+        load_motion,
+        tmp_path / "dance.csv",
+    )
     refused(r"empty\.npz: the file is empty", load_motion, tmp_path / "empty.npz")
     missing(r"none\.bvh: no such file", load_motion, tmp_path / "none.bvh")
     refused(r"holds no motion: neither motion\.npz nor skeletons\.json, nor", load_motion, tmp_path)

@@ -208,7 +208,7 @@ def _table(text: str, channels: int) -> tuple[FloatArray, float]:
     if channels == 0:
         raise ValueError("no joint has a channel, so nothing moves")
     values = _numbers(text[head.end() :])
-    if frames * channels != values.size:
+    if values.size not in (frames * channels, (frames + 1) * channels):  # Rokoko promises one frame less than there are
         raise ValueError(
             f"promises {frames:g} frames of {channels} numbers, but {values.size} numbers follow: cut off or damaged"
         )

@@ -122,6 +122,10 @@ LAYOUTS = (
 )
 OPENPOSE = LAYOUTS[-1]
 
+SAVING_POINTS = (
+    "save x, y, confidence as an array (T, 17, 3), or MediaPipe's x, y, z, visibility (T, 33, 4): "
+    "numpy.save('dance.npy', points)"
+)
 WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
 POSE_LISTS = ("pose_landmarks", "landmarks")  # keys of a body's landmarks in a frame
 _FRAME_KEYS = {*("frame", "frame_id", "frame_idx", "frame_index", "frame_num", "frame_number"), "frameId", "frameIndex"}
@@ -209,8 +213,7 @@ def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatAr
     if layout is None:
         raise ValueError(
             f"holds {_summary(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
-            "nor COCO-17 key points (entries with image_id and keypoints); of others save x, y, confidence as an array "
-            "(T, 17, 3): numpy.save('dance.npy', points)"
+            f"nor COCO-17 key points (entries with image_id and keypoints); of others {SAVING_POINTS}"
         )
     people: dict[int, list[FloatArray]] = {}
     for place, entry in enumerate(entries):
@@ -258,7 +261,7 @@ def entry_poses(entry: Any, layout: Layout, name: str, pose: Pose | None = None)
     if layout.people:
         people = entry.get(layout.people) if isinstance(entry, dict) else None
     if not isinstance(people, list):
-        raise ValueError(f"{name} has no list {layout.people!r}")
+        raise ValueError(f"{name} has no list {layout.people!r}, as {layout.name} writes; of others {SAVING_POINTS}")
     return [(pose or _body)(person, layout, f"{layout.points} of {name}") for person in people]
 
 
@@ -563,7 +566,9 @@ def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) 
     """
     hidden = [name for joint, name in enumerate(skeleton.joints) if not visible[:, joint].any()]
     if hidden:
-        raise ValueError(f"never shows {', '.join(hidden)}; keep the other joints only (joints=...)")
+        others = ",".join(name for name in skeleton.joints if name not in hidden)
+        hint = f"keep the other joints only (--joints {others}; in Python joints=[...])"
+        raise ValueError(f"never shows {', '.join(hidden)}; {hint}")
     filled, frames = points.astype(np.float64), np.arange(len(points))
     for joint in np.flatnonzero(~visible.all(axis=0)):
         present = visible[:, joint]
@@ -598,8 +603,7 @@ def frame_files(folder: Path) -> list[Path]:
     if not numbered:
         raise ValueError(
             f"{folder}: holds no motion: neither motion.npz nor skeletons.json, nor numbered JSON files as OpenPose "
-            "writes them (name_000000000000.json); of YOLO's texts save x, y, confidence as an array (T, 17, 3): "
-            "numpy.save('dance.npy', points)"
+            f"writes them (name_000000000000.json); of YOLO's texts {SAVING_POINTS}"
         )
     for (number, file), (following, other) in itertools.pairwise(numbered):
         if following == number:

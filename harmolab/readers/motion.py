@@ -65,7 +65,7 @@ from harmolab.readers.array_files import frame_motion, load_json, load_npy, load
 from harmolab.readers.arrays import SAVING, check_joints, checked_motion, in_metres, npz_names, read_npz
 from harmolab.readers.bvh import read_bvh, save_bvh
 from harmolab.readers.c3d import load_c3d
-from harmolab.readers.keypoints import BAILANDO_END, frame_files, load_keypoints
+from harmolab.readers.keypoints import BAILANDO_END, SAVING_POINTS, frame_files, load_keypoints
 from harmolab.readers.motion_file import MotionFile, ReadingKeywords, ReadingOptions, as_read
 from harmolab.readers.smpl import MEMBERS, is_parameters, parameter_motion
 from harmolab.readers.video import is_video
@@ -147,6 +147,8 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         if is_video(path):
             raise ValueError("is a video, no motion file; `harmolab score`, `play`, `lab` and `retime` read videos")
         kinds = ".npz .npy .bvh .pkl .json .c3d are read; export BVH, as Blender does of FBX"
+        if suffix in (".csv", ".txt"):
+            kinds = f"of points in a picture {SAVING_POINTS}"
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); {kinds}, or {SAVING}")
 
 
