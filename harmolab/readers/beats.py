@@ -44,7 +44,7 @@ _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
 _MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
 _LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
-_NAMED = re.compile(r'^\s*([\d.]+)\s*[,;\t]\s*"?[^\W\d][^,;\t]*$')  # a moment of Sonic Visualiser: "0.5,New Point"
+_NAMED = re.compile(r'^\s*[\d.]+\s*[,;\t]\s*"?[^\W\d][^,;\t]*$')  # a moment of Sonic Visualiser: "0.5,New Point"
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,9 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
 
 def _without_texts(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Lines of other programs, numbered: without what stands beside a moment, and without a head that begins empty."""
-    lines = [(number, _NAMED.sub(r"\1", _LABEL.sub(r"\1", line))) for number, line in lines]
+    lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
+    if any(_NAMED.match(line) for _, line in lines):
+        lines = [(number, re.sub(r"[,;\t].*", "", line)) for number, line in lines]
     if all(_MOMENT.match(line) for _, line in lines):
         return [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]
     return lines[1:] if lines[0][1].lstrip(' "')[:1] in (",", ";") else lines  # pandas and R number the lines
