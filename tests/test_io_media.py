@@ -283,6 +283,7 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("0.5,1\n1.0,2\n1.52,3\n2.0,4\n", None, [1, 1, 1, 1]),
     ('"TIME","LABEL"\n0.5,"1"\n1.0,"2"\n1.5,"3"\n2.0,"1"\n', [0, 1, 2, 0], [1, 1, 1, 1]),
     ("0.5,1.2\n1.0,1.3\n1.5,2.1\n2.0,2.2\n", [1, 2, 0, 1], [1, 1, 1, 1]),
+    ("0.5,1.9\n1.0,2.1\n", None, [1.9, 2.1]),
     ("time_s,is_downbeat\n0.5,0\n1.0,1\n1.5,0\n2.0,0\n2.5,1\n", [2, 0, 1, 2, 0], [1, 1, 1, 1, 1]),
     ids=[
         *(
@@ -294,7 +295,7 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
             "with a text",
             "mixed",
         ),
-        *("Sonic Visualiser", "beats counted", "in quotes", "bar and place", "1 where a bar begins"),
+        *("Sonic Visualiser", "beats counted", "in quotes", "bar and place", "no bars", "1 where a bar begins"),
     ],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):

@@ -333,8 +333,8 @@ def _places_in_bars(column: FloatArray) -> FloatArray:
     """The places of numbers such as 1.1, 1.2, 1.3, 2.1, ... (bar and place); other columns as they are."""
     bars, places = np.divmod(np.round(10 * column), 10)
     begins = np.diff(bars) == 1
-    goes_on = (places[1:] == np.where(begins, 1, places[:-1] + 1)) & (begins | (np.diff(bars) == 0))
-    return places if begins.any() and places.min() >= 1 and goes_on.all() else column
+    steps = np.where(begins, places[1:] == 1, (np.diff(bars) == 0) & (np.diff(places) == 1))
+    return places if steps.all() and places.min() >= 1 and column.size > places.max() >= 3 else column
 
 
 def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
