@@ -148,7 +148,7 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
             raise ValueError("is a video, no motion file; `harmolab score`, `play`, `lab` and `retime` read videos")
         kinds = ".npz .npy .bvh .pkl .json .c3d are read; export BVH, as Blender does of FBX"
         if suffix in (".csv", ".txt"):
-            kinds = f"of points in a picture {SAVING_POINTS}"
+            kinds += f"; of points in a picture {SAVING_POINTS}"
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); {kinds}, or {SAVING}")
 
 
