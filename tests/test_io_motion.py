@@ -455,11 +455,7 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
     (tmp_path / "empty.npz").touch()
     refused(r"dance\.xyz: is no motion file that is known \(\.xyz\)", load_motion, tmp_path / "dance.xyz")
     (tmp_path / "dance.csv").write_text("frame,x_0,y_0\n")
-    refused(
-        r"known \(\.csv\); of points in a picture save .* MediaPipe's .* \(T, 33, 4\)",
-        load_motion,
-        tmp_path / "dance.csv",
-    )
+    refused(r"\.csv\); .*export BVH.* of points .*MediaPipe's .*\(T, 33, 4\)", load_motion, tmp_path / "dance.csv")
     refused(r"empty\.npz: the file is empty", load_motion, tmp_path / "empty.npz")
     missing(r"none\.bvh: no such file", load_motion, tmp_path / "none.bvh")
     refused(r"holds no motion: neither motion\.npz nor skeletons\.json, nor", load_motion, tmp_path)
