@@ -654,6 +654,14 @@ def test_33_places_without_visibility_are_of_a_picture_or_of_a_body_in_space_wit
     np.testing.assert_allclose(motion.positions[0, [0, 29], 1], [1.8, 1.2])
 
 
+@cases("frame", {"landmarks": [landmarks(0.2)]}, {"poseLandmarks": landmarks(0.2)}, [landmarks(0.2)])
+def test_landmarks_may_be_written_as_tasks_and_javascript_have_them(tmp_path: Path, frame: object):
+    path = as_json(tmp_path / "dance.json", [frame, frame, {"landmarks": []}])
+    assert load_keypoints(path, fps=25).positions[0, 5].tolist() == [0.2, 0.5]
+    two = as_json(tmp_path / "two.json", [frame, [landmarks(0.2)] * 2])
+    refused(r"two\.json: frame 1 is no list of 33 landmarks", load_keypoints, two, fps=25)
+
+
 def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
     path = as_json(tmp_path / "dance.json", {"fps": 30.0, "frames": [landmarks(0.2), {"landmarks": landmarks(0.4)}]})
     assert (load_keypoints(path).fps, load_keypoints(path, fps=24).fps) == (30, 24)

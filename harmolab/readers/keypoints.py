@@ -127,7 +127,7 @@ SAVING_POINTS = (
     "numpy.save('dance.npy', points)"
 )
 WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
-POSE_LISTS = ("pose_landmarks", "landmarks")  # keys of a body's landmarks in a frame
+POSE_LISTS = ("pose_landmarks", "poseLandmarks", "landmarks")  # keys of a body's landmarks in a frame
 _FRAME_KEYS = {*("frame", "frame_id", "frame_idx", "frame_index", "frame_num", "frame_number"), "frameId", "frameIndex"}
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
 SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
@@ -322,8 +322,10 @@ def _own_number(frame: Any) -> int:
 
 
 def _pose_landmarks(frame: Any) -> Any:
-    """The landmarks of a frame's body."""
-    return next((frame[key] for key in POSE_LISTS if key in frame), None) if isinstance(frame, dict) else frame
+    """The landmarks of a frame's body, also as MediaPipe's Tasks have them, in a list of bodies with one in it."""
+    points: Any = next((frame[key] for key in POSE_LISTS if key in frame), None) if isinstance(frame, dict) else frame
+    is_list = isinstance(points, list) and len(points) == 1 and isinstance(points[0], list)
+    return points[0] if is_list else points
 
 
 def landmarks_by_frame(content: Any) -> FloatArray:
