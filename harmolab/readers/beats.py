@@ -249,8 +249,7 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
     lines = _without_texts(lines) if header else lines
     if _are_decimal_commas([line.strip() for _, line in lines if re.search(r"\d", line)]):
         lines = [(number, line.replace(",", ".")) for number, line in lines]
-    rows = [(number, re.findall(r'[^\s,;"]+', line)) for number, line in lines]
-    rows = [(number, words) for number, words in rows if words]
+    rows = [(number, words) for number, line in lines if (words := re.findall(r'[^\s,;"]+', line))]
     if header and rows and all(_number(word) is None for word in rows[0][1]):
         rows = rows[1:]
     if not rows:
