@@ -45,6 +45,7 @@ _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that
 _MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
 _LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
 _NAMED = re.compile(r'^\s*[\d.]+\s*[,;\t]\s*"?[^\W\d][^,;\t]*$')  # a moment of Sonic Visualiser: "0.5,New Point"
+_STRENGTH = re.compile(r'^\s*[\d.]+\s*[,;\t]\s*"?\d*\.\d')  # beside one: a name in such a file is a typing error
 
 
 @dataclass(frozen=True)
@@ -271,7 +272,7 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
 def _without_texts(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Lines of other programs, numbered: without what stands beside a moment, and without a head that begins empty."""
     lines = [(number, _LABEL.sub(r"\1", line)) for number, line in lines]
-    if any(_NAMED.match(line) for _, line in lines):
+    if any(_NAMED.match(line) for _, line in lines) and not any(_STRENGTH.match(line) for _, line in lines):
         lines = [(number, re.sub(r"[,;\t].*", "", line)) for number, line in lines]
     if all(_MOMENT.match(line) for _, line in lines):
         return [(number, _MOMENT.sub(r"\1", line)) for number, line in lines]

@@ -7,8 +7,8 @@ Files are read with any skeleton and any order of channels:
   joint whose positions are all 0 stays at its OFFSET, as in files that write what is added to it.
 * An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
 * BVH says nothing about its unit. A rest skeleton that extends over more than 1000 units is taken for millimetres, over
-  more than 3 for centimetres, else for metres. No body from head to feet is small in centimetres: one of up to 45 units
-  is taken for one of the CMU files, which are in units of 5.6 cm, up to 75 for inches. Pass `scale` where it is wrong.
+  more than 3 for centimetres, else for metres. A body from head to feet of up to 45 units is taken for one of the CMU
+  files, which are in units of 5.6 cm. Pass `scale` where it is wrong.
 * A root that stays at one place while the only joint on it travels, as rigs and the Bandai-Namco files have it, is no
   part of the body and left out.
 * Nor does it tell which axis points up: the way from the feet to the head does (Blender writes z up), else it is y.
@@ -54,7 +54,7 @@ _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGN
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_NAME, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 200, 2**24
 _BLOCK_PLACES = 2**17
 _UNITS = ((1000.0, 0.001), (3.0, 0.01))  # extent at rest, in units of the file, above which a unit is so many metres
-_BODY_UNITS = ((1000.0, 0.001), (75.0, 0.01), (45.0, 0.0254), (3.0, 0.056444))  # the same with head and feet
+_BODY_UNITS = ((1000.0, 0.001), (45.0, 0.01), (3.0, 0.056444))  # the same with head and feet
 _TRAVEL = 0.05  # share of its distance from the root by which a joint is not joined to it
 _USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
 
