@@ -487,11 +487,11 @@ def mediapipe() -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["worst", "two people"])
-def test_the_movement_of_a_filmed_dancer_is_read_in_time(mediapipe: Path, tmp_path: Path, case: str):
+@cases("phone", phone_videos.Phone(noise=6, shake=1.5, crf=35), phone_videos.Phone(people=2))
+def test_the_movement_of_a_filmed_dancer_is_read_in_time(mediapipe: Path, tmp_path: Path, phone: phone_videos.Phone):
     pose.pose_folder().symlink_to(mediapipe)
     motion, _, _ = phone_videos.filmed_part(planted_dance(seconds=12.0), seconds=8.0)
-    read = filmed_motion(phone_videos.film(tmp_path / "take.mp4", motion, None, phone_videos.CASES[case])).motion
+    read = filmed_motion(phone_videos.film(tmp_path / "take.mp4", motion, None, phone)).motion
     correlation, shift = phone_videos.agreement(motion, read)
     assert correlation > 0.7
     assert abs(shift) <= 0.02
