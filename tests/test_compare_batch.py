@@ -59,6 +59,7 @@ def test_other_readings_are_refused_by_name() -> None:
 
 def test_an_empty_batch_is_refused() -> None:
     refused("at least one clip", BeatBatch.of, [])
+    refused("at least one clip", PlaceBatch.of, [], HarmonyParams.recommended())
 
 
 # The recommended mode
@@ -141,10 +142,6 @@ def test_short_clips_are_ranked_and_those_that_cannot_be_have_nothing_above_chan
     assert len(music) < 16
     assert scores.harmony_above_chance[0] > 0.3
     np.testing.assert_array_equal(scores.harmony_above_chance[1:], [0.0, 0.0, 0.0, 0.0])
-
-
-def test_an_empty_place_batch_is_refused() -> None:
-    refused("at least one clip", PlaceBatch.of, [], HarmonyParams.recommended())
 
 
 RATE = 100.0

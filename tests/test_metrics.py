@@ -154,10 +154,6 @@ def test_the_jerk_of_a_swing_is_that_of_its_third_difference():
     assert jerk(swing(1.5)) == pytest.approx(expected, rel=0.01)
 
 
-def test_constant_acceleration_has_no_jerk():
-    assert jerk(along_x(4.9 * (np.arange(60) / 30) ** 2, fps=30)) == pytest.approx(0, abs=1e-9)
-
-
 @pytest.mark.parametrize("reach", [0.1, 0.5])
 def test_relative_jerk_is_the_same_for_wide_and_narrow_swings(reach: float):
     expected = (2 * np.sin(np.pi * 1.5 * STEP) / STEP) ** 2
@@ -599,20 +595,6 @@ def test_flat_short_and_invalid_motions_have_no_energies():
 
 
 distance = features.frechet_distance
-
-
-def sigma_points(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """2 d points whose mean is `mean` and whose (n - 1) covariance is diagonal with SDs `spread`, exactly."""
-    count = 2 * len(mean)
-    steps = np.diag(spread) * np.sqrt((count - 1) / 2)
-    return np.concatenate([mean + steps, mean - steps])
-
-
-def test_distance_of_axis_parallel_normals_is_that_of_their_means_and_deviations():
-    # |m_a - m_b|^2 + sum (s_a - s_b)^2 = (1 + 4) + (1 + 9)
-    a = sigma_points(np.array([0.0, 0.0]), np.array([1.0, 2.0]))
-    b = sigma_points(np.array([1.0, 2.0]), np.array([2.0, 5.0]))
-    assert distance(a, b, correct_bias=False).raw == pytest.approx(15.0)
 
 
 def test_distance_is_that_of_the_matrix_root(rng: np.random.Generator):

@@ -126,6 +126,7 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     ("a harmolab.BeatTrack is needed, got list", save_beats, ("song.beats", [1.0])),
     (r"held must have one entry per frame \(4\), got shape \(1,\)", partial(likeness, motion(), held=np.ones(1)), ()),
     *((f"offset must be finite, got {n!r}", Clip, ("waltz", SILENCE, None, n)) for n in (float("nan"), None, "1")),
+    ("unit_beats must leave at least one beat before a meter of six, got 6", partial(FeatureParams, unit_beats=6), ()),
 )
 def test_what_is_no_record_is_refused_by_name(message, record, values):
     refused(message, record, *values)
@@ -363,10 +364,6 @@ def test_a_setting_out_of_range_is_refused_by_name(
     settings: TrainParams | ModelParams | FeatureParams, name: str, value: object, rule: str
 ):
     refused(re.escape(f"{name} must be {rule}, got {value!r}"), replace, settings, **{name: value})
-
-
-def test_a_unit_must_be_longer_than_the_longest_meter():
-    refused("unit_beats must leave at least one beat before a meter of six, got 6", FeatureParams, unit_beats=6)
 
 
 @cases("copied", copy.deepcopy, lambda record: pickle.loads(pickle.dumps(record)))
