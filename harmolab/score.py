@@ -132,11 +132,10 @@ EDGE = 1e-9
 
 def checked_times(times: ArrayLike, name: str) -> FloatArray:
     """Moments (B,) as an array; ValueError names them where they are no list of finite numbers."""
-    array = times if type(times) is np.ndarray and times.dtype == np.float64 else frozen_array(times, name)
+    is_checked = type(times) is np.ndarray and times.dtype == np.float64 and np.isfinite(times).all()
+    array = np.asarray(times) if is_checked else frozen_array(times, name)
     if array.ndim != 1:
         raise ValueError(f"{name} must be a list of moments (B,), got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds NaN or infinity (first at index {np.flatnonzero(~np.isfinite(array))[0]})")
     return array
 
 
