@@ -49,10 +49,9 @@ def trembling(size: float) -> Motion:
     return replace(dancer(), positions=pose + size * wave * np.random.default_rng(0).normal(size=pose.shape))
 
 
-def on_a_turntable() -> Motion:
-    """A statue that turns, now faster, now slower."""
-    pose, angle = dancer().positions[0], np.cumsum(1 - np.cos(2 * np.pi * np.arange(720) / 15)) / 20
-    return replace(dancer(), positions=turned_by(pose, angle))
+def on_a_turntable(poses: np.ndarray) -> Motion:
+    """One pose (J, 3), or those of a dance, that turn now faster, now slower."""
+    return replace(dancer(), positions=turned_by(poses, np.cumsum(1 - np.cos(2 * np.pi * np.arange(720) / 15)) / 10))
 
 
 def wandering() -> Judgement:
@@ -97,7 +96,7 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(dancer(tempo=97.0)), 1, "No sign that you follow this beat.*"),
     (lambda: judged(trembling(1e-3)), 0, TOO_LITTLE),
     (lambda: judged(trembling(1e-9)), 0, TOO_LITTLE),
-    (lambda: judged(on_a_turntable()), 0, r"Cannot tell: you only turn and travel\."),
+    (lambda: judged(on_a_turntable(dancer().positions[0])), 0, r"Cannot tell: you only turn and travel\."),
     (lambda: judged(dancer(), first_beats(15)), 0, r"Cannot tell: 15 beats are too few; 16 are needed\."),
     (lambda: judged(dancer(), first_beats(1)), 0, r"Cannot tell: 1 beat is too few; 16 are needed\."),
     (lambda: judged(dancer(), first_beats(0)), 0, NO_BEAT),
@@ -140,6 +139,15 @@ def test_who_rests_on_every_second_beat_is_advised_to_say_so() -> None:
     assert any('--how "half time"' in remark and "at 60 bpm, not 120" in remark for remark in once.remarks)
     assert not any("--dance" in line for line in (*once.remarks, *once.details))
     assert "half time" not in " ".join(judged(dancer(0.5)).remarks)
+
+
+def test_little_movement_inside_the_body_and_few_joints_that_move_are_remarked() -> None:
+    elbow = dancer().positions[:1].repeat(720, axis=0)
+    elbow[:, 13] = dancer().positions[:, 13]
+    turning, one_elbow = on_a_turntable(dancer().positions), replace(dancer(), positions=elbow)
+    words = [" ".join(judged(motion).remarks) for motion in (turning, one_elbow, dancer())]
+    assert [bool(re.search("You mostly turn and travel: 1.% of", each)) for each in words] == [True, False, False]
+    assert [bool(re.search("Few joints move: all .* of [5-7]% of", each)) for each in words] == [False, True, False]
 
 
 def test_harmony_is_a_number_where_the_place_is_asked_for() -> None:
