@@ -159,6 +159,8 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     (("play", "--out", "x.mp4", "--no-marks", "--how", "hit"), "--how is of no use with --no-marks"),
     (("play", "--out", "x.mp4", "--no-marks", "--verdict"), "--verdict is of no use with --no-marks"),
     (("play", "--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
+    (("play", "--out", "x.mp4", "--start", "99"), "its music ends at 6.00 s, before --start 99"),
+    (("play", "--out", "x.html", "--how", "hit", "--pattern", "dance.npz"), "--how and --pattern exclude each other"),
     (("retime", "--out", "x.wav"), "written as .npz, .bvh, .mp4"),
     (("retime", "--out", "x.npz", "--height", "720"), "--height is for a video, not for x.npz"),
     (("retime", "--out", "nowhere/x.npz"), "no such folder"),

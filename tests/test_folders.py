@@ -345,6 +345,9 @@ def test_bar_patterns_come_back_as_they_were(tmp_path: Path):
     save_patterns(tmp_path / "patterns.json", patterns)
     assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == patterns
     refused("holds no pattern for --dance ''; it has waltz, rumba", load_pattern, tmp_path / "patterns.json")
+    for content, fault in (("[]", "holds no bar patterns"), ('{"waltz": {}}', "pattern 'waltz' must have beats")):
+        (tmp_path / "damaged.json").write_text(content)
+        refused(rf"damaged\.json: .*{fault}", load_pattern, tmp_path / "damaged.json")
 
 
 def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip, tmp_path: Path):

@@ -81,6 +81,7 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     *((f"no motion from {n} s for 1 s in a motion of 2.00 s", motion(4, 2.0).span, (n, 1)) for n in (1.5, np.nan)),
     ("no beats from nan s on", MUSIC[0].span, (np.nan, 1)),
     *(("no notes from .*nan", Notes([0.0], [1.0], [60]).span, part) for part in ((np.nan, 1), (0, np.nan))),
+    (r"notes need one of their offsets each, got \(2,\) for 1 onsets", Notes, ([0.0], [1.0, 2.0], [60])),
     ("beat times reach 5400 in a clip of 10 s; were these frames?", BeatTrack, ([0.0, 5400.0], [1, 1], 15.0, 10.0)),
     ("beat times start at -0.1 s; they must not be negative", BeatTrack, ([-0.1], [1], 15.0, 10.0)),
     ("times must increase strictly; sort them and remove doubles", BeatTrack, ([1.0, 1.0], [1, 1], 15.0, 10.0)),
