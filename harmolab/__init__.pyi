@@ -69,6 +69,8 @@ from .score import nearest_intervals as nearest_intervals
 from .score import score_harmony as score_harmony
 from .significance import auc as auc
 from .significance import p_value as p_value
+from .soft_score import SoftHarmony as SoftHarmony
+from .soft_score import soft_harmony as soft_harmony
 from .types import Audio as Audio
 from .types import BeatTrack as BeatTrack
 from .types import Clip as Clip

@@ -425,8 +425,7 @@ class SoftHarmony:
 
     Parameters
     ----------
-    harmony : h of Eq. 21
-    hitting_score : h_s of Eq. 19
+    harmony, hitting_score : h of Eq. 21, h_s of Eq. 19
     chance : share of the time at which a random music beat would be hit
     above_chance : h_cc, 0 at chance and 1 with every beat hit
     hit_rate : share of all music beats that are hit
@@ -467,7 +466,8 @@ def anneal(epoch: int, epochs: int, start: float, end: float) -> float:
 
 
 def soft_harmony(
-    positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor,
+    positions: Tensor, beats: Tensor, strengths: Tensor | None = None, beat_mask: Tensor | None = None,
+    mask: Tensor | None = None,
     *, fps: float, tau: float, params: HarmonyParams, span: Tensor | None = None, bar_places: Tensor | None = None,
 ) -> SoftHarmony:  # fmt: skip
     """The relaxed harmony of a batch of clips: Eq. 7-21, or the place test of the shape of the body.
@@ -476,12 +476,11 @@ def soft_harmony(
     ----------
     positions : (N, T, J, D) tensor of joint positions, or (N, T) tensor of joint speed
     beats, strengths : (N, B) tensors
-        Music beats in seconds from frame 0, and their strengths.
-    beat_mask : (N, B) tensor, 1 (or True) at real beats
-    mask : (N, T) tensor, 1 at real frames; padding stands at the end, and may hold anything, as that of beats may
+        Music beats in seconds from frame 0, and their strengths (all alike if None).
+    beat_mask : (N, B) tensor, 1 (or True) at real beats; if None, all but NaN are
+    mask : (N, T) tensor, 1 at real frames (all if None); padding stands at the end, and may hold anything
     fps : float, hertz
-    tau : float
-        Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 the hard score of hits.
+    tau : float, softness: 0.5 lets gradients reach most frames, 0.05 is near the hard score, 1e-8 that of hits
     params : HarmonyParams
         With ``subframe`` beats lie between frames at the top of a parabola, which the gradient can move; the cubic
         interpolation to 120 hertz of the hard score is not done here. The measure "shape" asks for the pattern, or
@@ -496,15 +495,19 @@ def soft_harmony(
     Returns
     -------
     SoftHarmony
+        As a loss take ``-above_chance.mean()``, with a small weight beside those that keep the movement a dance.
 
     Raises
     ------
     ValueError
-        For what is no tensor, tensors that do not fit together, positions that are no floating-point numbers or not
-        finite before the padding, masks of other values than 1 and 0, beats of 16 bits, beats or strengths that are
-        not finite, strengths below 0, tau not positive, or a setting that has no relaxation.
+        For what is no tensor, tensors that do not fit together, positions that are whole numbers or not finite, masks
+        of other values than 1 and 0, beats of 16 bits, beats or strengths that are not finite, or a bad setting.
     """
     _check_settings(fps, tau, params)
+    _check_kinds(positions, beats, strengths, beat_mask, mask, span, bar_places)
+    strengths = torch.ones_like(beats) if strengths is None else strengths
+    beat_mask = ~beats.isnan() if beat_mask is None else beat_mask
+    mask = torch.ones(positions.shape[:2], device=positions.device) if mask is None else mask
     _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
     if params.measure == "shape" and positions.ndim == 2:
         raise ValueError("the shape of the body needs joint positions (N, T, J, D); a speed (N, T) has none")
@@ -626,16 +629,19 @@ def _audio_strengths(strengths: Tensor, counted: Tensor, params: HarmonyParams) 
     return strengths.masked_fill(strengths <= params.audio_threshold * spread, 0.0)
 
 
+def _check_kinds(*arguments: Tensor | None) -> None:
+    """ValueError for what is no tensor; only positions and beats are needed."""
+    names = ("positions", "beats", "strengths", "beat_mask", "mask", "span", "bar_places")
+    for name, value in zip(names, arguments, strict=True):
+        if not isinstance(value, Tensor if name in ("positions", "beats") else Tensor | None):
+            raise ValueError(f"{name} must be a torch.Tensor, got {type(value).__name__}; torch.as_tensor makes one")
+
+
 def _check_tensors(
     positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor,
     span: Tensor | None, bar_places: Tensor | None,
 ) -> None:  # fmt: skip
-    """ValueError for what is no tensor, for tensors that do not fit together, and for values that have no score."""
-    tensors = {"positions": positions, "beats": beats, "strengths": strengths, "beat_mask": beat_mask, "mask": mask}
-    optional = {"span": span, "bar_places": bar_places}
-    for name, value in (tensors | optional).items():
-        if not isinstance(value, Tensor | None if name in optional else Tensor):
-            raise ValueError(f"{name} must be a torch.Tensor, got {type(value).__name__}; torch.as_tensor makes one")
+    """ValueError for tensors that do not fit together, and for values that have no score."""
     shape = tuple(positions.shape)
     if len(shape) not in (2, 4) or min(shape) < 1 or shape[1] < 2 or shape[3:] not in ((), (2,), (3,)):
         raise ValueError(f"positions must be (N, T, J, 3), or a speed (N, T), with two frames or more; got {shape}")

@@ -267,6 +267,17 @@ def test_softness_falls_geometrically():
     refused("softness must be positive, got start 0", relaxed.anneal, 0, 3, 0, 0.1)
 
 
+def test_left_out_strengths_and_masks_are_ones_and_beats_that_are_not_nan():
+    clips = Clips(3)
+    positions, beats, ends = torch.tensor(clips.positions), torch.tensor(clips.beats), torch.tensor(clips.beat_mask)
+    left_out = relaxed.soft_harmony(positions, beats.where(ends, torch.nan), fps=FPS, tau=0.5, params=PAPER)
+    said = softly(positions, beats, beat_mask=ends, tau=0.5, params=PAPER)
+    assert said.above_chance.std() > 0
+    torch.testing.assert_close(vars(left_out), vars(said))
+    settings = {"fps": FPS, "tau": 0.5, "params": PAPER}
+    refused("positions must be a torch.Tensor, got ndarray", relaxed.soft_harmony, clips.positions, beats, **settings)
+
+
 @cases(
     "change, message",
     ({"positions": torch.zeros(2, 9, 3)}, r"positions must be \(N, T, J, 3\), or a speed \(N, T\)"),

@@ -25,6 +25,7 @@ AREAS = {
     "harmolab.metrics": "Measures of quality and likeness",
     "harmolab.params": "Settings",
     "harmolab.significance": "Significance",
+    "harmolab.soft_score": "The score as a loss",
     "harmolab.types": "Motion, sound, beats, clips",
     "harmolab.verdict": "Results of a score",
     "harmolab.musician": "Audio to Body: musicians",
