@@ -164,9 +164,9 @@ def test_a_large_file_goes_to_the_disk_and_not_into_the_memory(server: AppServer
 
 def test_an_order_is_done_and_its_lines_and_pages_are_shown(server: AppServer):
     put(server, "dance/x.mp4")
-    assert order(server, task="judge", style="rumba", offset="1.5") == (200, "")
+    assert order(server, task="judge", style="rumba", how="half time", offset="1.5") == (200, "")
     now = finished(server)
-    assert (now["lines"], now["fault"], now["number"]) == (["x.mp4 rumba 1.5", "more"], "", 1)
+    assert (now["lines"], now["fault"], now["number"]) == (["x.mp4 rumba 1.5 half time", "more"], "", 1)
     assert now["offset"] == 1.5
     assert now["views"] == [{"kind": "page", "title": "Why", "name": "why.html", "address": "1/why.html"}]
     assert ask(server.address, "GET", path=f"{server.path}1/why.html") == (200, "because")
@@ -220,6 +220,7 @@ def test_work_can_be_stopped_and_nothing_else_begins_meanwhile(server: AppServer
     "content, fault",
     ({"task": "judge", "style": "../x"}, "../x: is no dance that is known"),
     ({"task": "judge", "style": "\ud800"}, "?: is no dance that is known"),
+    ({"task": "judge", "how": "jump"}, "jump: is nothing that is done on a beat"),
     ({"task": "judge", "offset": "nan"}, "nan: seconds are a number"),
     ({"task": "judge", "offset": 10**400}, "000: seconds are a number"),
     ({"task": "judge", "offset": [1]}, "seconds are a number"),
@@ -406,6 +407,17 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
     refused("no sign of the beat", work, Order("fit", None, tmp_path / "dot.mp4", "", None, tmp_path), Teller(print))
     assert "no sign of the beat" in complaint(app, "retime", tmp_path / "dot.mp4", "--out", tmp_path / "x.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["dot.mp4"]
+
+
+@pytest.mark.slow
+def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_path: Path):
+    files = write_pair(tmp_path, planted_dance(seconds=20.0, fps=30.0))[:2]
+    for task, words in (("judge", "for a hit on the beat"), ("fit", "of the moments half way between beats now")):
+        said: list[dict[str, Any]] = []
+        work(Order(task, *files, "", 0.0, tmp_path, how="hit"), Teller(said.append))
+        lines = next(one["lines"] for one in said if "lines" in one)
+        assert any(words in line for line in lines), lines
+    assert any(line.startswith("After: You are on the beat: you hit it") for line in lines), lines
 
 
 def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -422,7 +422,7 @@ def ballroom(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 
 
 BALLROOM = "A ballroom dance."
-THREES = "The music seems to go in threes: danced is ballroom; --style salsa for the other."
+THREES = "The music seems to go in threes: danced is ballroom (--style salsa dances the other)."
 
 
 @cases(

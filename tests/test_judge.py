@@ -388,7 +388,7 @@ def test_a_trembling_point_is_too_little_and_one_that_swings_is_not() -> None:
     )
     assert small == larger == 0 and large >= 3
     flat, clear = (judged(Motion(size * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1))) for size in (1e-9, 0.1))
-    no_body = "Only how fast you move was read, and no shape: fewer than three points of you are seen; "
+    no_body = "Only how fast you move was read, and no shape, which takes three points; flow has none; "
     assert f"{no_body}how large the movement is cannot be known." in (*flat.remarks, *flat.details)
     assert no_body in clear.details[-1] and "A longer take" in clear.remarks[-1]
 

@@ -24,6 +24,7 @@ def echo() -> Work:
         if order.task == "dance":
             os._exit(1)
         words = f"{order.dance.name if order.dance else 'nothing'} {order.style} {order.offset}"
+        words += f" {order.how}" if order.how else ""
         teller.lines([words, "more"], offset=order.offset)
         (order.folder / "why.html").write_text("because")
         teller.view("page", order.folder / "why.html", "Why")

@@ -24,6 +24,7 @@ from harmolab.lab.explain.performance import OwnDance, explain_performance, load
 from harmolab.lab.labs.one_clip import scoring_lab
 from harmolab.lab.player_data import LONGEST, player_of
 from harmolab.lab.render.video import retime_files, write_dance
+from harmolab.params import HarmonyParams
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
 from harmolab.types import BeatTrack
@@ -52,7 +53,7 @@ def judge(order: Order, teller: Teller) -> None:
     song, dance = _pair(order)
     performance = load_performance(dance, progress=teller.progress)
     teller.step("listening to the music")
-    params = recommended(None, order.style)
+    params = recommended(None, order.style, order.how)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
     notes += [f"Judged as a {order.style}, as you said."] if order.style else []
@@ -66,7 +67,7 @@ def judge(order: Order, teller: Teller) -> None:
     lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song), mode="recommended")
     _view(order, teller, "lab.html", "Sliders", lab.save)
     if performance.is_video:
-        teller.view("film", _film(order, teller, song, result), "Your video with its beats")
+        teller.view("film", _film(order, teller, song, result, params), "Your video with its beats")
 
 
 def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[Path], None]) -> None:
@@ -76,12 +77,13 @@ def _view(order: Order, teller: Teller, name: str, title: str, save: Callable[[P
     teller.view("page", order.folder / name, title)
 
 
-def _film(order: Order, teller: Teller, song: Path, result: OwnDance) -> Path:
+def _film(order: Order, teller: Teller, song: Path, result: OwnDance, params: HarmonyParams) -> Path:
     """The dancer's own video with the beats and the verdict in the picture."""
     motion, video = result.performance.motion, result.performance.path
     out = order.folder / f"{video.stem}_beats.mp4"
     clip = load_clip(song, motion, offset=result.placement.seconds, dance=order.style, sample_rate=None)
-    write_dance(out, clip, over=video, points=points_in_video(video), verdict=result.verdict, progress=teller.progress)
+    points, verdict = points_in_video(video), result.verdict
+    write_dance(out, clip, over=video, points=points, verdict=verdict, params=params, progress=teller.progress)
     return out
 
 
@@ -92,20 +94,21 @@ def fit(order: Order, teller: Teller) -> None:
         raise ValueError('Ask "Am I in time?" first, or say where the dance begins: it is not known yet.')
     kept = ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
     out = order.folder / f"{dance.stem}_in_time{'.mp4' if is_video(dance) else kept}"
+    params = recommended(None, order.style, order.how)
+    goal, phase = ("the moments half way between beats", 0.5) if order.how == "hit" else ("the beats", 0.0)
     retimed = retime_files(
-        song, dance, out, offset=order.offset, dance=order.style, params=recommended(None, order.style),
-        progress=teller.progress,
+        song, dance, out, offset=order.offset, dance=order.style, params=params, phase=phase, progress=teller.progress,
     )  # fmt: skip
     if not order.has_start:
         retimed = replace(retimed, before=without_start(retimed.before), after=without_start(retimed.after))
     begin = order.offset if order.offset is not None else recorded_offset(dance) or 0.0
     place = [f"All of this holds if your dance begins at {begin + 0.0:.2f} s of the song."] if song != dance else []
-    teller.lines([*_bent(retimed, dance), *place, *_tempo(song, order.style, retimed.before.music)])
+    teller.lines([*_bent(retimed, dance, goal), *place, *_tempo(song, order.style, retimed.before.music)])
     if is_video(dance):
         teller.view("film", out, "Your video, in time")
         return
     clip = load_clip(song, out, offset=order.offset, dance=order.style, sample_rate=None)
-    player = player_of([replace(clip, has_start=order.has_start)])
+    player = player_of([replace(clip, has_start=order.has_start)], params=params)
     _view(order, teller, "in_time.html", "Your dance, in time", player.save)
     teller.view("file", out, "The movement")
 
@@ -115,8 +118,8 @@ def _tempo(song: Path, style: str, music: BeatTrack) -> list[str]:
     return [sentence(remark)] if (remark := tempo_remark(song, style, music)) else []
 
 
-def _bent(retimed: Retimed, dance: Path) -> list[str]:
-    """Sentences about the bending, and the verdicts before and after."""
+def _bent(retimed: Retimed, dance: Path, goal: str) -> list[str]:
+    """Sentences about the bending of rests to a goal, and the verdicts before and after."""
     if len(retimed.before.music) == 0:
         return ["No beats were found in the music: nothing could be bent."]
     before, after = (
@@ -125,10 +128,10 @@ def _bent(retimed: Retimed, dance: Path) -> list[str]:
     )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]
     if retimed.warp.is_identity:
-        return [f"Nothing was worth bending: you rest near {near[0]} of the beats.", f"As it is: {before}"]
+        return [f"Nothing was worth bending: you rest near {near[0]} of {goal}.", f"As it is: {before}"]
     return [
         *([WORSE] if is_worse(retimed) else ()),
-        f"You rest near {near[1]} of the beats now, and before near {near[0]}.",
+        f"You rest near {near[1]} of {goal} now, and before near {near[0]}.",
         f"Time was bent by {1000 * retimed.warp.bent:.0f} ms on average; no pose was changed.",
         f"Before: {before}",
         f"After: {after}",

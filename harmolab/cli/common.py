@@ -227,7 +227,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
-def recommended(pattern: Path | None, dance: str, how: How | None = None) -> harmolab.HarmonyParams:
+def recommended(pattern: Path | None, dance: str, how: str | None = None) -> harmolab.HarmonyParams:
     """The recommended settings, with what was told: a file's pattern, how it is danced, or the dance, if it is known.
 
     Raises
@@ -238,7 +238,7 @@ def recommended(pattern: Path | None, dance: str, how: How | None = None) -> har
     from harmolab.params import DANCE_PATTERNS, DANCES, HOW_PATTERNS
     from harmolab.verdict.bar_pattern import load_pattern
 
-    if how is not None:
+    if how:
         if pattern is not None:
             raise ValueError("--how and --pattern exclude each other: each says what to expect on the beat")
         return harmolab.HarmonyParams.recommended(HOW_PATTERNS[how])

@@ -30,7 +30,7 @@ NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab
 OTHER_DANCE = "these weights did not learn it, so they dance another one, judged as no dance in particular"
 BALLROOM = "ballroom"  # the style of music in threes, and of a dance by name, where neither is left to the caller
 SURE_THREES = 0.03  # of `threes`: 35 of 35 recorded waltzes have more, and 4 of 40 songs in 4/4
-THREES = "the music seems to go in threes: danced is ballroom; --style salsa for the other"
+THREES = "the music seems to go in threes: danced is ballroom (--style salsa dances the other)"
 NEAREST = "{bar} beats in a bar are heard, {tempo:.0f} a minute: danced is {dance}, the nearest; --dance overrules"
 NAMED_OTHERS = 3  # dances that come next, in words; --json has all
 

@@ -28,6 +28,7 @@ from filelock import FileLock, Timeout
 
 from harmolab.lab.listening.local_page import TEXT, LocalPage, Reply, record_in
 from harmolab.lab.report.templates import rendered
+from harmolab.params import HOW_PATTERNS
 
 PREFIX, LOCK = "harmolab_app_", "lock"
 MOST = 2**30  # bytes of a file
@@ -52,6 +53,7 @@ class Order(NamedTuple):
     offset : float or None, seconds, song time at which the dance begins
     folder : Path, an empty folder for what is written
     has_start : bool, False where the offset is one that was found from the movement, which tells no place in the beat
+    how : str, what is meant to be done on the beat, a name in `HOW_PATTERNS`, "" where it is not told
     """
 
     task: str
@@ -61,6 +63,7 @@ class Order(NamedTuple):
     offset: float | None
     folder: Path
     has_start: bool = True
+    how: str = ""
 
 
 @dataclass(frozen=True)
@@ -288,7 +291,8 @@ class AppServer(LocalPage):
         elif task == "forget":
             self._take(str(content.get("slot")), None)
         elif task in ("judge", "fit", "dance"):
-            self._begin(task, str(content.get("style") or ""), _seconds(content.get("offset")))
+            style, how = (str(content.get(name) or "") for name in ("style", "how"))
+            self._begin(task, style, how, _seconds(content.get("offset")))
         elif task != "close":
             raise ValueError(f"there is no {task!r}")
         return Reply("", kind=TEXT, is_last=task == "close")
@@ -297,10 +301,12 @@ class AppServer(LocalPage):
         if self._state["working"]:
             raise ValueError(BUSY)
 
-    def _begin(self, task: str, style: str, offset: float | None) -> None:
+    def _begin(self, task: str, style: str, how: str, offset: float | None) -> None:
         """Hands an order to the worker."""
         if style and style not in self._styles:
             raise ValueError(f"{style}: is no dance that is known")
+        if how and how not in HOW_PATTERNS:
+            raise ValueError(f"{how}: is nothing that is done on a beat")
         with self._changing:
             self._check_idle()
             if not self._worker.is_alive:
@@ -314,7 +320,7 @@ class AppServer(LocalPage):
                 self._place = {}
             place = {"offset": offset} | (self._place if task == "fit" and offset is None else {})
             dance, song = map(self._files.get, SLOTS)
-            self._worker.do(Order(task, song, dance, style, folder=folder, **place))
+            self._worker.do(Order(task, song, dance, style, folder=folder, how=how, **place))
 
     def _renew(self, fault: str) -> None:
         """Another worker in place of this one, whose order is given up."""

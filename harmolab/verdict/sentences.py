@@ -180,7 +180,7 @@ def _more(evidence: Evidence) -> list[str]:
     signal, lines = evidence.signal, [*_caveats(evidence), *_advice(evidence)]
     if signal is not None and signal.dimensions == 0 and evidence.time:
         size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
-        lines.append(f"Only how fast you move was read, and no shape: fewer than three points of you are seen{size}.")
+        lines.append(f"Only how fast you move was read, and no shape, which takes three points; flow has none{size}.")
     return lines
 
 
