@@ -418,6 +418,9 @@ def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_pa
         lines = next(one["lines"] for one in said if "lines" in one)
         assert any(words in line for line in lines), lines
     assert any(line.startswith("After: You are on the beat: you hit it") for line in lines), lines
+    said.clear()
+    work(Order("fit", *files, "", 0.0, tmp_path, has_start=False, how="hit"), Teller(said.append))
+    assert "of the beats" in next(one["lines"][0] for one in said if "lines" in one)
 
 
 def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
