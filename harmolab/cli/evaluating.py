@@ -169,7 +169,8 @@ def _write(out: Path, evaluation: lab.Evaluation, *, allow_missing: bool) -> Non
     _print(evaluation)
     wrote(*paths.values())
     if evaluation.missing and not allow_missing:
-        note(f"{evaluation.missing} dances were not measured: exit code 1; --allow-missing makes it 0")
+        count = "1 dance was" if evaluation.missing == 1 else f"{evaluation.missing} dances were"
+        note(f"{count} not measured: exit code 1; --allow-missing makes it 0")
         raise typer.Exit(1)
 
 

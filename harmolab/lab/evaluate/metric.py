@@ -94,9 +94,9 @@ def evaluate(
 class DanceMetric:
     """The numbers of `harmolab evaluate`, dance by dance: `update` after each batch, `compute` once, then `reset`.
 
-    Measured on the CPU, in double precision and without gradients; nothing of it is a loss. `merge_state` joins what
-    other processes measured, in any order: the numbers are those of one process. `torchmetrics` gives the same as a
-    `torchmetrics.Metric`, which does that by itself.
+    Measured on the CPU, in double precision and without gradients; as a loss take `soft_harmony`. `merge_state` joins
+    what other processes measured, in any order: the numbers are those of one process. `torchmetrics` gives the same as
+    a `torchmetrics.Metric`, which does that by itself.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _motion(value: Positions, name: str, fps: float | None, skeleton: Skeleton |
 def _array(value: Any, name: str) -> NDArray[Any]:
     """An array as it is, or a tensor in double precision, on the CPU; ValueError for a tensor with a gradient."""
     if getattr(value, "requires_grad", False):
-        raise ValueError(f"{name} is a tensor with a gradient, and nothing here is a loss: pass {name}.detach()")
+        raise ValueError(f"{name} is a tensor with a gradient: pass {name}.detach(); a loss is harmolab.soft_harmony")
     if hasattr(value, "detach"):
         value = value.detach().cpu().double().numpy()  # bfloat16 has no kind of numpy's
     with named_faults(name):
