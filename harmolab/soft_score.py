@@ -677,7 +677,7 @@ def _check_values(
         "positions must be finite up to the last frame where mask is 1; fill gaps, or end the mask before them": finite,
         "beats must be finite where beat_mask is 1; mask what is none": absent | beats.isfinite(),
         "strengths must be finite and not negative where beat_mask is 1": absent | at_least_0,
-        "beats must differ, and ascend where bar_places are passed; sort them and remove doubles": rising,
+        "beats must differ, and ascend where bar_places are passed; sort them, and pad by NaN or mask": rising,
     }
     for message, is_sound in zip(sound, torch.stack([each.all() for each in sound.values()]).tolist(), strict=True):
         if not is_sound:

@@ -287,7 +287,7 @@ def test_left_out_strengths_and_masks_are_ones_and_beats_that_are_not_nan():
     ({"span": torch.zeros(2)}, r"span must be \(2, 2\)"),
     ({"beats": torch.full((2, 3), float("nan"))}, "beats must be finite where beat_mask is 1"),
     ({"beats": torch.rand(2, 3).bfloat16()}, "beats are of torch.bfloat16: one at 30 s would be up to 60 ms off"),
-    ({"beats": torch.tensor([[1.0, 2.0, 3.0], [3.0, 1.0, 3.0]])}, "beats must differ, and ascend where bar_places are"),
+    ({"beats": torch.tensor([[1.0, 2.0, 3.0], [3.0, 1.0, 3.0]])}, "beats must differ, .*, and pad by NaN or mask"),
     ({"beats": torch.tensor([[2.0, 1.0, 3.0]] * 2), "bar_places": torch.zeros(2)}, "ascend where bar_places"),
     ({"strengths": torch.full((2, 3), float("nan"))}, "strengths must be finite and not negative where beat_mask is 1"),
     ({"positions": torch.zeros(2, 9, 3, 4)}, r"positions must be \(N, T, J, 3\).*got \(2, 9, 3, 4\)"),
