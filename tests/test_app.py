@@ -24,6 +24,7 @@ import pytest
 from harmolab import load_motion, synthetic_clip
 from harmolab.cli import app
 from harmolab.cli.app_work import work
+from harmolab.cli.dancers import THREES
 from harmolab.cli.retiming import WORSE
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
 from harmolab.readers.video import write_video
@@ -447,4 +448,5 @@ def test_sentences_of_the_page_name_no_options():
     said = "Say where the dance begins (--offset), what you mean (--how hit), or film it (with its song)."
     assert without_options("no sound; name its file, before the film or in its place") == "no sound; name its file"
     assert without_options(WORSE) == "The dance goes less well with the music than before: keep it as it was."
+    assert without_options(THREES) == "the music seems to go in threes: danced is ballroom"
     assert without_options(said) == "Say where the dance begins, what you mean, or film it (with its song)."
