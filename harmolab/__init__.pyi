@@ -75,6 +75,7 @@ from .types import Audio as Audio
 from .types import BeatTrack as BeatTrack
 from .types import Clip as Clip
 from .types import Motion as Motion
+from .types import Notes as Notes
 from .verdict.judge import music_and_motion as music_and_motion
 from .verdict.judge import other_measures as other_measures
 from .verdict.judge import score_clip as score_clip

@@ -88,7 +88,6 @@ HOW_PATTERNS = MappingProxyType(
     }
 )
 MAX_LAG = 2.0  # seconds: a beat of 30 bpm
-MAX_SMOOTHING = 10.0  # seconds: no beat is left of more, and a filter as long would fill the memory
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ class HarmonyParams:
     visual_threshold : float or None
         lambda_2 of Eq. 13; None keeps every visual beat.
     reaction_delay : float, seconds
-        T_delay of Eq. 18; a beat exactly this far away is still a hit.
+        T_delay of Eq. 18; a beat exactly this far away is still a hit. At most 10, as smoothing is.
     beta : float
         Weight of Eq. 20; above 1 favours the music's beats.
     detector : which moments of a motion are visual beats
@@ -157,8 +156,9 @@ class HarmonyParams:
         for name in ("audio_threshold", "visual_threshold", "reaction_delay", "smoothing", "position_smoothing"):
             if (value := getattr(self, name)) is not None and not 0 <= value < float("inf"):
                 raise ValueError(f"{name} must be zero or more{', or None' if 'visual' in name else ''}, got {value}")
-        if (value := max(self.smoothing, self.position_smoothing)) > MAX_SMOOTHING:
-            raise ValueError(f"smoothing and position_smoothing must be at most {MAX_SMOOTHING:g} s, got {value:g}")
+        # Of more smoothing no beat is left, and a filter as long would fill the memory; more delay is in milliseconds.
+        if (value := max(self.reaction_delay, self.smoothing, self.position_smoothing)) > 10:
+            raise ValueError(f"reaction_delay, smoothing and position_smoothing must be at most 10 s, got {value:g}")
         for name in ("beta", "clock", "fps"):
             if (value := getattr(self, name)) is not None and not 0 < value < float("inf"):
                 raise ValueError(f"{name} must be positive{' or None' if name == 'fps' else ''}, got {value}")

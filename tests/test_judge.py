@@ -42,11 +42,17 @@ def judged(motion: Motion, beats: BeatTrack = BEATS, pattern: BarPattern | None 
     return judge(shape_speed(motion), beats, pattern=pattern)
 
 
-def trembling(size: float) -> Motion:
-    """A pose that trembles by so many metres, twice a beat."""
+def trembling(size: float, beats: float = 1.0) -> Motion:
+    """A pose that trembles by so many metres, to and fro in so many beats: it rests twice in them."""
     pose = dancer().positions[:1]
-    wave = np.cos(2 * np.pi * np.arange(720) / 30 / PERIOD)[:, None, None]
+    wave = np.cos(2 * np.pi * np.arange(720) / 30 / PERIOD / beats)[:, None, None]
     return replace(dancer(), positions=pose + size * wave * np.random.default_rng(0).normal(size=pose.shape))
+
+
+def in_half_time() -> Judgement:
+    """A body that goes to and fro in four beats, and a little in two: on every second beat it is fastest."""
+    moved = trembling(0.1, 4.0).positions + trembling(0.05, 2.0).positions - trembling(0.0).positions
+    return judged(replace(dancer(), positions=moved))
 
 
 def on_a_turntable(poses: np.ndarray) -> Motion:
@@ -79,6 +85,7 @@ def first_beats(count: int) -> BeatTrack:
     (lambda: judged(dancer(), first_beats(16)), 4, "You are on the beat: slow .*"),
     (lambda: judged(dancer(), UNSURE), 4, "You are on the beat: slow .*"),
     (lambda: judged(dancer(every=2.0)), 3, r"In time: you move once in two beats \(half time\)\."),
+    (in_half_time, 4, r"You are .* \(half time\): slow on it, .* means of two unlike beats\."),
     (lambda: judged(dancer(every=2.0), pattern=HALF_TIME), 4, ".*you rest on every second one.*"),
     (lambda: judged(dancer(0.5), pattern=HIT), 4, ".*you hit it.*"),
     (lambda: judged(dancer(), pattern=WALTZED), 4, ".*you move as in a waltz.*"),
@@ -139,6 +146,9 @@ def test_who_rests_on_every_second_beat_is_advised_to_say_so() -> None:
     assert any('--how "half time"' in remark and "at 60 bpm, not 120" in remark for remark in once.remarks)
     assert not any("--dance" in line for line in (*once.remarks, *once.details))
     assert "half time" not in " ".join(judged(dancer(0.5)).remarks)
+    assert any(
+        "(half time); moments in the beat are means of two" in line for line in judged(trembling(0.1, 4.0)).remarks
+    )
 
 
 def test_little_movement_inside_the_body_and_few_joints_that_move_are_remarked() -> None:

@@ -152,8 +152,8 @@ def test_trainings_are_paired_within_a_corpus_by_students_t() -> None:
     factors = {"with": 2.0, "without": 1.0}.items()
     rows = [("c", each, run, dance, "harmony", by * run) for each, by in factors for run in (1, 2) for dance in "ab"]
     table = lines(*rows, ("d", "with", 1, "a", "harmony", 7.0), columns="corpus variant training dance measure value")
-    options: dict[str, Any] = {"over": "training", "within": ["dance"], "interval": training_interval}
-    means = summary(table, "variant", by=["corpus"], base="without", **options).set_index(["corpus", "variant"])
+    options: dict[str, Any] = {"over": "training", "within": "dance", "interval": training_interval}
+    means = summary(table, "variant", by="corpus", base="without", **options).set_index(["corpus", "variant"])
     own = means.loc[("c", "with")]
     # Trainings have 2 and 4: mean 3, standard error 1, Student's t of one degree 12.706.
     assert own["low"] == pytest.approx(3 - 12.706, abs=1e-3) and own["high"] == pytest.approx(3 + 12.706, abs=1e-3)

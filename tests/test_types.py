@@ -7,25 +7,33 @@ import re
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, asdict, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from harmolab import evaluate, frechet_distance
+import harmolab
+from harmolab import evaluate, frechet_distance, lab
 from harmolab.beats.audio import audio_beats, music_beats, onset_envelope, with_clicks
 from harmolab.beats.meter import MeterUnit, describe_beats, meter_units, with_one
 from harmolab.beats.visual import visual_beats
 from harmolab.body.skeletons import Skeleton
+from harmolab.lab.explain.page import dance_page
 from harmolab.lab.harmonise import harmonise
 from harmolab.metrics.likeness import likeness
 from harmolab.metrics.quality import foot_skating, jerk
+from harmolab.musician import explain_playing
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.readers.beats import save_beats
 from harmolab.readers.motion import save_motion
 from harmolab.score import HarmonyScore, score_harmony
 from harmolab.shape_speed import shape_speed
+from harmolab.systems import Choreographer, mel_features
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training.features import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
@@ -117,8 +125,19 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     ("seed must be a whole number, not negative, got 0.5", partial(score_motion, seed=0.5), (MUSIC[0], motion())),
     *(("seed must be a whole .* got -1", partial(each, seed=-1), ([], [])) for each in (evaluate, frechet_distance)),
     *(("a harmolab.Motion is needed, got ndarray", f, (FRAMES,)) for f in (visual_beats, jerk, foot_skating, likeness)),
+    ("a harmolab.Motion is needed, got ndarray", lab.rests_on_beat, (FRAMES, MUSIC[0])),
+    ("a harmolab.Motion is needed, got ndarray", lab.draw_poses, (None, FRAMES, [0.0], 0)),
+    ("a harmolab.Motion is needed, got ndarray", lab.render_skeleton, (FRAMES,)),
+    ("a harmolab.Motion is needed, got ndarray", lab.blind_page, (SILENCE, [FRAMES])),
+    ("a harmolab.Motion is needed, got ndarray", harmolab.playing_score, (FRAMES, MUSIC[0], "piano")),
+    ("a harmolab.BeatTrack is needed, got list", harmolab.other_scores, ([1.0], [1.0])),
+    ("motion 1 must be a harmolab.Motion, got ndarray", Choreographer.of, ([FRAMES],)),
     ("a harmolab.Motion is needed, got ndarray", save_motion, ("dance.npz", FRAMES)),
-    *(("a harmolab.Audio is needed, got ndarray", each, (np.zeros(10),)) for each in (audio_beats, onset_envelope)),
+    *(
+        ("a harmolab.Audio is needed, got ndarray", f, (np.zeros(10),))
+        for f in (audio_beats, onset_envelope, mel_features)
+    ),
+    ("a harmolab.Audio is needed, got ndarray", lab.blind_page, (np.zeros(10), [])),
     *(("a harmolab.BeatTrack is needed, got list", each, ([1.0],)) for each in (describe_beats, meter_units)),
     *(
         ("a harmolab.BeatTrack is needed, got list", *each)
@@ -131,6 +150,50 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
 )
 def test_what_is_no_record_is_refused_by_name(message, record, values):
     refused(message, record, *values)
+
+
+DANCED, RIGHT = Clip("waltz", SILENCE, motion()), np.array([True])
+TABLE = pd.DataFrame([("ours", "", "jerk", 1.0)], columns=["system", "seed", "measure", "value"])
+AXES = Axes(Figure(), (0, 0, 1, 1))
+PICTURE = np.zeros((64, 64), np.uint8)
+ITEMS = [lab.Item(name, {"true": name, "lagged": f"{name} late"}) for name in ("a", "b")]
+KEY = lab.make_key(ITEMS, kind="pick", n=2, seed=1)
+TRIALS = lab.make_trials(ITEMS, kind="pick", n=2, seed=1, rater="Ada")
+
+
+@cases(
+    "message, call, values",
+    ("an evaluation of evaluate_dances is needed, got PosixPath", lab.write_evaluation, (DANCED, Path("out"))),
+    *(("a dance of explain_performance is needed, got Clip", f, (DANCED,)) for f in (lab.dance_player, dance_page)),
+    ("a harmolab.Clip is needed, got Motion", lab.write_dance, ("dance.gif", motion())),
+    ("audio must be a harmolab.Audio", partial(harmolab.write_video, audio="a.wav"), ("a.mp4", [PICTURE], 5.0)),
+    ("dancers must be a list of Dancer", partial(lab.Player, music=MUSIC[0], title=""), (SILENCE, [motion()])),
+    ("music must be a harmolab.BeatTrack, got list", partial(lab.Player, music=[1.0], title=""), (SILENCE, [])),
+    ("music must be a harmolab.BeatTrack, got list", partial(lab.find_offset, music=[1.0]), (SILENCE, motion())),
+    ("track must be a harmolab.BeatTrack, got list", lab.draw_curve, (AXES, [0.0], [1.0], [1.0])),
+    ("a harmolab.BeatTrack is needed, got list", partial(lab.draw_hits, delay=0.1), (None, [1.0], MUSIC[1], [0])),
+    *(("pairs must be the number of", partial(lab.draw_hits, delay=0.1), (None, *MUSIC, x)) for x in (RIGHT, [0, 1])),
+    ("a harmolab.HarmonyScore is needed, got float", lab.timing_figure, (0.5,)),
+    ("scores by their modes are needed", lab.score_figure, ({"paper": DANCED},)),
+    ("frame must be body or room, got 'floor'", partial(lab.rests_on_beat, frame="floor"), (motion(), MUSIC[0])),
+    (r"a list of Dance\(system, song, motion, music\), got Clip", lab.measure_dances, ([DANCED], ["jerk"])),
+    ("a DataFrame with a column song is needed", lab.summary, (TABLE,)),
+    ("a DataFrame with a column dance is needed", partial(lab.summary, by="dance"), (TABLE.assign(song="a"),)),
+    ("a DataFrame with a column system", lab.summary, (TABLE.to_dict("records"),)),
+    ("merge several one by one", harmolab.DanceMetric().merge_state, ([harmolab.DanceMetric()],)),
+    ("a harmolab.Recording is needed, got Clip", harmolab.compare, ([DANCED],)),
+    ("null must be lagged or other, got 'late'", partial(harmolab.compare, null="late"), ([],)),
+    ("beats must be annotated or tracked, got 'known'", partial(harmolab.compare, beats="known"), ([],)),
+    ("n_rotations must be a whole number, not negative, got -1", partial(harmolab.compare, n_rotations=-1), ([],)),
+    ("a harmolab.Notes is needed, got list", harmolab.note_beats, ([1.0], 3.0)),
+    ("sound must be Notes, .*, got Audio", harmolab.playing_score, (motion(), SILENCE, "piano")),
+    ("a musician's Performance is needed, got Motion", explain_playing, (motion(),)),
+    ("trials and their key are needed, got Key and TrialSet", lab.write_study, ("study", KEY, TRIALS)),
+    ("no answer files given, in a list as of answer_files: 'study'", lab.merge, ("study",)),
+    ("port 70000: .* 0-65535", partial(lab.StudyServer, port=70000), (None, None, None)),
+)
+def test_a_door_says_what_it_needs_in_place_of_what_it_got(message, call, values):
+    refused(message, call, *values)
 
 
 def test_bones_join_parents_to_children():
@@ -224,6 +287,7 @@ def test_paper_mode_has_the_papers_values():
     ({"audio_threshold": -0.1}, "audio_threshold must be zero or more, got -0.1"),
     ({"reaction_delay": float("nan")}, "reaction_delay must be zero or more, got nan"),
     ({"position_smoothing": float("inf")}, "position_smoothing must be zero or more, got inf"),
+    ({"reaction_delay": 250}, "reaction_delay, smoothing and .* at most 10 s, got 250"),
     ({"smoothing": 1e9}, r"smoothing and position_smoothing must be at most 10 s, got 1e\+09"),
     ({"position_smoothing": 11}, "smoothing and position_smoothing must be at most 10 s, got 11"),
     ({"beta": 0.0}, "beta must be positive, got 0.0"),

@@ -177,8 +177,9 @@ class JudgeOptions:
 
     Parameters
     ----------
-    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. Left out, a
-        rest or a waltz counts as on the beat, and anything else is said as it is seen.
+    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one, in place of
+        what is usual in a --dance. Without either a rest or a waltz counts as on the beat, and anything else is said
+        as it is seen.
     """
 
     dance: DanceName = ""

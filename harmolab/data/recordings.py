@@ -293,6 +293,10 @@ class RecordingFolders(NamedTuple):
 def find_recordings(root: PathLike) -> RecordingFolders:
     """The folders of recordings at or below `root`; nothing is read yet.
 
+    Returns
+    -------
+    RecordingFolders(folders, problems): tuples of the paths of whole recordings, and of what holds parts of one only
+
     Raises
     ------
     FileNotFoundError, ValueError

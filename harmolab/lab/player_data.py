@@ -31,7 +31,7 @@ from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.readers.audio import ogg_checksum
 from harmolab.score import HarmonyScore
 from harmolab.systems.choreographer.banks import shipped_bank
-from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.types import FRAME_EDGE, Audio, BeatTrack, Clip, FloatArray, Motion, check_kind
 from harmolab.verdict.evidence import ALPHA
 from harmolab.verdict.judge import score_clip, score_motion
 
@@ -245,7 +245,7 @@ class Player:
     ------
     ValueError
         Unless there are one or two dancers, of ten minutes at most, and two in image coordinates where they are
-        overlaid; for a sample rate outside 3 to 192 kHz.
+        overlaid; for a sample rate outside 3 to 192 kHz, and for what is no Audio, BeatTrack, Dancer or Motion.
 
     Examples
     --------
@@ -265,6 +265,10 @@ class Player:
         notice: str = "",
         command: str = "",
     ) -> None:
+        check_kind(audio, Audio)
+        check_kind(music, BeatTrack, "music")
+        if not all(isinstance(dancer, Dancer) for dancer in dancers):
+            raise ValueError("dancers must be a list of Dancer(name, motion, score)")
         motions = [dancer.motion for dancer in dancers]
         duration = _duration(motions)
         wall = shared_wall(motions) if overlaid else None
@@ -454,6 +458,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     ValueError
         As `Player`.
     """
+    check_kind(audio, Audio)
     duration = _duration(motions)
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **movement_data(motion)} for name, motion in zip(names, motions, strict=True)]
@@ -465,6 +470,8 @@ def _duration(motions: Sequence[Motion]) -> float:
     """Seconds of the longest motion; ValueError unless there are one or two, not too long."""
     if len(motions) not in (1, 2):
         raise ValueError(f"the player shows one dancer or two, got {len(motions)}")
+    for motion in motions:
+        check_kind(motion, Motion)
     duration = max(motion.duration for motion in motions)
     if duration > LONGEST:
         raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut it (--start, --seconds)")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from harmolab.params import HarmonyParams
 from harmolab.score import checked_times, hit_mask, nearest_intervals
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.types import BeatTrack, FloatArray, check_kind
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
 AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps
@@ -146,8 +146,9 @@ def other_scores(
     audio_track: BeatTrack, kinematic_track: BeatTrack, *, only: Collection[str] = MIR_EVAL_NAMES
 ) -> dict[str, float]:
     """All measures of this module for one clip, of mir_eval's those in `only`; `kinematic_track` as found with
-    `kinematic_params`.
+    `kinematic_params`. ValueError unless a BeatTrack is passed; `beat_align` and `mir_eval_scores` take seconds.
     """
+    check_kind(audio_track, BeatTrack)
     audio, visual = audio_track.times, kinematic_track.times
     return {
         "beat_align_motion": beat_align(visual, audio),

@@ -69,6 +69,7 @@ def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTr
     >>> note_beats(chord, 3.0).times
     array([1.01, 2.  ])
     """
+    check_kind(notes, Notes)
     sounding = notes.select((notes.onsets <= duration) & (notes.loudness > 0))
     return _merged(_Events(sounding.onsets, sounding.loudness), merge, ANNOTATION_RATE, duration)
 
@@ -404,8 +405,11 @@ def playing_score(
     Raises
     ------
     ValueError
-        As `harmolab.musician.events.playing_events`.
+        As `harmolab.musician.events.playing_events`, and for another kind of sound.
     """
+    if not isinstance(sound, Notes | BeatTrack):
+        raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")
+    check_kind(motion, Motion)
     params = params or HarmonyParams.playing()
     score = partial(_scored, params=params, n_rotations=n_rotations, seed=seed)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound

@@ -129,8 +129,11 @@ def explain_playing(
     Raises
     ------
     ValueError
-        It has neither notes nor sound, its motion and sound hardly meet, or it lacks the points of the hands.
+        It has neither notes nor sound, its motion and sound hardly meet, it lacks the points of the hands, or is no
+        `harmolab.musician.performances.Performance`.
     """
+    if not isinstance(performance, Performance):
+        raise ValueError(f"a musician's Performance is needed, got {type(performance).__name__}")
     name, motion = performance.name, performance.motion
     if performance.notes is None and performance.audio is None:
         raise ValueError(f"{name}: has neither notes nor sound to compare the hands with; add audio or notes to it")

@@ -295,7 +295,8 @@ def write_video(
     Raises
     ------
     ValueError
-        For another ending, no frame, a frame that is no picture or of another size, or an fps that cannot be.
+        For another ending, no frame, a frame that is no picture or of another size, an fps that cannot be, or sound
+        that is no Audio.
     """
     path = Path(path)
     coding = CODINGS.get(path.suffix.lower())
@@ -335,6 +336,8 @@ def _encode(
     video.codec_context.thread_count = min(MAX_THREADS, os.cpu_count() or 1)
     sound = None if audio is None else container.add_stream(coding.sound, rate=AUDIO_RATE, layout="mono")
     if audio is not None:
+        if not isinstance(audio, Audio):
+            raise ValueError(f"audio must be a harmolab.Audio, got {type(audio).__name__}")
         # Sound first: the muxer keeps it until the pictures catch up, and coded sound is small.
         _encode_audio(container, sound, audio)
     for index, frame in enumerate(itertools.chain([first], frames)):

@@ -22,7 +22,8 @@ RATES = {
     Fraction(1, 2): "once in two beats (half time)",
     Fraction(2): "twice a beat (double time, or to and fro once a beat)",
 }
-NAMED = (Fraction(1, 2), Fraction(2))  # rates at which one may be on the beat, and that are named with it
+# Rates at which one may be on the beat, and that are named with it, and what to know of moments in them.
+NAMED = {Fraction(1, 2): "; moments in the beat are means of two unlike beats", Fraction(2): ""}
 UNPLACED = (
     "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
     "the dance begins (--offset), or film with the song playing."
@@ -104,8 +105,8 @@ def _on_the_beat(evidence: Evidence) -> str:
         if evidence.reading == "waltz":
             return "You are on the beat: you move in threes, as in a waltz."
         rate = evidence.time.rate if evidence.time else Fraction(1)
-        moving = f", moving {_times(rate)}" if rate in NAMED else ""
-        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}."
+        moving, mean = f", moving {_times(rate)}" if rate in NAMED else "", NAMED.get(rate, "")
+        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}{mean}."
     movement = TOLD.get(evidence.reading, f"you move as in {_danced(evidence)}")
     return f"You are on the beat: {movement} ({_late_or_early(evidence)})."
 
@@ -196,7 +197,7 @@ def _caveats(evidence: Evidence) -> list[str]:
     if signal.joints < FEW_JOINTS:
         lines.append(f"Few joints move: all of it is the movement of {signal.joints:.0%} of them.")
     if evidence.level == 3 and evidence.has_own_rate and time.rate in NAMED:
-        lines.append(f"You move {RATES[time.rate]}.")
+        lines.append(f"You move {RATES[time.rate]}{NAMED[time.rate]}.")
     if evidence.level == 2 and evidence.keeps_the_beat:
         lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if signal.dimensions == 2:

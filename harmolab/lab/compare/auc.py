@@ -22,7 +22,9 @@ from harmolab.lab.compare.rows import THIS_PROCESS, Processes, RecordingOptions,
 from harmolab.lab.compare.scores import DISCRIMINANT, NEAR, Clips, Scores, ScoreTable
 from harmolab.lab.compare.windows import CLIP_SECONDS, OURS, TENTHS, BeatClip, Corpus, learn_patterns, usable_clips
 from harmolab.params import DANCES, BarPattern
+from harmolab.score import check_whole
 from harmolab.significance import auc
+from harmolab.systems.training.features import check_choice
 from harmolab.types import FloatArray, IntArray
 
 Names = NDArray[np.str_]
@@ -87,9 +89,12 @@ def compare(
     Raises
     ------
     FileNotFoundError, ValueError
-        Without recordings that can be scored, for a window that is not positive, and as `run_rows`.
+        Without recordings that can be scored, for a window that is not positive or another word, and as `run_rows`.
     """
     beats = beats or _common_beats(recordings, fit_on)
+    check_whole(n_rotations=n_rotations, seed=seed)
+    check_choice("null", null, ("lagged", "other"))
+    check_choice("beats", beats, ("annotated", "tracked"))
     if window is not None and not 0 < window < float("inf"):
         raise ValueError(f"window must be a positive number of seconds, or None for whole sequences; got {window}")
     options = RecordingOptions(beats, window, tuple(dances), null == "other")

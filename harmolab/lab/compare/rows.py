@@ -28,7 +28,7 @@ from harmolab.lab.compare.windows import Corpus, cut_clips
 from harmolab.lab.evaluate.engine import ERROR, run_rows
 from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.lab.evaluate.parts import part_path
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, check_kind
 
 # Records of arrays as cells of a table
 
@@ -210,6 +210,7 @@ THIS_PROCESS = Processes()
 
 def recording_scores(recording: recordings.Recording, options: RecordingOptions) -> RecordingScores:
     """The clips of a recording with their own music, and its verdict."""
+    check_kind(recording, recordings.Recording)
     dance = recording.clip.dance
     if options.dances and dance not in options.dances:
         return RecordingScores(dance)

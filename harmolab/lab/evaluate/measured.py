@@ -34,7 +34,8 @@ from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc, 
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore, harmony_from_hits
 from harmolab.systems.choreographer.form import Form
-from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion
+from harmolab.systems.training.features import check_choice
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion, check_kind
 from harmolab.verdict.judge import Judgement, score_motion
 
 if TYPE_CHECKING:
@@ -59,7 +60,15 @@ def rests_on_beat(
     music : BeatTrack on its time line
     late : float, beats by which the music is taken to be later: at .5 a dancer who rests on the beat is below chance
     frame : "body", or "room" to leave the way and the turns in, which alone may come to rest
+
+    Raises
+    ------
+    ValueError
+        For another frame, and unless a Motion and a BeatTrack are passed.
     """
+    check_kind(music, BeatTrack)
+    check_kind(motion, Motion)
+    check_choice("frame", frame, ("body", "room"))
     if len(music) < 2:
         return float("nan")
     music = later(music, late) if late else music
@@ -205,7 +214,7 @@ def measure_dances(
     Raises
     ------
     ValueError
-        For another name of a measure; and without recorded dances, where a measure needs them.
+        For another name of a measure, what is no Dance, and without recorded dances, where a measure needs them.
 
     Examples
     --------
@@ -221,6 +230,8 @@ def measure_dances(
     ratios = [name for name in measures if name in RATIOS]
     single = [RATIOS.get(name, name) for name in measures if name not in SET_MEASURES]
     dances = list(dances)
+    if strangers := {type(one).__name__ for one in dances if not isinstance(one, Dance)}:
+        raise ValueError(f"dances must be a list of Dance(system, song, motion, music), got {', '.join(strangers)}")
     recorded = [one for one in dances if one.system == RECORDED]
     if not recorded and (kinds or ratios or of_sets):
         raise ValueError(f"distances and ratios need dances of the system {RECORDED!r}")

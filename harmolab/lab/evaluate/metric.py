@@ -202,8 +202,17 @@ class DanceMetric:
         self.rows = []
 
     def merge_state(self, other: "DanceMetric | Iterable[Row]") -> None:
-        """Take in the dances of a metric of another process, or its `rows`, which can be sent from there."""
-        self.rows = [*self.rows, *(other.rows if isinstance(other, DanceMetric) else other)]
+        """Take in the dances of a metric of another process, or its `rows`, which can be sent from there.
+
+        Raises
+        ------
+        ValueError
+            It is neither, as a list of metrics is.
+        """
+        rows = list(other.rows if isinstance(other, DanceMetric) else other)
+        if not all(isinstance(row, dict) for row in rows):
+            raise ValueError("one DanceMetric is needed, or the rows of one; merge several one by one")
+        self.rows = [*self.rows, *rows]
 
     def torchmetrics(self) -> "Metric":
         """The same as a `torchmetrics.Metric` of its own, which gathers the dances of all processes in `compute`.

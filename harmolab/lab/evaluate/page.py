@@ -39,7 +39,14 @@ def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
     Returns
     -------
     name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
+
+    Raises
+    ------
+    ValueError
+        `evaluation` is none.
     """
+    if not isinstance(evaluation, Evaluation):
+        raise ValueError(f"an evaluation of evaluate_dances is needed, got {type(evaluation).__name__}")
     content = plain({**as_text.table_content(evaluation), "findings": list(findings(evaluation))})
     texts = {
         "index.html": evaluation_page(evaluation),

@@ -52,9 +52,9 @@ def summary(
     table: pd.DataFrame,
     row: str = "system",
     *,
-    by: Sequence[str] = (),
+    by: str | Sequence[str] = (),
     over: str = "song",
-    within: Sequence[str] = ("seed",),
+    within: str | Sequence[str] = ("seed",),
     base: str = "",
     interval: Interval = song_interval,
     fewest: int = FEWEST_SONGS,
@@ -65,7 +65,7 @@ def summary(
     ----------
     table : DataFrame with the columns `row`, `by`, `over`, `within`, measure and value, as `measure_dances` returns it
     row : column whose values are compared: a system, a variant, a trick
-    by : columns whose values are kept apart, such as corpus or dance
+    by : columns whose values are kept apart, such as corpus or dance; of these, and of `within`, one name will do
     over : column of what the interval is over, "song" or "training"
     within : columns of which the mean is taken before, the last one first: first over what one of it has several of
     base : value of `row` with which the others are compared
@@ -78,6 +78,11 @@ def summary(
     difference_low, difference_high and common, paired by song or training; rank: one more than the number of rows that
     are better beyond luck (`ranks`), missing where none is, and for measures without a direction (`measure_of`)
 
+    Raises
+    ------
+    ValueError
+        `table` is no DataFrame, or has no such columns, or nothing is called `base`.
+
     Examples
     --------
     >>> songs = range(8)
@@ -89,6 +94,10 @@ def summary(
     0    ours  0.55         0.4     8.0     1
     1  theirs  0.15         NaN     NaN     2
     """
+    by, within = ([names] if isinstance(names, str) else names for names in (by, within))
+    needed = [*by, row, over, *within, "measure", "value"]
+    if missing := [name for name in needed if name not in getattr(table, "columns", ())]:
+        raise ValueError(f"a DataFrame with a column {' and '.join(missing)} is needed, as of measure_dances")
     if base and base not in set(table[row]):
         raise ValueError(f"no {row} is called {base!r}; there are {', '.join(sorted(map(str, set(table[row]))))}")
     keys = [*by, "measure"]

@@ -99,8 +99,8 @@ def find_offset(
     Raises
     ------
     ValueError
-        When nothing moves, fewer than four music beats fall into the motion, `search` is not positive, or `motion` or
-        `params` is none.
+        When nothing moves, fewer than four music beats fall into the motion, `search` is not positive, or `motion`,
+        `music` or `params` is none.
 
     Examples
     --------
@@ -115,8 +115,9 @@ def find_offset(
     params = params or HarmonyParams.recommended()
     check_kind(motion, Motion)
     check_kind(params, HarmonyParams)
-    times, speed = _moving(motion, params)
     track = attack_beats(audio) if music is None else music
+    check_kind(track, BeatTrack, "music")
+    times, speed = _moving(motion, params)
     beats = track.times + params.lag
     lags = float(guess) + STEP * np.arange(-round(search / STEP), round(search / STEP) + 1, dtype=np.float64)
     curve = rest_at_beats(times, speed, beats, lags)

@@ -38,8 +38,9 @@ def dance_player(dance: OwnDance) -> Player:
     Raises
     ------
     ValueError
-        It is a video, of which no skeleton is known, or longer than the player shows.
+        It is a video, of which no skeleton is known, or longer than the player shows, or no `OwnDance`.
     """
+    _check_explained(dance)
     if not dance.performance.has_body:
         raise ValueError(f"{dance.name}: is a video of which no body is known; the player shows bodies")
     dancer = Dancer(dance.name, dance.motion, dance.score)
@@ -59,8 +60,9 @@ def dance_page(dance: OwnDance) -> str:
     Raises
     ------
     ValueError
-        The video is missing or has changed since it was read.
+        The video is missing or has changed since it was read, or `dance` is no `OwnDance`.
     """
+    _check_explained(dance)
     return explained_page(
         "own_dance.html.j2",
         dance.score,
@@ -90,6 +92,11 @@ def explained_page(template: str, score: HarmonyScore, *, numbers: dict[str, str
         version=version("harmolab"),
         **fields,
     )
+
+
+def _check_explained(dance: OwnDance) -> None:
+    if not isinstance(dance, OwnDance):
+        raise ValueError(f"a dance of explain_performance is needed, got {type(dance).__name__}")
 
 
 def _title(dance: OwnDance) -> str:

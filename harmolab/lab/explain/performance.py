@@ -491,7 +491,8 @@ def explain_performance(
     guess, search : see `place_performance`
     beats, one, dance : as in `harmolab.clips.load_clip`
     params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
-    n_rotations, seed : see `harmolab.verdict.judge.score_clip`
+    n_rotations : int, of no effect: the measure "shape" needs none
+    seed : int, of the resamplings behind the spread
 
     Raises
     ------

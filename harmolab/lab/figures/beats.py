@@ -22,7 +22,7 @@ from harmolab.beats.visual import curve_delay, motion_curve
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
 from harmolab.params import HarmonyParams
 from harmolab.score import HarmonyScore
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.types import BeatTrack, FloatArray, Motion, check_kind
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})
@@ -57,6 +57,7 @@ def draw_curve(
     ax.plot(seconds, values, color=colour, linewidth=1.2, zorder=2)
     top = 1.08 * max(float(values.max(initial=0.0)), 1e-12)
     if track is not None:
+        check_kind(track, BeatTrack, "track")
         _draw_lines(ax, track.times, 0.0, top, color=colour, alpha=0.45, linewidth=1.2, zorder=1)
         heights = np.interp(track.times, seconds, values) if track.times.size else track.times
         mark = "o" if kind == "audio" else MARKERS[kind]
@@ -125,8 +126,17 @@ def draw_hits(
         it does not name are redundant: no error, a small grey dot.
     delay : float, seconds, T_delay
     lag : float, seconds from the music's beats to the expected visual ones; the fields are drawn that much later
+
+    Raises
+    ------
+    ValueError
+        Unless BeatTracks are passed, and a whole number for each music beat; a score's `hits` are none.
     """
-    partners = np.asarray(pairs, np.int64)
+    check_kind(audio_track, BeatTrack)
+    check_kind(visual_track, BeatTrack)
+    partners = np.asarray(pairs)
+    if partners.shape != audio_track.times.shape or partners.dtype == bool:
+        raise ValueError("pairs must be the number of a visual beat for each music beat, -1 for none: a score's pairs")
     used = np.isin(np.arange(visual_track.times.size), partners[partners >= 0])
     draw_tolerance(ax, audio_track.times + lag, delay)
     draw_stems(ax, audio_track, kind="audio")
@@ -222,7 +232,7 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
     ValueError
         There are no scores, or one without its mode.
     """
-    if not isinstance(scores, Mapping) or not scores:
+    if not isinstance(scores, Mapping) or {type(score) for score in scores.values()} != {HarmonyScore}:
         raise ValueError(f'scores by their modes are needed, such as {{"recommended": score}}, got {scores!r:.80}')
     duration = min(max(score.music.duration for score in scores.values()), longest)
     rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
@@ -340,8 +350,9 @@ def draw_timing(ax: Axes, score: HarmonyScore, *, event: str = "") -> Axes:
     A green circle is a hit of the score; a red cross a miss, at its nearest visual beat; a diamond at the edge a beat
     that has none within half the time between beats. Without visual beats only the band of the tolerance is drawn. An
     event before the beat is not yet a dancer who is early: that is for the verdict. `event` names the visual beats,
-    `event_name` where it is left out.
+    `event_name` where it is left out. ValueError unless a HarmonyScore is passed.
     """
+    check_kind(score, HarmonyScore)
     music, times = score.music, score.visual.times - score.params.lag
     hits = score.pairs >= 0
     offsets = 1000 * signed_offsets(music.times, times)

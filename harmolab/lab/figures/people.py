@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from harmolab.body.skeletons import standing_height
 from harmolab.lab.figures.style import styled_axes
 from harmolab.lab.person import ANGLE, OUTLINES, Shape, Stage, person_shapes, shadow_outline, stage_of
-from harmolab.types import FloatArray, IntArray, Motion
+from harmolab.types import FloatArray, IntArray, Motion, check_kind
 
 RIM, THIN_RIM = 0.5, 0.2  # points, of the white line around a part, and around fingers and props
 
@@ -103,7 +103,13 @@ def draw_poses(
     trail : seconds from each ghost to the figure, oldest first; empty for none
     turn : float, degrees that the camera stands farther to the dancer's left than in all other pictures
     colour : of trunk and head, in place of their own
+
+    Raises
+    ------
+    ValueError
+        Unless a Motion is passed.
     """
+    check_kind(motion, Motion)
     moments = np.atleast_1d(np.asarray(times, np.float64))
     levels = np.broadcast_to(np.asarray(y, np.float64), moments.shape)
     tallest = max(float(np.ptp(motion.positions[..., 1], axis=1).max()), 1e-9)

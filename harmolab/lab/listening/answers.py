@@ -214,8 +214,8 @@ def merge(paths: Sequence[PathLike]) -> Answers:
         Naming the file and the line, if a file is missing or is not an answer file, or the answers are of different
         studies; also if there are no files.
     """
-    if not paths:
-        raise ValueError("no answer files given")
+    if not paths or isinstance(paths, str | os.PathLike):
+        raise ValueError(f"no answer files given, in a list as of answer_files: {str(paths)!r}")
     answers: dict[tuple[str, str], _Line] = {}
     notes: list[str] = []
     study: tuple[str, PathLike] | None = None
@@ -297,8 +297,10 @@ def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
     Raises
     ------
     ValueError
-        If the key is of another study.
+        If the key is of another study, or stands in the place of the trials.
     """
+    if not (isinstance(trials, TrialSet) and isinstance(key, Key)):
+        raise ValueError(f"trials and their key are needed, got {type(trials).__name__} and {type(key).__name__}")
     if trials.study != key.study:
         raise ValueError(f"trials of study {trials.study} do not go with the key of study {key.study}")
     folder = Path(folder)

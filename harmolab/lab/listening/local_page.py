@@ -72,8 +72,9 @@ class LocalPage:
         self.finished = threading.Event()
         try:
             self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
-        except OSError as error:
-            raise ValueError(f"port {port}: {error.strerror}; choose another (0: any), or end what uses it") from None
+        except (OSError, OverflowError) as error:
+            fault = getattr(error, "strerror", error)
+            raise ValueError(f"port {port}: {fault}; choose another (0: any), or end what uses it") from None
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     def get(self, name: str) -> Reply | None:

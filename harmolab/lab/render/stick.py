@@ -20,7 +20,7 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton, skull_and_limbs
 from harmolab.readers.player_points import joint_widths, limb_widths
 from harmolab.score import HarmonyScore
-from harmolab.types import FloatArray, Motion
+from harmolab.types import FloatArray, Motion, check_kind
 
 Frame = NDArray[np.uint8]
 
@@ -101,8 +101,9 @@ def render_skeleton(
     Raises
     ------
     ValueError
-        If the picture would be smaller than 16 pixels, or fps is not positive.
+        If the picture would be smaller than 16 pixels, fps is not positive, or `motion` is none.
     """
+    check_kind(motion, Motion)
     width = picture_width(height, width, least=16)
     if fps is not None:
         check_positive(fps=fps)

@@ -297,6 +297,8 @@ def _over(motion: Motion, video: VideoFrames) -> Motion:
 
 
 def _motion(clip: Clip) -> Motion:
+    if not isinstance(clip, Clip):
+        raise ValueError(f"a harmolab.Clip is needed, got {type(clip).__name__}")
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to show")
     return clip.motion

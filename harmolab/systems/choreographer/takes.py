@@ -40,7 +40,7 @@ from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
 from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
-from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion
+from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
 FARTHEST = 32.0  # metres from the middle of a recording
@@ -101,7 +101,10 @@ def take_of(item: Item, number: int = 1) -> Take:
         clip, annotation = item.clip, item.annotation
         beats = clip.beats if annotation is None else annotation.track(clip.audio.duration)
         return _take_of_clip(replace(clip, beats=beats), None if annotation is None else annotation.meter)
-    return _take_of_clip(item) if isinstance(item, Clip) else _take(f"motion {number}", item)
+    if isinstance(item, Clip):
+        return _take_of_clip(item)
+    check_kind(item, Motion, name := f"motion {number}")
+    return _take(name, item)
 
 
 def _take_of_clip(clip: Clip, meter: int | None = None) -> Take:

@@ -9,7 +9,7 @@ import soxr
 from harmolab.beats.audio import HOP, LATENESS, audio_beats
 from harmolab.files import import_librosa
 from harmolab.systems.training.features import cached_table
-from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, SingleArray
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, SingleArray, check_kind
 
 CHANNELS = ("onset", "beat", "downbeat", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 RATE = 22050.0  # hertz at which everything is listened to
@@ -50,6 +50,7 @@ def blind_features(audio: Audio, *, rate: float = 10.0) -> SingleArray:
 
 def mel_features(audio: Audio, *, rate: float = 10.0, bands: int = 80) -> SingleArray:
     """A mel spectrogram at moments 0, 1 / rate, ... of audio time: (M, bands) decibels from -80 to 0 (loudest)."""
+    check_kind(audio, Audio)
     cells = n_cells(audio, rate)
     words = f"music {CACHE_VERSION} {audio.sample_rate} mel {rate} {bands}"
     return cached_table(audio, words, bands, lambda: _mel(_samples(audio), cells, rate, bands))
