@@ -181,7 +181,7 @@ TRIALS = lab.make_trials(ITEMS, kind="pick", n=2, seed=1, rater="Ada")
     ("a DataFrame with a column dance is needed", partial(lab.summary, by="dance"), (TABLE.assign(song="a"),)),
     ("a DataFrame with a column system", lab.summary, (TABLE.to_dict("records"),)),
     ("merge several one by one", harmolab.DanceMetric().merge_state, ([harmolab.DanceMetric()],)),
-    ("a harmolab.Recording is needed, got Clip", harmolab.compare, ([DANCED],)),
+    ("a harmolab.Recording is needed, got Clip", partial(harmolab.compare, dances=["waltz"]), ([DANCED],)),
     ("null must be lagged or other, got 'late'", partial(harmolab.compare, null="late"), ([],)),
     ("beats must be annotated or tracked, got 'known'", partial(harmolab.compare, beats="known"), ([],)),
     ("n_rotations must be a whole number, not negative, got -1", partial(harmolab.compare, n_rotations=-1), ([],)),

@@ -19,7 +19,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.clips import check_dances, corpus_recordings, recording_folders
+from harmolab.clips import check_dances, recording_folders
 from harmolab.data import recordings
 from harmolab.data.recordings import Problem, ProblemReport, load_recording
 from harmolab.files import Progress, plain, reading
@@ -249,7 +249,7 @@ def corpus_scores(
     if not isinstance(corpus, str | os.PathLike):
         if not processes.is_this_one:
             raise ValueError("jobs, scheduler and out are for a folder of recordings; these are in memory")
-        yield from (recording_scores(one, options) for one in corpus_recordings(corpus, options.dances))
+        yield from (recording_scores(one, options) for one in corpus)
         return
     complete, dances = recording_folders(corpus), set()
     items: Iterator[RecordingScores | Problem]
