@@ -189,8 +189,7 @@ def _is_turn(positions: FloatArray) -> BoolArray:
     cross, dot = _turn_sums(before, positions)
     moved = np.square(positions - before).sum(axis=(1, 2))
     # Least squares: what the best turn about the vertical leaves of the squared distances.
-    left = moved + 2 * (dot - np.hypot(cross, dot))
-    return np.asarray(left <= 0.01 * moved)
+    return np.asarray(moved + 2 * (dot - np.hypot(cross, dot)) <= 0.01 * moved)
 
 
 def _turn_sums(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:

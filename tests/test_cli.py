@@ -630,6 +630,19 @@ def test_a_warp_that_did_no_good_is_called_so(levels: tuple, rates: tuple, numbe
     assert retiming.is_worse(retimed) == is_worse
 
 
+def test_a_movement_bent_to_beats_that_are_unsure_gets_no_verdict_from_them(tmp_path: Path, rng: np.random.Generator):
+    soundfile.write(tmp_path / "surf.wav", 0.1 * rng.normal(size=20 * 22050), 22050)
+    dance = write_dance(tmp_path / "dance.npz", planted_dance(seconds=20.0))
+    bent = tmp_path / "bent.npz"
+    before, after = succeed("retime", tmp_path / "surf.wav", dance, "--offset", 0, "--out", bent).stdout.splitlines()[
+        :2
+    ]
+    assert before.startswith("before: Cannot tell: the beats found in this music are unsure") and "--tap" in before
+    assert after == "after: laid on beats that a program found, which are unsure here"
+    again = succeed("retime", tmp_path / "surf.wav", dance, "--strength", 0, "--offset", 0, "--out", bent)
+    assert "after: Cannot tell" in again.stdout
+
+
 def test_options_of_one_recording_are_none_of_many(takes: Path):
     assert "--offset is for one recording" in refusal("score", takes, "--offset", 1)
     assert "--csv is for a folder of recordings" in refusal("score", sorted(takes.glob("clip_*"))[0], "--csv", "x.csv")

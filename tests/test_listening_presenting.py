@@ -259,6 +259,19 @@ def test_where_no_grid_is_heard_the_taps_alone_count_and_it_is_said(rng: np.rand
     assert "far from your taps the beats may drift" in result.remark
 
 
+@pytest.mark.parametrize("late", [0.02, 0.2])
+def test_taps_to_a_part_of_a_song_that_becomes_faster_follow_its_sound(click_track: Callable[..., Audio], late: float):
+    # A line through the taps would be two beats off in the end.
+    slow, fast = (click_track(tempo, seconds=20.0).samples for tempo in (120, 126))
+    beats = np.concatenate([0.5 * np.arange(40), 20.0 + 60 / 126 * np.arange(42)])
+    result = tapped_beats(Audio(np.concatenate([slow, fast]), 22050), beats[10:34] + late, beats[[12, 16]] + late)
+    expected = beats if late < 0.06 else beats + late
+    away = np.abs(result.track.times[:, None] - expected).min(axis=1)
+    assert np.median(away) < 0.02 and away.max() < 0.06 and len(result.track) >= 80
+    assert result.track.bar_places[np.abs(result.track.times - expected[60]).argmin()] == 0
+    assert result.remark == "The tempo of this song moves: the beats follow its sound."
+
+
 def test_ones_that_disagree_are_outvoted_and_it_is_said(click_track: Callable[..., Audio]):
     beats = 0.5 * np.arange(8, 40)
     result = tapped_beats(click_track(120, seconds=30.0), beats, beats[[2, 6, 10, 15]], meter=4)

@@ -11,9 +11,9 @@ from pathlib import Path
 from harmolab.cli.common import OF_LAB, CommandWithParts, dance_title, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
-from harmolab.cli.retiming import WORSE, is_worse
+from harmolab.cli.retiming import WORSE, instead, is_worse
 from harmolab.cli.screen import WATCHER
-from harmolab.cli.sources import reading_fault, tempo_remark
+from harmolab.cli.sources import tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -125,7 +125,7 @@ def _bent(retimed: Retimed, dance: Path, goal: str) -> list[str]:
     if len(retimed.before.music) == 0:
         return ["No beats were found in the music: nothing could be bent."]
     before, after = (
-        reading_fault(score, dance, retimed.motion) or (score.judgement.verdict if score.judgement else "no verdict")
+        instead(score, dance, retimed) or (score.judgement.verdict if score.judgement else "no verdict")
         for score in (retimed.before, retimed.after)
     )
     near = [f"{target.hit_rate:.0%}" for target in (retimed.target_before, retimed.target_after)]

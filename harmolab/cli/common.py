@@ -260,6 +260,9 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
+UNSURE = "laid on beats that a program found, which are unsure here"  # of a movement made to fit them
+
+
 def print_music(beats: harmolab.BeatTrack) -> None:
     """With --verbose a line about the beats that a dance was judged by: tempo, steadiness, "one"."""
     if screen.is_verbose():

@@ -104,7 +104,6 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 # The report on a dance
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
-UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
 TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give the dance (--dance, or your --beats)"
 JOINED = (
@@ -175,7 +174,7 @@ class DanceReport:
         """Likeness, and harmony where it means something."""
         words, judgement = [self.likeness.verdict], self.score.judgement
         if self.has_harmony and len(self.music) and judgement is not None:
-            words.append(judgement.verdict if judgement.beats.is_sure else UNSURE)
+            words.append(judgement.verdict if judgement.beats.is_sure else common.UNSURE)
         return _of_dance(words)
 
     @cached_property

@@ -16,7 +16,6 @@ from harmolab.cli.sources import note_tempo, reading_fault, sound_offset, source
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
     from harmolab.score import HarmonyScore
-    from harmolab.types import Motion
 
 MEANINGS = (
     "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of {place}, and knows nothing "
@@ -91,12 +90,11 @@ def retime(
         common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
 
 
-def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:
-    """The verdict after a name; of a video that was read too poorly for one, the reason."""
-    if fault := reading_fault(score, source, motion):
-        typer.echo(printable(f"{name}: {fault}"))
-    else:
-        common.print_verdict(score.judgement, name)
+def instead(score: HarmonyScore, source: Path, retimed: Retimed) -> str:
+    """The words in place of a verdict, where a video was read too poorly or time was bent to unsure beats; else ""."""
+    if score is retimed.after and not (retimed.warp.is_identity or score.music.is_sure):
+        return common.UNSURE
+    return reading_fault(score, source, retimed.motion)
 
 
 def is_worse(retimed: Retimed) -> bool:
@@ -128,7 +126,10 @@ def _print(retimed: Retimed, source: Path, phase: float) -> None:
 
     before, after, warp = retimed.before, retimed.after, retimed.warp
     for name, score in (("before", before), ("after", after)):
-        _print_verdict(score, name, source, retimed.motion)
+        if words := instead(score, source, retimed):
+            typer.echo(printable(f"{name}: {words}"))
+        else:
+            common.print_verdict(score.judgement, name)
     common.print_music(before.music)
     targets = (retimed.target_before, retimed.target_after)
     rows = (

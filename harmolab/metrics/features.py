@@ -474,7 +474,8 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
     }
     for name, point, threshold in FAST:
         true[name] = _lengths(now[point] - before[point]) > threshold * sizes["humerus"] / rate
-    return _mean_over_time(np.array([true[name] for name in GEOMETRIC_FEATURES]), dense)
+    usable = dense.valid[dense.stride :] & dense.valid[: -dense.stride]
+    return np.array([true[name] for name in GEOMETRIC_FEATURES])[:, usable].mean(axis=1)
 
 
 def _vector(points: Points, names: str) -> FloatArray:
@@ -527,12 +528,6 @@ def _measured(points: Points) -> dict[str, float]:
     bones = ("lshoulder lelbow", "rshoulder relbow", "lshoulder rshoulder", "lhip rhip")
     left, right, shoulders, hips = (float(np.median(_lengths(_vector(points, bone)))) for bone in bones)
     return {"humerus": (left + right) / 2, "shoulders": shoulders, "hips": hips}
-
-
-def _mean_over_time(true: BoolArray, dense: Sampled) -> FloatArray:
-    """Share of the usable moments at which each row of (32, T') is true."""
-    usable = dense.valid[dense.stride :] & dense.valid[: -dense.stride]
-    return true[:, usable].mean(axis=1) if not usable.all() else true.mean(axis=1)
 
 
 def _lengths(vectors: FloatArray) -> FloatArray:

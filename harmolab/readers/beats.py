@@ -426,14 +426,12 @@ def tapped_beats(audio: Audio, taps: FloatArray, ones: FloatArray, *, meter: int
     taps, ones = (_moments(values, name, audio.duration) for values, name in ((taps, "taps"), (ones, "ones")))
     if not 1 <= meter <= 32:
         raise ValueError(f"a bar has 1 to 32 beats, got {meter}")
-    grid, remark = _by_sound(audio, taps, tap_grid(taps))
-    start, end = sounding_span(audio)
-    times = grid.beats(max(start - NEAR, 0.0), end)
+    times, remark = _by_sound(audio, taps, tap_grid(taps))
     if times.size < 2:
         raise ValueError("the song has no two beats at the tapped tempo")
     places = None
     if ones.size:
-        numbers = np.round((ones - times[0]) / grid.period).astype(np.int64)
+        numbers = np.round(np.interp(ones, times, np.arange(times.size))).astype(np.int64)
         votes = np.bincount(numbers % meter, minlength=meter)
         places = (np.arange(times.size) - int(votes.argmax())) % meter
         if votes.max() < ones.size:
@@ -472,20 +470,39 @@ def tap_grid(taps: FloatArray) -> Grid:
     return Grid(float(first), float(period), float(np.abs(arrows[best])))
 
 
-def _by_sound(audio: Audio, taps: FloatArray, grid: Grid) -> tuple[Grid, str]:
-    """The grid of the beats: that of the taps, mended by the sound's where that is steady; and a remark."""
-    tempo = 60.0 / grid.period
+def _by_sound(audio: Audio, taps: FloatArray, grid: Grid) -> tuple[FloatArray, str]:
+    """The beats of the whole song, (B,) seconds: those of the taps, mended by the sound where it has them; a remark."""
+    start, end = sounding_span(audio)
+    span, tempo = (max(start - NEAR, 0.0), end), 60.0 / grid.period
     track = audio_beats(audio, tempo=(tempo * (1 - SAME_TEMPO), tempo * (1 + SAME_TEMPO)))
     is_steady = track.quality is not None and track.quality >= STEADY and len(track) > 1
     if not is_steady or abs(track.tempo / tempo - 1) > SAME_TEMPO:
-        return grid, "No steady grid was heard at your tempo: far from your taps the beats may drift."
+        moving = _moving_beats(track, taps, grid)
+        unheard = "No steady grid was heard at your tempo: far from your taps the beats may drift."
+        moves = "The tempo of this song moves: the beats follow its sound."
+        return (grid.beats(*span), unheard) if moving is None else (moving, moves)
     sound = Grid(float(track.times[0]), 60.0 / track.tempo, 0.0)
     late = float(np.median(sound.deviations(taps)))
     if abs(late) <= REFINED:
-        return sound, ""
+        return sound.beats(*span), ""
     side = "after" if late > 0 else "before"
     remark = f"Your taps lie {1000 * abs(late):.0f} ms {side} the sound's own beats and were left there."
-    return sound._replace(first=sound.first + late), remark
+    return sound._replace(first=sound.first + late).beats(*span), remark
+
+
+def _moving_beats(track: BeatTrack, taps: FloatArray, grid: Grid) -> FloatArray | None:
+    """The beats heard in a song whose tempo moves, (B,), each as late as the taps; None if the taps keep to none."""
+    if not track.is_sure or len(track) < FEWEST:
+        return None
+    numbers = np.arange(len(track))
+    places, tapped = np.interp(taps, track.times, numbers), np.round((taps - grid.first) / grid.period)
+    arrow = np.exp(2j * np.pi * places).mean()
+    if np.abs(arrow) < LEAST_UNITY or abs(np.ptp(places) / np.ptp(tapped) - 1) > SAME_TEMPO:
+        return None
+    late = float(np.angle(arrow) / (2 * np.pi))
+    late = 0.0 if abs(late) * grid.period <= REFINED else late
+    moved = numbers + late
+    return np.interp(moved[(moved >= 0) & (moved <= numbers[-1])], numbers, track.times)
 
 
 def _moments(values: FloatArray, name: str, duration: float) -> FloatArray:

@@ -469,20 +469,22 @@ class Evidence:
         """Parts of the take, (start, end) in seconds, of which the time test says the contrary of what it says of all.
 
         Of up to eight equal parts of 48 beats or more: where the whole is not in time, those with p <= .05 over their
-        number; else those with a clear tempo of their own and p > .05, neighbours as one. Others are left out.
+        number, each by itself; else those with a clear tempo of their own and p > .05 whose body does not stand still
+        on most beats, neighbours as one. Others are left out.
         """
         parts, count = list[Interval](), min(len(self.beats) // PART, MOST_PARTS)
         if self.signal is None or self.time is None or count < 2:
             return parts
         for first, last in pairwise(np.linspace(0, len(self.beats) - 1, count + 1).round().astype(int)):
             beats = self.beats.times[first : last + 1]
-            low, high = np.searchsorted(self.signal.times, (beats[0], beats[-1]))
-            kept = slice(max(low - 2, 0), high + 2)  # a sample more at least on either side
+            # A sample more at least on either side.
+            kept = slice(*np.maximum(np.searchsorted(self.signal.times, beats[[0, -1]]) + np.array([-2, 2]), 0))
             cut = {name: getattr(self.signal, name)[kept] for name in ("times", "values", "valid")}
-            test = time_test(replace(self.signal, **cut), beats, cycles=tuple(self.time.cycles))
-            is_out_of_time = test.p_value > ALPHA and test.best >= CLEAR
+            part = replace(self.signal, **cut)
+            test = time_test(part, beats, cycles=tuple(self.time.cycles))
+            is_out_of_time = test.p_value > ALPHA and test.best >= CLEAR and 2 * still_beats(part, beats) < beats.size
             is_other = is_out_of_time if self.level > 1 else test.p_value <= ALPHA / count
-            if is_other and parts and parts[-1][1] == beats[0]:
+            if is_other and self.level > 1 and parts and parts[-1][1] == beats[0]:
                 parts[-1] = parts[-1][0], float(beats[-1])
             elif is_other:
                 parts.append((float(beats[0]), float(beats[-1])))
@@ -570,9 +572,8 @@ class Evidence:
     @property
     def has_own_rate(self) -> bool:
         """True where what recurs has the rate of the reading, not only another one, as of 4 movements in 3 beats."""
-        if self.time is None or self.place is None or not (self.pattern or has_bar(self.time)):
-            return False
-        return has_rate(self.time, self.place.pattern)
+        time, place = self.time, self.place
+        return bool(time and place and (self.pattern or has_bar(time)) and has_rate(time, place.pattern))
 
     @cached_property
     def course(self) -> Course | None:
@@ -598,9 +599,8 @@ class Evidence:
 
         Who arrives on the beat in a tenth of a second and stands is fastest an eighth of a beat before it.
         """
-        if self.level < 3 or self.course is None or not self.has_own_rate:
-            return False
-        return min(self.course.fastest, 1 - self.course.fastest) <= ON_THE_BEAT / 2
+        course = self.course if self.level > 2 and self.has_own_rate else None
+        return course is not None and min(course.fastest, 1 - course.fastest) <= ON_THE_BEAT / 2
 
 
 def floor(signal: ShapeSignal) -> str:

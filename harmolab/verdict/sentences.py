@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from harmolab.params import HOW_PATTERNS
-from harmolab.verdict.evidence import ALPHA, FEWEST_BEATS, MOMENTS, ON_THE_BEAT, Evidence, has_rate
+from harmolab.verdict.evidence import ALPHA, BESIDE, FEWEST_BEATS, MOMENTS, ON_THE_BEAT, STEP, Evidence, has_rate
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FASTEST = 240.0  # beats a minute: music that is counted faster is none
@@ -22,21 +22,22 @@ RATES = {
     Fraction(1, 2): "once in two beats (half time)",
     Fraction(2): "twice a beat (double time, or to and fro once a beat)",
 }
-# Rates at which one may be on the beat, and that are named with it, and what to know of moments in them.
-NAMED = {Fraction(1, 2): "; moments in the beat are means of two unlike beats", Fraction(2): ""}
+# Movements a beat where trackers take a tempo for another one.
+COUNTED = {2: "the sound does not tell that from"} | dict.fromkeys(map(Fraction, ("2/3", "3/2", "4/3")), "if you count")
+NAMED = (Fraction(1, 2), Fraction(2))  # rates at which one may be on the beat, and that are named with it
 UNPLACED = (
     "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
     "the dance begins (--offset), or film with the song playing."
 )
+OFF_BEATS = "If the off-beats were counted, you are on the beat: hear them (`harmolab beats --clicks`)."
+MEANT = " If you mean to hit it, say so (--how hit)."
 HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat off."
 
 
 def verdict(evidence: Evidence) -> str:
     """The level in a sentence or two, where it does not hold, and how long the body rested."""
-    if evidence.level == 0:
-        return _cannot_tell(evidence)
-    words = (_no_sign, _no_place, _in_time, _on_the_beat)[evidence.level - 1]
-    return words(evidence) + elsewhere(evidence) + stillness(evidence)
+    words = (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level]
+    return words(evidence) + (elsewhere(evidence) + stillness(evidence) if evidence.level else "")
 
 
 def elsewhere(evidence: Evidence) -> str:
@@ -71,9 +72,10 @@ def _cannot_tell(evidence: Evidence) -> str:
 
 
 def _no_sign(evidence: Evidence) -> str:
-    own = evidence.own_tempo
-    words = "" if np.isnan(own) else f" Your own tempo is {own:.1f} bpm, the music's {evidence.tempo:.1f}."
-    return f"No sign that you follow this beat.{words}"
+    # Who slips by part of a beat is in time on either side, and has the tempo of the music.
+    own, least = evidence.own_tempo, BESIDE * STEP if evidence.other_parts else 0.0
+    words = f" Your own tempo is {own:.1f} bpm, the music's {evidence.tempo:.1f}."
+    return f"No sign that you follow this beat.{words if abs(own / evidence.tempo - 1) > least else ''}"
 
 
 def _no_place(evidence: Evidence) -> str:
@@ -105,8 +107,8 @@ def _on_the_beat(evidence: Evidence) -> str:
         if evidence.reading == "waltz":
             return "You are on the beat: you move in threes, as in a waltz."
         rate = evidence.time.rate if evidence.time else Fraction(1)
-        moving, mean = f", moving {_times(rate)}" if rate in NAMED else "", NAMED.get(rate, "")
-        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}{mean}."
+        moving = f", moving {_times(rate)}" if rate in NAMED else ""
+        return f"You are on the beat{moving}: slow on it, {_moment_of(evidence, 'fastest', 'it')}."
     movement = TOLD.get(evidence.reading, f"you move as in {_danced(evidence)}")
     return f"You are on the beat: {movement} ({_late_or_early(evidence)})."
 
@@ -166,11 +168,9 @@ def _sure(evidence: Evidence) -> str:
 
 def _steady(evidence: Evidence) -> str:
     low, high = evidence.lag_interval
-    if evidence.level < 2 or not evidence.has_own_rate:
-        return ""
-    if evidence.level == 2:
+    if evidence.level == 2 and evidence.has_own_rate:
         return "How steady: your place in the beat moves so much that its mean is not known to half a beat."
-    if np.isnan(low) or not evidence.has_start:
+    if evidence.level < 3 or not evidence.has_own_rate or np.isnan(low) or not evidence.has_start:
         return ""
     width = max(high - low, 1 / MOMENTS) * 60000 / evidence.tempo
     return f"How steady: by all bars together your mean place in the beat is known to within {width:.0f} ms."
@@ -196,8 +196,7 @@ def _caveats(evidence: Evidence) -> list[str]:
         lines.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
     if signal.joints < FEW_JOINTS:
         lines.append(f"Few joints move: all of it is the movement of {signal.joints:.0%} of them.")
-    if evidence.level == 3 and evidence.has_own_rate and time.rate in NAMED:
-        lines.append(f"You move {RATES[time.rate]}{NAMED[time.rate]}.")
+    lines += _of_rate(evidence, time.rate)
     if evidence.level == 2 and evidence.keeps_the_beat:
         lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if signal.dimensions == 2:
@@ -206,26 +205,38 @@ def _caveats(evidence: Evidence) -> list[str]:
     return lines
 
 
+def _of_rate(evidence: Evidence, rate: Fraction) -> list[str]:
+    """One line at most: how often the body moves, and how the music may be counted otherwise."""
+    words = [_other_count(evidence, rate)]
+    if evidence.level > 2 and evidence.has_own_rate and rate in NAMED:
+        unlike = "Moments in the beat are means of two unlike beats." if rate < 1 else ""
+        words = [f"You move {RATES[rate]}." if evidence.level == 3 else "", unlike, *words]
+    return [line] if (line := " ".join(filter(None, words))) else []
+
+
+def _other_count(evidence: Evidence, rate: Fraction) -> str:
+    """A sentence where tracked beats, counted otherwise, would be those of a movement of this rate; else ""."""
+    if evidence.beats.quality is None or evidence.level not in (2, 3):
+        return ""
+    if evidence.pattern is None and rate in COUNTED and (other := round(float(rate) * evidence.tempo)) <= FASTEST:
+        mend = "say the dance (--dance), or tap the beats (`harmolab beats --tap`)"
+        return f"The music was counted at {evidence.tempo:.0f} bpm; {COUNTED[rate]} {other}: {mend}."
+    is_off = evidence.level == 3 and evidence.has_start and (evidence.is_opposite or evidence.is_hit)
+    return f"{OFF_BEATS}{MEANT if evidence.is_hit else ''}" if is_off else ""
+
+
 def _advice(evidence: Evidence) -> list[str]:
     """Ways to learn more than this verdict says."""
     lines: list[str] = []
     if evidence.level == 4 or evidence.floor or (evidence.level == 3 and not evidence.has_start):
         return lines
+    if evidence.level == 0 and evidence.n_beats >= FEWEST_BEATS:
+        return ["What would help: tap the beats of this song (`harmolab beats --tap`), and give them (--beats)."]
     if evidence.moves_in_half_time:
         half = f"count this music at {evidence.tempo / 2:.0f} bpm, not {evidence.tempo:.0f}, or"
         lines.append(f'What would help: say so if you {half} mean to rest on every second beat (--how "half time").')
     if evidence.pattern is None and evidence.level == 3 and evidence.has_own_rate:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
-    # Who moves twice a beat may hear that half of the music's beats were not tracked.
-    is_tracked = evidence.level == 3 and evidence.beats.quality is not None
-    is_double = evidence.pattern is None and evidence.time is not None and evidence.time.rate == 2
-    if is_tracked and is_double and round(2 * evidence.tempo) <= FASTEST:
-        lines.append(
-            f"The music was counted at {evidence.tempo:.0f} bpm; the sound does not tell that from "
-            f"{2 * evidence.tempo:.0f}: say the dance (--dance), or give the beats (--beats)."
-        )
-    if is_tracked and (evidence.is_opposite or evidence.is_hit):
-        lines.append("If the off-beats were counted, you are on the beat: hear them (`harmolab beats --clicks`).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
             'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'
@@ -233,5 +244,6 @@ def _advice(evidence: Evidence) -> list[str]:
     if FEWEST_BEATS <= evidence.n_beats < FEW_BEATS:
         lines.append(f"A longer take would show more: it has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
     if evidence.pattern is None and evidence.level in (1, 2) and not evidence.moves_in_half_time:
-        lines.append("What would help: the name of the dance, where its usual course is known (--dance).")
+        hear = "hear the counted beats (`harmolab beats --clicks`), or " if evidence.beats.quality is not None else ""
+        lines.append(f"What would help: {hear}say the dance, where its usual course is known (--dance).")
     return lines
