@@ -356,13 +356,26 @@ def confident(frames: int = 5, joints: int = 17) -> np.ndarray:
     return np.stack([x, y, np.full(x.shape, 0.9)], axis=2)
 
 
-def test_unseen_joint_is_filled_by_a_straight_line_or_stays_and_its_frames_are_not_valid(tmp_path: Path):
+@cases(
+    "joint, hidden, places",
+    (9, slice(1, 3), [0, 1, 2, 3, 4]),
+    (8, slice(3, None), [0, 1, 2, 50 / 17, 66 / 17]),  # as the middle, in which it is itself where it was last
+)
+def test_unseen_joint_is_filled_by_a_straight_line_or_goes_along_with_the_body(
+    tmp_path: Path, joint: int, hidden: slice, places: list[float]
+):
     points = confident()
-    points[1:3, 9] = points[3:, 8] = 0.0
+    points[hidden, joint] = 0.0
     motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
-    np.testing.assert_allclose(motion.positions[:, 9], [[0, 90], [1, 90], [2, 90], [3, 90], [4, 90]])
-    np.testing.assert_allclose(motion.positions[:, 8, 0], [0, 1, 2, 2, 2])
-    np.testing.assert_array_equal(motion.valid, [True, False, False, False, False])
+    np.testing.assert_allclose(motion.positions[:, joint], [(x, 10 * joint) for x in places])
+    assert motion.valid.all()
+
+
+def test_frames_in_which_two_fifths_of_the_joints_are_hidden_are_not_valid(tmp_path: Path):
+    points = confident()
+    points[1, :6] = points[2, :7] = points[3, 10:] = 0.0
+    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
+    np.testing.assert_array_equal(motion.valid, [True, True, False, False, True])
 
 
 def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
@@ -872,11 +885,11 @@ def test_recorded_aist_key_points_are_upright_in_image_coordinates(data_root: Pa
 def test_points_at_the_corner_of_a_picture_were_not_seen(tmp_path: Path, columns: int, place: tuple[float, ...]):
     points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
     points[..., 2] = 0.9
-    points[10:15, 9] = place
+    points[10:15, 5:12] = place
     np.save(tmp_path / "points.npy", points[..., :columns])
     motion = load_motion(tmp_path / "points.npy", fps=30)
     assert (~motion.valid).nonzero()[0].tolist() == [10, 11, 12, 13, 14]
-    assert (np.abs(motion.positions[10:15, 9]) > 90).all()
+    assert (np.abs(motion.positions[10:15, 5:12]) > 90).all()
 
 
 def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):

@@ -9,10 +9,10 @@ MediaPipe's landmarks of one body are objects, not files: save a list of frames,
 is empty. Where all frames have a number, those that are left out are empty; where they are every second, third, ...,
 they were not looked at, and the frame rate is lower. So it is with COCO's.
 
-A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
-not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
-(`joints=("left_wrist", ...)`), else every frame with a hidden ear counts as not valid. Joints that MediaPipe only
-guesses are kept; frames whose mean visibility is below 0.5 are marked not valid.
+A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, as seen from the middle of
+the body; a frame in which more than two fifths of the joints are hidden is marked not valid, and so is one without
+anybody. A joint that is never seen is an error: leave it out (`joints=("left_wrist", ...)`). Joints that MediaPipe
+only guesses are kept; frames whose mean visibility is below 0.5 are marked not valid.
 
 Of several people in a frame, of those at least half as confident as the best, the dancer is the one nearest to the
 dancer of the frame before; in the first frame the most confident.
@@ -358,6 +358,7 @@ def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)
 
 # Motion from key points; one dancer of several people
 
+MOST_JOINTS_HIDDEN = 0.4  # share of the joints of a picture; it does not count where more are
 SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
@@ -491,7 +492,10 @@ def keypoints_motion(
     points = points[:, keep]
     visible = np.ones(points.shape[:2], dtype=bool) if points.shape[2] == 2 else np.asarray(points[..., 2] > 0)
     visible &= ~_unseen(points[..., :2])
-    return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
+    valid = np.asarray(visible.mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
+    # Hidden joints go along with the body: an ear may be hidden through half of a dance.
+    middle = filled_points(points[..., :2], visible, part).mean(axis=1, keepdims=True)
+    return checked_motion(filled_points(points[..., :2] - middle, visible, part) + middle, fps, part, valid)
 
 
 def _unseen(places: NDArray[Any]) -> BoolArray:

@@ -43,7 +43,7 @@ from scipy.ndimage import median_filter
 
 from harmolab import files
 from harmolab.body.skeletons import joint_indices, skeleton_part
-from harmolab.readers.keypoints import MEDIAPIPE_33, filled_points
+from harmolab.readers.keypoints import MEDIAPIPE_33, MOST_JOINTS_HIDDEN, filled_points
 from harmolab.readers.pose_child import HEADER, LANDMARKS, MARGIN, READY, painted_over
 from harmolab.readers.video import VideoFrames, frame_count, video_frames
 from harmolab.shape_speed import shape_speed
@@ -296,7 +296,6 @@ OFTEN = 0.3  # of the looks that must find somebody, before another person is fo
 SEEN = 0.5  # visibility from which a point, or on average another person, counts as seen
 SHOWN = 0.3  # share of the pictures in which a joint is seen, below which it is left out
 FEWEST_JOINTS = 6
-MOST_JOINTS_HIDDEN = 0.4  # share of the joints of a picture that may be hidden
 FEWEST_FOUND = 0.5  # share of the pictures in which a body is found
 KEPT_BYTES = 200 * 2**20  # of readings in the cache
 MEDIAN = 3  # pictures
