@@ -1,9 +1,9 @@
 """Markers of a c3d file to Motion, through the library ezc3d: `pip install ezc3d`.
 
 Markers become joints without bones; angles, forces, moments, powers and scalars that a model wrote beside them are left
-out. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A frame in which a marker is missing is
-filled in by a straight line in time and marked not valid. The axis that points up is that of ``POINT:Y_SCREEN``; where
-a file has none, the markers of head and feet tell, else it must be passed.
+out. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A missing marker is filled in, and its
+frame marked not valid, as hidden joints of key points are (`harmolab.readers.keypoints`). The axis that points up is
+that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be passed.
 """
 
 import io
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.files import PathLike, reading
 from harmolab.readers.arrays import check_joints, checked_motion, in_metres
-from harmolab.readers.keypoints import filled_points
+from harmolab.readers.keypoints import filled_body
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, upright
 from harmolab.types import BoolArray, FloatArray
 
@@ -57,11 +57,10 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
             raise ValueError("holds no markers: all of its points are angles, forces and the like")
         keep = joint_indices(Skeleton(names, (-1,) * len(names)), markers if options.joints is None else options.joints)
         skeleton = skeleton_part(Skeleton(names, (-1,) * len(names)), keep)
-        filled = filled_points(points[:, keep], present[:, keep], skeleton)
+        filled, valid = filled_body(points[:, keep], present[:, keep], skeleton)
         factor, unit = _unit(str(arrays["units"]), options)
         places, up = _upright(in_metres(filled, factor), skeleton.joints, str(arrays["y_screen"]), options)
         own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
-        valid = np.asarray(present[:, keep].all(axis=1))
         notes = [unit, up]
         if outputs and options.joints is None:
             reason = f"that are no markers: {', '.join(outputs[:3])}{', ...' * (len(outputs) > 3)}"

@@ -492,10 +492,8 @@ def keypoints_motion(
     points = points[:, keep]
     visible = np.ones(points.shape[:2], dtype=bool) if points.shape[2] == 2 else np.asarray(points[..., 2] > 0)
     visible &= ~_unseen(points[..., :2])
-    valid = np.asarray(visible.mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
-    # Hidden joints go along with the body: an ear may be hidden through half of a dance.
-    middle = filled_points(points[..., :2], visible, part).mean(axis=1, keepdims=True)
-    return checked_motion(filled_points(points[..., :2] - middle, visible, part) + middle, fps, part, valid)
+    places, valid = filled_body(points[..., :2], visible, part)
+    return checked_motion(places, fps, part, valid)
 
 
 def _unseen(places: NDArray[Any]) -> BoolArray:
@@ -563,6 +561,16 @@ def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
     visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
     return filled_points(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
+
+
+def filled_body(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> tuple[FloatArray, BoolArray]:
+    """`filled_points` as seen from the middle of the body, and the frames (T,) that show three fifths of the joints.
+
+    A hidden joint goes along with the body: an ear may be hidden through half of a dance.
+    """
+    middle = filled_points(points, visible, skeleton).mean(axis=1, keepdims=True)
+    valid = np.asarray(visible.mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
+    return filled_points(points - middle, visible, skeleton) + middle, valid
 
 
 def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
