@@ -570,7 +570,7 @@ def filled_body(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) ->
     """
     middle = filled_points(points, visible, skeleton).mean(axis=1, keepdims=True)
     valid = np.asarray(visible.mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
-    return filled_points(points - middle, visible, skeleton) + middle, valid
+    return np.where(visible[..., None], points, filled_points(points - middle, visible, skeleton) + middle), valid
 
 
 def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
