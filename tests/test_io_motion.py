@@ -268,6 +268,7 @@ def test_bvh_of_a_body_that_is_too_small_in_centimetres_is_in_units_of_cmu(tmp_p
     text = GOOD.replace("ROOT hip", "ROOT Head").replace("JOINT knee", "JOINT Foot")
     (tmp_path / "walk.bvh").write_text(text.replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0"))
     assert load_bvh(tmp_path / "walk.bvh").positions[0, 2, 1] == pytest.approx(-leg * factor)
+    assert f"the body extends over {max(leg, 1):g} units at" in read_motion(tmp_path / "walk.bvh").notes[0]
 
 
 def test_head_of_a_bvh_may_be_the_end_of_its_neck(tmp_path: Path):
@@ -386,6 +387,7 @@ def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
     refused(
         r"\(--joints nose,left_eye,right_eye,right_ear,left_shoulder,\S+,right_ankle; in Py", load_motion, path, fps=30
     )
+    refused(r"never shows left_ear$", load_motion, path, fps=30, joints=["left_ear"])
     motion = load_keypoints(path, fps=30, joints=["left_shoulder", "left_wrist"])
     assert motion.skeleton == Skeleton(("left_shoulder", "left_wrist"), (-1, 0))
     np.testing.assert_allclose(motion.positions[0, :, 1], [50, 90])
@@ -662,14 +664,15 @@ def test_33_places_without_visibility_are_of_a_picture_or_of_a_body_in_space_wit
     space = np.stack(
         [1000 * body[..., 0], 1000 * body[..., 2], 2000 - 1000 * body[..., 1]], axis=2
     )  # as FreeMoCap has it
-    motion, _, notes = read_motion(save(tmp_path / "mediapipe_body_3d_xyz.npy", space), fps=25)
+    motion, _, notes = file = read_motion(save(tmp_path / "mediapipe_body_3d_xyz.npy", space), fps=25)
+    assert "order of joints guessed: MediaPipe" in [note.brief for note in file.assumptions]
     assert motion.skeleton == MEDIAPIPE_33 and notes[-1].startswith("z up (guessed: the head is 0.")
     np.testing.assert_allclose(motion.positions[0, [0, 29], 1], [1.8, 1.2])
 
 
 @cases("frame", {"landmarks": [landmarks(0.2)]}, {"poseLandmarks": landmarks(0.2)}, [landmarks(0.2)])
 def test_landmarks_may_be_written_as_tasks_and_javascript_have_them(tmp_path: Path, frame: object):
-    path = as_json(tmp_path / "dance.json", [frame, frame, {"landmarks": []}])
+    path = as_json(tmp_path / "dance.json", [{"landmarks": []}, frame, frame, {"landmarks": []}])
     assert load_keypoints(path, fps=25).positions[0, 5].tolist() == [0.2, 0.5]
     two = as_json(tmp_path / "two.json", [frame, [landmarks(0.2)] * 2])
     refused(r"two\.json: frame 1 is no list of 33 landmarks", load_keypoints, two, fps=25)

@@ -131,6 +131,7 @@ SILENCE, FRAMES, TRAINED = Audio(np.zeros(10), 2.0), np.zeros((4, 2, 3)), torch.
     ("a harmolab.Motion is needed, got ndarray", lab.blind_page, (SILENCE, [FRAMES])),
     ("a harmolab.Motion is needed, got ndarray", harmolab.playing_score, (FRAMES, MUSIC[0], "piano")),
     ("a harmolab.BeatTrack is needed, got list", harmolab.other_scores, ([1.0], [1.0])),
+    ("a harmolab.BeatTrack is needed, got list", harmolab.other_scores, (MUSIC[0], [1.0])),
     ("motion 1 must be a harmolab.Motion, got ndarray", Choreographer.of, ([FRAMES],)),
     ("a harmolab.Motion is needed, got ndarray", save_motion, ("dance.npz", FRAMES)),
     *(

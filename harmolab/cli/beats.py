@@ -28,8 +28,8 @@ class TapOptions:
 
     Parameters
     ----------
-    tap : Tap the beats, and mark "one", on a page that only this machine can open. Ten seconds of taps are enough for a
-        song of one tempo: the beats go on to both ends of it.
+    tap : Tap the beats, and mark "one", on a page that only this machine can open. Ten seconds of taps are enough: the
+        beats go on to both ends of the song, in one tempo or, where it moves, by its sound if that keeps to the taps.
     meter : With --tap: beats in a bar, 3 for a waltz.
     port : With --tap: port of the local page; 0: any free one.
     no_open : With --tap: print the address only.

@@ -148,7 +148,8 @@ def other_scores(
     """All measures of this module for one clip, of mir_eval's those in `only`; `kinematic_track` as found with
     `kinematic_params`. ValueError unless a BeatTrack is passed; `beat_align` and `mir_eval_scores` take seconds.
     """
-    check_kind(audio_track, BeatTrack)
+    for track in (audio_track, kinematic_track):
+        check_kind(track, BeatTrack)
     audio, visual = audio_track.times, kinematic_track.times
     return {
         "beat_align_motion": beat_align(visual, audio),

@@ -234,9 +234,6 @@ _WORLD = Assumption(
 _SQUARE = Assumption(
     "shares of a square picture (assumed; else multiply x by width over height)", "picture assumed square"
 )
-_OPENPOSE = Assumption(
-    "the joints of OpenPose (guessed by their number; an .npz names its own)", "order of joints guessed: OpenPose"
-)
 _HUMAN36M = Assumption(
     "the joints of Human3.6M (guessed by the body; an .npz names its own)", "order of joints guessed: Human3.6M"
 )
@@ -353,9 +350,12 @@ def _array_motion(
         return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
     factor, unit = motion_file.metre_factor(values, options)
     unit = _METRES if options.scale is None and factor == 1 else unit
-    skeleton = keypoints.named_skeleton(values.shape[1])
-    notes += (_OPENPOSE,) if skeleton else ()
-    skeleton = keypoints.MEDIAPIPE_33 if values.shape[1] == len(keypoints.MEDIAPIPE_33.joints) else skeleton
+    is_mediapipe = values.shape[1] == len(keypoints.MEDIAPIPE_33.joints)
+    skeleton = keypoints.MEDIAPIPE_33 if is_mediapipe else keypoints.named_skeleton(values.shape[1])
+    if skeleton:
+        brief = f"order of joints guessed: {(estimator := 'MediaPipe' if is_mediapipe else 'OpenPose')}"
+        order = f"the joints of {estimator} (guessed by their number; an .npz names its own)"
+        notes += (Assumption(order, brief),)
     motion = checked_motion(in_metres(values, factor), rate, skeleton)
     return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 

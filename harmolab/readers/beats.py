@@ -13,7 +13,8 @@ the times (Audacity's labels), counts all beats, or is text (Sonic Visualiser's)
 three beats or more holds the places, also as ``1.1 1.2 1.3 2.1``; one of 0 and 1 is 1 where a bar begins; any other
 that never falls is an error, since lines may be numbered in the first. A comma may be that of a decimal: ``0,250``.
 
-Of the taps of a person who listens, one tempo and one phase go through all taps, mended by the sound.
+Through the taps of a person who listens go one tempo and one phase, mended by the sound; where its tempo moves and it
+keeps to the taps, its own beats stand in.
 
 Beat This! is a neural tracker of beats and bars (Foscarin, Schlueter, Widmer, ISMIR 2024), read where it is installed.
 Nothing is downloaded, by us or by its package: weights are a file on this machine.
@@ -44,8 +45,9 @@ _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
 _MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
 _LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
-_NAMED = re.compile(r'^\s*[\d.]+\s*[,;\t]\s*"?[^\W\d][^,;\t]*$')  # a moment of Sonic Visualiser: "0.5,New Point"
-_STRENGTH = re.compile(r'^\s*[\d.]+\s*[,;\t]\s*"?\d*\.\d')  # beside one: a name in such a file is a typing error
+# A moment of Sonic Visualiser: "0.5,New Point"; flags and NaN are no names.
+_NAMED = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?(?!(true|false|nan)\b)[^\W\d][^,;\t]*$', re.IGNORECASE)
+_STRENGTH = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?\d*\.\d')  # beside one: a name in such a file is a typing error
 
 
 @dataclass(frozen=True)
@@ -409,7 +411,8 @@ def tapped_beats(audio: Audio, taps: FloatArray, ones: FloatArray, *, meter: int
 
     Double and missed taps do no harm. Where the sound has a steady grid of the tapped tempo, the beats take its period,
     and its phase too if that lies within 60 ms of the taps: a person's constant delay, and the machine's, cannot be
-    told from a beat that lies elsewhere.
+    told from a beat that lies elsewhere. Where its tempo moves, and it keeps to the taps, the beats are those of the
+    sound, as late as the taps lie if that is more than 60 ms.
 
     Parameters
     ----------
@@ -431,8 +434,9 @@ def tapped_beats(audio: Audio, taps: FloatArray, ones: FloatArray, *, meter: int
         raise ValueError("the song has no two beats at the tapped tempo")
     places = None
     if ones.size:
-        numbers = np.round(np.interp(ones, times, np.arange(times.size))).astype(np.int64)
-        votes = np.bincount(numbers % meter, minlength=meter)
+        inside = np.clip(ones, times[0], times[-1])  # who taps before the first sound, or after the last, counts on
+        numbers = np.rint(np.interp(inside, times, np.arange(times.size)) + (ones - inside) / np.median(np.diff(times)))
+        votes = np.bincount(numbers.astype(np.int64) % meter, minlength=meter)
         places = (np.arange(times.size) - int(votes.argmax())) % meter
         if votes.max() < ones.size:
             remark += f' {votes.max()} of {ones.size} "ones" agree on where a bar of {meter} beats begins.'

@@ -241,7 +241,7 @@ def _guessed_scale(joints: list[_Joint]) -> tuple[float, str]:
     is_body = head_above_feet(np.zeros((1, *rest.shape)), [joint.name for joint in joints]) is not None
     limit, factor = next((row for row in (_BODY_UNITS if is_body else _UNITS) if extent > row[0]), (3.0, 1.0))
     size = f"its rest skeleton {'is' if factor < 1 else 'is not'} larger than {limit:g} units"
-    size = f"the body extends over {extent:.3g} units at rest" if is_body else size
+    size = f"the body extends over {extent:.4g} units at rest" if is_body else size
     reason = f"guessed: {size}; --scale overrules it"
     return factor, Assumption(f"{factor:g} m a unit ({reason})", f"unit guessed: {factor:g} m")
 

@@ -297,10 +297,9 @@ def is_landmarks(content: Any) -> bool:
     frames = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(frames, list) or not frames:
         return False
-    first = next((frame for frame in frames if frame), None)
-    points = _pose_landmarks(first)
-    landmark = points[0] if isinstance(points, list) and points else None
-    return first is None or (isinstance(landmark, dict) and "x" in landmark)
+    points = next(filter(None, map(_pose_landmarks, frames)), None)
+    landmark = points[0] if isinstance(points, list) else None
+    return not any(frames) or (isinstance(landmark, dict) and "x" in landmark)
 
 
 def landmark_frames(content: Any) -> list[Any]:
@@ -581,8 +580,8 @@ def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) 
     hidden = [name for joint, name in enumerate(skeleton.joints) if not visible[:, joint].any()]
     if hidden:
         others = ",".join(name for name in skeleton.joints if name not in hidden)
-        hint = f"keep the other joints only (--joints {others}; in Python joints=[...])"
-        raise ValueError(f"never shows {', '.join(hidden)}; {hint}")
+        hint = f"; keep the other joints only (--joints {others}; in Python joints=[...])" if others else ""
+        raise ValueError(f"never shows {', '.join(hidden)}{hint}")
     filled, frames = points.astype(np.float64), np.arange(len(points))
     for joint in np.flatnonzero(~visible.all(axis=0)):
         present = visible[:, joint]

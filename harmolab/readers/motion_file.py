@@ -190,9 +190,9 @@ def metre_factor(positions: FloatArray, options: ReadingOptions) -> tuple[float,
     extent = float(np.median(np.ptp(positions, axis=1).max(axis=1)))
     for limit, factor, unit in EXTENTS:
         if extent <= limit:
-            reason = f"guessed: the body extends over {extent:.3g} units; --scale overrules it"
+            reason = f"guessed: the body extends over {extent:.4g} units; --scale overrules it"
             return factor, Assumption(f"{unit} ({reason})", f"unit guessed: {unit}")
-    raise ValueError(f"has a body that extends over {extent:.3g} units; pass scale, the metres in one of them")
+    raise ValueError(f"has a body that extends over {extent:.0f} units; pass scale, the metres in one of them")
 
 
 def as_read(motion: Motion, kind: str, options: ReadingOptions, *notes: str, is_open: bool = False) -> MotionFile:

@@ -47,9 +47,8 @@ def elsewhere(evidence: Evidence) -> str:
         return ""
     *before, last = (f"from {start} to {end}" for start, end in clocks)
     parts = f"{', '.join(before)} and {last}" if before else last
-    if evidence.level == 1:
-        return f" But part by part you are in time {parts}."
-    return f" {parts.capitalize()} you move at another tempo than the music's."
+    moves = f" {parts.capitalize()} you move at another tempo than the music's."
+    return f" But part by part you are in time {parts}." if evidence.level == 1 else moves
 
 
 def stillness(evidence: Evidence) -> str:
