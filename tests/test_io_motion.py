@@ -835,6 +835,16 @@ def test_bone_of_no_length_and_a_dancer_of_a_centimetre_come_back(tmp_path: Path
     brought_back(tmp_path / "arm.bvh", turned(ARM, np.array([[0, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]), 20), ARM)
 
 
+@pytest.mark.parametrize("size", [0.01, 0.2, 1.0])
+def test_small_robot_with_head_and_feet_comes_back_in_its_size_and_not_in_that_of_cmu(tmp_path: Path, size: float):
+    names = {"hand L": "head", "hip L": "foot L", "hip R": "foot R"}
+    robot = Skeleton(tuple(names.get(name, name) for name in TREE.joints), TREE.parents)
+    positions = size * turned(TREE, AT_REST, 20)
+    save_bvh(tmp_path / "robot.bvh", Motion(positions, 15, robot))
+    back = load_motion(tmp_path / "robot.bvh", joints=robot.joints).positions
+    np.testing.assert_allclose(back, positions, atol=1e-5)
+
+
 def test_end_site_of_some_length_is_still_a_joint(tmp_path: Path):
     save_bvh(tmp_path / "arm.bvh", Motion(turned(ARM, np.eye(3), 3), 15, ARM))
     (tmp_path / "long.bvh").write_text((tmp_path / "arm.bvh").read_text().replace("OFFSET 0 0 0\n", "OFFSET 0 5 0\n"))

@@ -20,7 +20,7 @@ rotations, a Motion holds places. Going down the tree, each joint is turned so t
 are: the best rotation of all children at once (Kabsch 1976), the shortest one where twist is free.
 
 * The rest skeleton has the first frame's attitude and every bone's mean length. It is written in centimetres, or in
-  metres where it extends over no more than 3 cm, because readers guess the unit by the size.
+  metres where it extends over no more than 45 cm, because readers guess the unit by the size.
 * A child that no rotation of its parent can reach (a bone that stretches, or children that do not keep together as the
   shoulders and hips of a soft torso do not) gets position channels of its own beside the rotations.
 * Several trees (a player, a violin, a bow) hang on one more joint, `WORLD`, that rests at the origin: few readers take
@@ -290,8 +290,8 @@ REACH = 2e-5
 WORLD = "world"
 ROTATIONS = "Zrotation Xrotation Yrotation"
 POSITIONS = "Xposition Yposition Zposition"
-# Rest skeletons above this extent are read as centimetres (`harmolab.readers.bvh`).
-CENTIMETRES_FROM = 0.03
+# Metres above which a rest skeleton is written in centimetres: a smaller body in them would be read in units of CMU.
+CENTIMETRES_FROM = 0.45
 
 
 class _Bones(NamedTuple):
