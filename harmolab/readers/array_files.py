@@ -353,9 +353,9 @@ def _array_motion(
     is_mediapipe = values.shape[1] == len(keypoints.MEDIAPIPE_33.joints)
     skeleton = keypoints.MEDIAPIPE_33 if is_mediapipe else keypoints.named_skeleton(values.shape[1])
     if skeleton:
-        brief = f"order of joints guessed: {(estimator := 'MediaPipe' if is_mediapipe else 'OpenPose')}"
+        estimator = "MediaPipe" if is_mediapipe else "OpenPose"
         order = f"the joints of {estimator} (guessed by their number; an .npz names its own)"
-        notes += (Assumption(order, brief),)
+        notes += (Assumption(order, f"order of joints guessed: {estimator}"),)
     motion = checked_motion(in_metres(values, factor), rate, skeleton)
     return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
