@@ -406,6 +406,8 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
     frames = [np.pad(np.zeros((6, 6), np.uint8), ((40, 44), (at, 154 - at)), constant_values=250) for at in sway]
     write_video(tmp_path / "dot.mp4", frames, 15.0, audio=planted_dance("cha-cha", seconds=20.0).audio)
     refused("no sign of the beat", work, Order("fit", None, tmp_path / "dot.mp4", "", None, tmp_path), Teller(print))
+    unplaced = Order("fit", tmp_path / "song.wav", tmp_path / "dot.mp4", "", None, tmp_path)
+    refused('Ask "Am I in time\\?" first', work, unplaced, Teller(print))
     assert "no sign of the beat" in complaint(app, "retime", tmp_path / "dot.mp4", "--out", tmp_path / "x.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["dot.mp4"]
 
@@ -413,7 +415,8 @@ def test_a_film_whose_movement_was_not_read_is_not_made_to_fit(tmp_path: Path):
 @pytest.mark.slow
 def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_path: Path):
     files = write_pair(tmp_path, planted_dance(seconds=20.0, fps=30.0))[:2]
-    for task, words in (("judge", "for a hit on the beat"), ("fit", "of the moments half way between beats now")):
+    near = "of the moments half way between beats now, and before near 0%."
+    for task, words in (("judge", "for a hit on the beat"), ("fit", near)):
         said: list[dict[str, Any]] = []
         work(Order(task, *files, "", 0.0, tmp_path, how="hit"), Teller(said.append))
         lines = next(one["lines"] for one in said if "lines" in one)

@@ -622,6 +622,8 @@ def test_a_performance_is_as_long_as_its_sound(run: Path):
     np.testing.assert_allclose(part.positions, whole.positions[24:48], atol=2.0)
     refused("within the recording", synthesize_performance, network, audio, start=3.5)
     refused("two frames", synthesize_performance, network, audio, seconds=0.05)
+    pianist = SoundToPoints(replace(network.params, hears="notes"), HANDS_12, "piano", 3, NOWHERE)
+    refused("this network hears notes, not sound; pass them", synthesize_performance, pianist, audio)
 
 
 def test_settings_that_cannot_be_are_named():

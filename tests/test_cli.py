@@ -714,4 +714,5 @@ def test_a_dance_that_hits_is_retimed_to_hit_and_the_text_says_where_its_rests_l
     words = ("retime", tmp_path / "song.wav", tmp_path / "dance.npz", "--how", "hit")
     output = " ".join(succeed(*words, "--out", tmp_path / "mended.npz").output.split())
     assert "0.5 of a beat after the beats" in output
+    assert output.partition("places with a rest near")[2].replace("│", " ").split()[:2] == ["1.000", "1.000"]
     assert "after: You hit the beat" in output or "after: You are on the beat" in output

@@ -195,12 +195,13 @@ def test_rates_and_seeds_are_those_of_their_system(field: Path, tmp_path: Path) 
     assert answers == {("fact", 60.0, 120), ("bailando", None, 0), ("recorded", None, 0)}
     unknown = settings(field, "fact", seed_frames={"fcat": 120})
     refused(r"--seed-frames fcat=120: no system is called 'fcat'", evaluation_pairs, unknown)
-    for option, text, fault in (
+    for option, *texts, fault in (
+        ("--fps", "30", "--fps", "fact=60", "--fps: write one number for all systems, or one with a name for each"),
         ("--seed-frames", "half", "write a whole number, or NAME="),
         ("--seed-frames", "-5", "must be a finite number, not negative"),
         ("--fps", "fact=inf", "--fps must be a finite number"),
     ):
-        result = run(*evaluation(field, tmp_path / "x", field / "fact", option, text))
+        result = run(*evaluation(field, tmp_path / "x", field / "fact", option, *texts))
         assert result.exit_code == 2 and fault in result.stderr
 
 

@@ -314,6 +314,7 @@ GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
     (GOOD.replace("Frames: 2", "Frames: 0"), "promises 0 frames of 9 numbers, but 18"),
     (GOOD[:-10], "numbers follow: cut off"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 0", frames=1), "at least two frames, got 1"),
+    (bvh("0", "", joint="CHANNELS 0"), "no joint has a channel"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 x\n" * 2), "something else than numbers"),
     (bvh(SIX, "0 0 0 0 0 0 0 0 nan\n" * 2), r"NaN or infinity at frame 0, joint 2 \(knee_end\)"),
     (GOOD.replace("ROOT hip", "ROOT a { OFFSET 0 0 0 CHANNELS 0 }\nROOT hip"), r"second skeleton \('hip'\)"),
@@ -436,6 +437,11 @@ def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
     motion = load_keypoints(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 2, 4])
     np.testing.assert_array_equal(motion.valid, [True, False, True])
+
+
+def test_openpose_frames_of_18_and_of_25_points_are_not_mixed(tmp_path: Path):
+    folder = write_frames(tmp_path / "frames", [[person(0)], [person(1)[:18]]])
+    refused("frames: mixes poses of different numbers of joints", load_keypoints, folder, fps=30)
 
 
 def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_path: Path):

@@ -487,6 +487,8 @@ def test_what_cannot_be_a_performance_is_refused_with_the_folder_and_the_fault(t
     refused(r"piano: .*points of a picture are needed, \(T, P, 2\), got three coordinates", load_performance, folder)
     np.savez(folder / "motion.npz", positions=np.zeros((4, 2, 2)), fps=24.0, detected=np.ones((4, 3), bool))
     refused(r"piano: .*detected must have shape \(4, 2\), got \(4, 3\)", load_performance, folder)
+    (folder / "performance.json").write_text('{"instrument": "piano", "points": ["points.json", "motion.npz"]}')
+    refused(r"performance\.json: an \.npz has no confidence", load_performance, folder)
 
 
 # Many folders

@@ -134,7 +134,7 @@ def _print(retimed: Retimed, source: Path, phase: float) -> None:
     targets = (retimed.target_before, retimed.target_after)
     rows = (
         ("harmony above chance", show(before.above_chance), show(after.above_chance)),
-        ("beats with a rest near", *(show(target.hit_rate) for target in targets)),
+        (f"{'places' if phase else 'beats'} with a rest near", *(show(target.hit_rate) for target in targets)),
         ("time bent, mean, ms", "0", f"{1000 * warp.bent:.0f}"),
         ("time bent, largest, ms", "0", f"{1000 * np.abs(warp.shifts()).max():.0f}"),
         ("local speed", "1", show(warp.speed_range())),

@@ -255,12 +255,17 @@ def _check(phase: float, strength: float, slowest: float, fastest: float, tolera
         raise ValueError("retiming needs params with a reaction_delay above 0 seconds")
 
 
+def beat_periods(beats: FloatArray) -> FloatArray:
+    """Seconds between beats (N,) at each of them."""
+    return np.gradient(beats) if beats.size > 1 else np.full(beats.size, LONE_PERIOD)
+
+
 def _beats_and_targets(
     visual: BeatTrack, music: BeatTrack, duration: float, phase: float, params: HarmonyParams
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Visual beats (M,), their targets (N,) and the beat periods there (N,), all strictly inside the clip."""
     beats, moves = salient_audio(music, params).times, salient_visual(visual, params).times
-    periods = np.gradient(beats) if beats.size > 1 else np.full(beats.size, LONE_PERIOD)
+    periods = beat_periods(beats)
     targets = beats + phase * periods + params.lag
     inside = (targets > 0) & (targets < duration)
     return moves[(moves > 0) & (moves < duration)], targets[inside], periods[inside]
