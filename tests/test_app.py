@@ -418,9 +418,9 @@ def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_pa
     near = "of the moments half way between beats now, and before near 0%."
     for task, words in (("judge", "for a hit on the beat"), ("fit", near)):
         said: list[dict[str, Any]] = []
-        work(Order(task, *files, "", 0.0, tmp_path, how="hit"), Teller(said.append))
+        work(Order(task, *files, "cha-cha", 0.0, tmp_path, how="hit"), Teller(said.append))
         lines = next(one["lines"] for one in said if "lines" in one)
-        assert any(words in line for line in lines), lines
+        assert any(words in line for line in lines) and "Judged as a cha-cha, as you said." not in lines, lines
     assert any(line.startswith("After: You are on the beat: you hit it") for line in lines), lines
     said.clear()
     work(Order("fit", *files, "", 0.0, tmp_path, has_start=False, how="hit"), Teller(said.append))

@@ -308,7 +308,7 @@ def test_of_two_answers_of_a_rater_to_a_trial_the_first_counts_and_the_second_is
 def test_files_of_two_studies_do_not_merge_and_neither_is_gone_on_with_in_a_third(tmp_path: Path):
     paths = two_logs(tmp_path, study="f" * 12)
     refused(r"b\.jsonl: line 1 is of study ffffffffffff, but .*a\.jsonl is of study 0000", files.merge, paths)
-    refused("no answer files", files.merge, [])
+    refused("answer files are needed, in a list", files.merge, [])
     refused("holds answers of study 000000000000", AnswerLog(paths[0]).resume, trials_of("Ada"))
 
 

@@ -190,7 +190,7 @@ TRIALS = lab.make_trials(ITEMS, kind="pick", n=2, seed=1, rater="Ada")
     ("sound must be Notes, .*, got Audio", harmolab.playing_score, (motion(), SILENCE, "piano")),
     ("a musician's Performance is needed, got Motion", explain_playing, (motion(),)),
     ("trials and their key are needed, got Key and TrialSet", lab.write_study, ("study", KEY, TRIALS)),
-    ("no answer files given, in a list as of answer_files: 'study'", lab.merge, ("study",)),
+    ("answer files are needed, in a list as answer_files returns it; got 'study'", lab.merge, ("study",)),
     ("port 70000: .* 0-65535", partial(lab.StudyServer, port=70000), (None, None, None)),
 )
 def test_a_door_says_what_it_needs_in_place_of_what_it_got(message, call, values):

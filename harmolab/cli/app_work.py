@@ -56,7 +56,7 @@ def judge(order: Order, teller: Teller) -> None:
     params = recommended(None, order.style, order.how)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
-    notes += [f"Judged as a {order.style}, as you said."] if order.style else []
+    notes += [f"Judged as a {order.style}, as you said."] if order.style and not order.how else []
     notes += _tempo(song, order.style, result.music)
     lines, place = [*result.summary, *notes], result.placement
     teller.lines(lines, is_good=result.is_together, offset=place.seconds, has_start=place.is_absolute)

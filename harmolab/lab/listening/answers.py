@@ -212,10 +212,10 @@ def merge(paths: Sequence[PathLike]) -> Answers:
     ------
     FileNotFoundError, ValueError
         Naming the file and the line, if a file is missing or is not an answer file, or the answers are of different
-        studies; also if there are no files.
+        studies; also if there are no files, or one path in place of a list.
     """
     if not paths or isinstance(paths, str | os.PathLike):
-        raise ValueError(f"no answer files given, in a list as of answer_files: {str(paths)!r}")
+        raise ValueError(f"answer files are needed, in a list as answer_files returns it; got {str(paths)!r}")
     answers: dict[tuple[str, str], _Line] = {}
     notes: list[str] = []
     study: tuple[str, PathLike] | None = None
