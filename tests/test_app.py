@@ -365,14 +365,18 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     assert page.inner_text("#fault") == fault
     page.evaluate("document.querySelector('details.more').open = true")
     page.fill("#offset", "7")
+    page.select_option("#how", "hit")
     dropped(page, song, tmp_path / "wrong.txt", dance)
-    assert page.input_value("#offset") == ""  # it was said of another dance
+    assert page.input_value("#offset") == page.input_value("#how") == ""  # they were said of another dance
     page.wait_for_selector("#song.full")
     waited(page)
     assert page.inner_text("#fault").startswith("wrong.txt: a song ends in .wav")
     page.click("#fit")
     page.wait_for_selector("#fault:has-text('it is not known yet')", timeout=60_000)
-    page.click("#judge")
+    page.select_option("#how", "rest")
+    with page.expect_request(lambda request: request.method == "POST") as asked:
+        page.click("#judge")
+    assert asked.value.post_data_json["how"] == "rest"
     page.wait_for_selector(".verdict", timeout=60_000)
     waited(page)
     page.frame_locator("iframe[title=Player]").locator("#play").click()

@@ -66,7 +66,9 @@ def _relation(evaluation: Evaluation, system: str) -> str:
     one, control = (difference_of(evaluation, *rows) for rows in ((system, RECORDED), (RECORDED, OTHER_SONG)))
     songs = 0 if one is None else one.songs
     if one is None or control is None or songs < FEWEST_SONGS:
-        reason = f"{songs} common songs are too few" if songs else "they are to other songs"
+        reason = (
+            f"{songs} common song{' is' if songs == 1 else 's are'} too few" if songs else "they are to other songs"
+        )
         return f"cannot be compared with the recorded dances: {reason}"
     if one.is_clear:
         less = f"less than the recorded dances, {_beside_other_songs(evaluation, system)}"
