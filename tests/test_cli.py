@@ -634,9 +634,8 @@ def test_a_movement_bent_to_beats_that_are_unsure_gets_no_verdict_from_them(tmp_
     soundfile.write(tmp_path / "surf.wav", 0.1 * rng.normal(size=20 * 22050), 22050)
     dance = write_dance(tmp_path / "dance.npz", planted_dance(seconds=20.0))
     bent = tmp_path / "bent.npz"
-    before, after = succeed("retime", tmp_path / "surf.wav", dance, "--offset", 0, "--out", bent).stdout.splitlines()[
-        :2
-    ]
+    once = succeed("retime", tmp_path / "surf.wav", dance, "--offset", 0, "--out", bent)
+    before, after = once.stdout.splitlines()[:2]
     assert before.startswith("before: Cannot tell: the beats found in this music are unsure") and "--tap" in before
     assert after == "after: laid on beats that a program found, which are unsure here"
     again = succeed("retime", tmp_path / "surf.wav", dance, "--strength", 0, "--offset", 0, "--out", bent)

@@ -356,10 +356,14 @@ class AppServer(LocalPage):
 def without_options(sentence: str) -> str:
     """A sentence without the options in brackets and the order of files of a command: a page has fields for them.
 
+    What it has no field for, a file of beats, is left out whole.
+
     >>> without_options("Say the dance (--dance waltz), or film with the song playing.")
     'Say the dance, or film with the song playing.'
     """
-    return re.sub(r" \((?:or )?--[^)]*\)|, before the film or in its place", "", sentence)
+    return re.sub(
+        r"(?:, (?:and give them|or say its beats))? \((?:or )?--[^)]*\)|, before the film or in its place", "", sentence
+    )
 
 
 def _fresh(task: str, *, number: int = 0) -> dict[str, Any]:

@@ -89,7 +89,8 @@ def compare(
     Raises
     ------
     FileNotFoundError, ValueError
-        Without recordings that can be scored, for a window that is not positive or another word, and as `run_rows`.
+        Without recordings that can be scored, for a window that is not positive, another word for `null` or `beats`,
+        and as `run_rows`.
     """
     beats = beats or _common_beats(recordings, fit_on)
     check_whole(n_rotations=n_rotations, seed=seed)
