@@ -1,7 +1,7 @@
 """Retiming: a motion or a video at other moments, so that its beats come with the music's; no pose is changed."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from harmolab.body.skeletons import tree_order
 from harmolab.files import Counted, PathLike, Progress, silent
 from harmolab.params import HarmonyParams
 from harmolab.readers.video import video_frames, write_video
-from harmolab.retime.warps import Method, TimeWarp, beat_periods, beat_warp
+from harmolab.retime.warps import Method, TimeWarp, beat_warp, moved
 from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 from harmolab.verdict.judge import score_motion
@@ -95,9 +95,7 @@ def retime(
     if params.clock != 1:
         raise ValueError(f"retiming takes a motion at its own clock; divide its fps by {params.clock} instead")
     beats = music.span(0.0, motion.duration)
-    times = beats.times + phase * beat_periods(beats.times)
-    inside = (times >= 0) & (times < motion.duration)
-    target = partial(score_motion, replace(beats.select(inside), times=times[inside]), params=params, n_rotations=0)
+    target = partial(score_motion, moved(beats, phase), params=params, n_rotations=0)
     score = score or partial(score_motion, beats)
     before, target_before = score(motion), target(motion)
     visual, last = visual_beats(motion, params=params), (motion.n_frames - 1) / motion.fps

@@ -8,7 +8,7 @@ which the visual beat comes to lie. A path of matches from the start to the end 
 between; every step keeps the bounds on the local speed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple, get_args
 
@@ -255,7 +255,16 @@ def _check(phase: float, strength: float, slowest: float, fastest: float, tolera
         raise ValueError("retiming needs params with a reaction_delay above 0 seconds")
 
 
-def beat_periods(beats: FloatArray) -> FloatArray:
+def moved(music: BeatTrack, phase: float) -> BeatTrack:
+    """The beats later by so many beat periods; those outside the clip are left out."""
+    if not phase:
+        return music
+    times = music.times + phase * _periods(music.times)
+    inside = (times >= 0) & (times < music.duration)
+    return replace(music.select(inside), times=times[inside])
+
+
+def _periods(beats: FloatArray) -> FloatArray:
     """Seconds between beats (N,) at each of them."""
     return np.gradient(beats) if beats.size > 1 else np.full(beats.size, LONE_PERIOD)
 
@@ -265,7 +274,7 @@ def _beats_and_targets(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Visual beats (M,), their targets (N,) and the beat periods there (N,), all strictly inside the clip."""
     beats, moves = salient_audio(music, params).times, salient_visual(visual, params).times
-    periods = beat_periods(beats)
+    periods = _periods(beats)
     targets = beats + phase * periods + params.lag
     inside = (targets > 0) & (targets < duration)
     return moves[(moves > 0) & (moves < duration)], targets[inside], periods[inside]

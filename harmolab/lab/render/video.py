@@ -26,7 +26,7 @@ from harmolab.readers.video import CODINGS, VideoFrames, is_video, video_frames,
 from harmolab.retime.retime import Retimed, retime, warp_video
 from harmolab.retime.warps import Method
 from harmolab.score import HarmonyScore
-from harmolab.types import Audio, Clip, Motion, check_kind
+from harmolab.types import Audio, Clip, Motion
 from harmolab.verdict.judge import score_clip, score_motion
 
 # A dancer's skeleton over the video that it comes from
@@ -297,7 +297,8 @@ def _over(motion: Motion, video: VideoFrames) -> Motion:
 
 
 def _motion(clip: Clip) -> Motion:
-    check_kind(clip, Clip)
+    if not isinstance(clip, Clip):
+        raise ValueError(f"a harmolab.Clip is needed, got {type(clip).__name__}")
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to show")
     return clip.motion
