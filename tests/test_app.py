@@ -429,6 +429,10 @@ def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_pa
     said.clear()
     work(Order("fit", *files, "", 0.0, tmp_path, has_start=False, how="hit"), Teller(said.append))
     assert "of the beats" in next(one["lines"][0] for one in said if "lines" in one)
+    page = (tmp_path / "in_time.html").read_text("utf-8")
+    music, rests = (json.loads(re.search(rf'"{name}": (\[.*?\])', page)[1]) for name in ("music", "visual"))
+    beats = np.array([beat["time"] for beat in music[2:-2]])
+    assert np.abs(beats[:, None] - rests).min(axis=1).max() < 0.1  # it shows what the line says
 
 
 def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

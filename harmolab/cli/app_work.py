@@ -94,10 +94,10 @@ def fit(order: Order, teller: Teller) -> None:
         raise ValueError('Ask "Am I in time?" first, or say where the dance begins: it is not known yet.')
     kept = ".bvh" if dance.suffix.lower() == ".bvh" else ".npz"
     out = order.folder / f"{dance.stem}_in_time{'.mp4' if is_video(dance) else kept}"
-    params = recommended(None, order.style, order.how)
     # A start that was found from the movement lays its rests on the beats, whatever is meant.
-    hits = order.how == "hit" and order.has_start
-    goal, phase = ("the moments half way between beats", 0.5) if hits else ("the beats", 0.0)
+    how = order.how if order.has_start or order.how != "hit" else "rest"
+    params = recommended(None, order.style, how)
+    goal, phase = ("the moments half way between beats", 0.5) if how == "hit" else ("the beats", 0.0)
     retimed = retime_files(
         song, dance, out, offset=order.offset, dance=order.style, params=params, phase=phase, progress=teller.progress,
     )  # fmt: skip
