@@ -44,7 +44,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -c 'from harmolab.beats.audio import compile_tracker; compile_tracker()'
 	@touch $@
 
-test: $(STAMP) ## run every test but those in a browser (6 to 14 minutes on two cores)
+test: $(STAMP) ## run every test but those in a browser (5 to 14 minutes on two cores)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not browser"
 
 test-browser: $(STAMP) ## run the tests that drive JupyterLab and the report in Chromium

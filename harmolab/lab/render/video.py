@@ -18,7 +18,7 @@ from harmolab.lab.render import stick
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, Stroke
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
-from harmolab.readers.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25, load_keypoints
+from harmolab.readers.keypoints import load_keypoints
 from harmolab.readers.motion import save_motion
 from harmolab.readers.motion_file import ReadingKeywords
 from harmolab.readers.player_points import joint_widths, limb_widths
@@ -53,8 +53,6 @@ def load_points(
         COCO-17, OpenPose or MediaPipe, or our own `.npz`, as `load_any_motion` reads them.
     fps : float, frames per second, where the file holds no rate
     joints : names to keep, optional
-        When left out, eyes and ears of COCO and OpenPose go where they were not always seen: a turn of the head hides
-        one, and the whole frame would count as not valid.
     report : function(path, MotionFile), called with how the file was read
 
     Returns
@@ -72,9 +70,6 @@ def load_points(
     if Path(path).suffix.lower() == ".json":
         # MediaPipe's as shares of both sides, whatever proportions of the picture the file notes.
         motion = load_keypoints(path, fps=fps, aspect=1.0, joints=joints)
-    if joints is None and motion.skeleton in (COCO_17, OPENPOSE_18, OPENPOSE_25) and not motion.valid.all():
-        body = tuple(name for name in motion.skeleton.joints if not name.endswith(("_eye", "_ear")))
-        motion = load_any_motion(path, fps=fps, joints=body)
     return motion
 
 
