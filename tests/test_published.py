@@ -12,7 +12,7 @@ import nbformat
 import pytest
 
 from harmolab.lab.report import MANIFEST
-from harmolab.lab.report.run import experiment_digest, notebook_of
+from harmolab.lab.report.run import column_names, experiment_digest, notebook_of
 from study.figures.redraw import PICTURES
 from study.saving import PRIVATE
 
@@ -39,6 +39,18 @@ def test_digest_changes_with_what_is_computed_and_not_with_words_or_with_what_dr
         says = nbformat.v4.new_code_cell(f"words = {name!r}", metadata={"tags": ["finding"]})
         digests[name] = experiment_digest(nbformat.v4.new_notebook(cells=[says, *own]))
     assert digests["as it is"] == digests["commented"] == digests["drawn otherwise"] != digests["another number"]
+
+
+def test_digest_keeps_with_a_column_that_is_renamed_in_code_and_table_and_with_nothing_less(tmp_path: Path):
+    def digest(code: str, header: str) -> str:
+        (tmp_path / "table.csv").write_text(f"{header}\n1,2\n", "utf-8")
+        columns = column_names(tmp_path, ["picture.png", "table.csv"])
+        return experiment_digest(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)]), columns)
+
+    code, header = "row = {'h': 1, 'told the beats': 2}", 'h,"told the beats"'
+    renamed = code.replace("told the beats", "hears, counted"), header.replace("told the beats", "hears, counted")
+    others = digest(renamed[0], header), digest(code, renamed[1]), digest(code.replace("2", "3"), header)
+    assert digest(code, header) == digest(*renamed) not in others
 
 
 @cache
@@ -73,7 +85,8 @@ def test_all_that_a_notebook_saves_is_published_and_nothing_else(stem: str):
 
 @each_notebook
 def test_published_files_are_of_the_experiment_as_it_stands(stem: str):
-    digest = experiment_digest(nbformat.read(PATHS[stem], 4))
+    columns = column_names(ROOT / "figures", published(stem))
+    digest = experiment_digest(nbformat.read(PATHS[stem], 4), columns)
     assert {entry.get("experiment") for entry in published(stem).values()} == {digest}
 
 

@@ -477,7 +477,6 @@ def explain_performance(
     one: float | None = None,
     dance: str = "",
     params: HarmonyParams | None = None,
-    n_rotations: int = 1000,
     seed: int = 0,
 ) -> OwnDance:
     """A performance beside a song: placed, scored and explained.
@@ -491,7 +490,6 @@ def explain_performance(
     guess, search : see `place_performance`
     beats, one, dance : as in `harmolab.clips.load_clip`
     params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
-    n_rotations : int, of no effect: the measure "shape" needs none
     seed : int, of the resamplings behind the spread
 
     Raises
@@ -511,7 +509,7 @@ def explain_performance(
         placement = place_performance(performance, unplaced.audio, music, guess=guess, search=search)
     with named_faults(performance.path):
         clip = replace(unplaced, name=performance.path.name, offset=placement.seconds, has_start=placement.is_absolute)
-    score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
+    score, shared = score_clip(clip, params, seed=seed), clip.shared()
     if score.judgement is not None and score.judgement.level == 1:
         check_sign(performance.path, performance.motion)
     return OwnDance(

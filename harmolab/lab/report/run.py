@@ -3,16 +3,18 @@
 import argparse
 import ast
 import asyncio
+import csv
 import hashlib
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -62,17 +64,28 @@ def notebook_of(entry: Mapping[str, Any]) -> str:
     return str(entry.get("notebook", "")).removesuffix(".ipynb")
 
 
-def experiment_digest(node: nbformat.NotebookNode) -> str:
+def experiment_digest(node: nbformat.NotebookNode, columns: Sequence[str] = ()) -> str:
     """Twelve digits that change with what the code cells of a notebook compute.
 
     They do not change with its texts and comments, nor with functions that draw: pictures are drawn again from tables,
-    and so is the sentence of the cell "finding".
+    and so is the sentence of the cell "finding". Nor with the names of `columns`, those of its tables, in their order.
     """
     cells = [cell for cell in node.cells if cell.cell_type == "code" and "finding" not in cell.metadata.get("tags", ())]
     lines = [line for cell in cells for line in cell.source.splitlines()]
-    body = ast.parse("\n".join(line for line in lines if not line.startswith("%"))).body
-    code = [ast.unparse(part) for part in body if not (isinstance(part, ast.FunctionDef) and _draws(part.name))]
+    tree = ast.parse("\n".join(line for line in lines if not line.startswith("%")))
+    places = {name: f"column {place}" for place, name in enumerate(columns)}
+    for part in ast.walk(tree):
+        if isinstance(part, ast.Constant) and isinstance(part.value, str):
+            part.value = places.get(part.value, part.value)
+    code = [ast.unparse(part) for part in tree.body if not (isinstance(part, ast.FunctionDef) and _draws(part.name))]
     return hashlib.sha256("\n".join(code).encode()).hexdigest()[:12]
+
+
+def column_names(folder: Path, files: Iterable[str]) -> list[str]:
+    """Names of the columns of the tables among some files of a folder, each once, in the order of the files' names."""
+    tables = [folder / file for file in sorted(files) if file.endswith(".csv")]
+    headers = (next(csv.reader(table.read_text("utf-8").splitlines()[:1]), []) for table in tables)
+    return list(dict.fromkeys(chain.from_iterable(headers)))
 
 
 def _draws(name: str) -> bool:
@@ -87,9 +100,10 @@ def publish(run: NotebookRun, pictures: Path, figures: Path, commit: str) -> Non
     """
     name = run.path.stem
     about = {"commit": commit, "date": f"{datetime.now(UTC):%Y-%m-%d}", "seconds": round(run.seconds)}
-    about |= {"experiment": experiment_digest(run.node)}
     saved = {file: entry for file, entry in manifest_of(pictures).items() if not entry.get("private")}
-    drawn = {file: entry | about for file, entry in saved.items() if notebook_of(entry) == name}
+    drawn = {file: entry for file, entry in saved.items() if notebook_of(entry) == name}
+    about |= {"experiment": experiment_digest(run.node, column_names(pictures, drawn))}
+    drawn = {file: entry | about for file, entry in drawn.items()}
     others = {file: entry for file, entry in manifest_of(figures).items() if notebook_of(entry) != name}
     figures.mkdir(parents=True, exist_ok=True)
     for file in drawn:

@@ -237,22 +237,22 @@ def ablation(profile: RunProfile) -> pd.DataFrame:
     Returns
     -------
     DataFrame with the columns corpus, variant, seed and the measures; the variant "recorded" is the recorded motion
-    itself, judged with the same pose network.
+    itself. Of each seed all are judged with the pose network of the variant "paper".
     """
     rows = []
     for corpus, seed in product(generator_corpora(profile), range(1, profile.n_seeds + 1)):
         runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
         units, pose_net = runs["paper"].split.test, runs["paper"].pose_net
-        of_all = {name: judged(run, seed) for name, run in runs.items()}
+        of_all = {name: judged(run, seed, pose_net) for name, run in runs.items()}
         recorded = judge(recorded_motions(units), units, pose_net, seed=seed)
         of_all[RECORDED] = recorded | dict.fromkeys(DISTANCES, np.nan)  # it has no distance from itself
         rows += [{"corpus": corpus, "variant": name, "seed": seed, **own} for name, own in of_all.items()]
     return pd.DataFrame(rows)
 
 
-def judged(run: Trained, seed: int) -> dict[str, float]:
-    """`judge` of a generator's motion for the test units."""
-    return judge(generate_units(run.generator, run.split.test), run.split.test, run.pose_net, seed=seed)
+def judged(run: Trained, seed: int, pose_net: PoseNet) -> dict[str, float]:
+    """`judge` of a generator's motion for the test units, by a pose network that judges others too."""
+    return judge(generate_units(run.generator, run.split.test), run.split.test, pose_net, seed=seed)
 
 
 def seed_means(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
