@@ -237,13 +237,13 @@ def test_results_on_the_harmony_loss_are_the_published_ones(row: str) -> None:
     assert RESULTS[row][3:6] == means[["body_above_chance", "statue_above_chance", "count_ratio"]].tolist()
 
 
-BY_A_PROGRAM = "found by a program among the tempi of the dance,"
 LEVELS = {
-    f"{BY_A_PROGRAM} nothing else told": ("beatlocked", "tracked", False),
-    f"{BY_A_PROGRAM} its course told": ("beatlocked", "tracked", True),
+    "**found by a program, nothing told**": ("beatlocked", "tracked", False),
+    "found by a program, the dance told: its tempi and its course": ("beatlocked", "tracked", True),
     "annotated, nothing told": ("beatlocked", "annotated", False),
     "annotated, course of the dance told": ("beatlocked", "annotated", True),
     "street dance, 58 takes: annotated, nothing told": ("aist", "annotated", False),
+    "street dance, 58 takes: found by a program, nothing told": ("aist", "tracked", False),
 }
 
 
