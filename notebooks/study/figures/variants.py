@@ -219,7 +219,7 @@ def _nearest(table: pd.DataFrame) -> str:
 def distances_figure(table: pd.DataFrame) -> Figure:
     """`draw_distances` of speeds for the first corpus of the table of notebook 08, which has the others.
 
-    Not of poses: each training measures these by a pose network of its own, so that their units differ.
+    Not of poses: these are measured by a pose network that the paper's loss trains on, so they favour it.
     """
     handles = [
         Line2D([], [], **_REFERENCE.mark, label="recorded beside recorded dance"),
