@@ -211,7 +211,7 @@ def brief(value: float) -> str:
     return f"{round(value, 2) + 0.0:.2f}".replace("0.", ".", 1) if abs(value) < 1 else f"{value:.2f}"
 
 
-def published(table: str, **keys: str) -> pd.DataFrame:
+def published(table: str, **keys: str | bool) -> pd.DataFrame:
     """The rows of a published table that have these words in these columns."""
     frame = pd.read_csv(ROOT / "figures" / f"{table}.csv")
     return frame[(frame[list(keys)] == list(keys.values())).all(axis=1)]
@@ -235,6 +235,65 @@ def test_results_on_the_harmony_loss_are_the_published_ones(row: str) -> None:
     ends = gains.map(brief).agg(" to ".join, axis=1)[["paper_harmony", "paper_hit_rate", "above_chance"]]
     assert all(map(str.startswith, RESULTS[row], ends))
     assert RESULTS[row][3:6] == means[["body_above_chance", "statue_above_chance", "count_ratio"]].tolist()
+
+
+BY_A_PROGRAM = "found by a program among the tempi of the dance,"
+LEVELS = {
+    f"{BY_A_PROGRAM} nothing else told": ("beatlocked", "tracked", False),
+    f"{BY_A_PROGRAM} its course told": ("beatlocked", "tracked", True),
+    "annotated, nothing told": ("beatlocked", "annotated", False),
+    "annotated, course of the dance told": ("beatlocked", "annotated", True),
+    "street dance, 58 takes: annotated, nothing told": ("aist", "annotated", False),
+}
+
+
+@cases("row", *LEVELS)
+def test_results_on_what_a_dancer_is_told_are_the_published_ones(row: str) -> None:
+    corpus, beats, dance_told = LEVELS[row]
+    levels = published("table08i_levels", corpus=corpus, beats=beats, told=dance_told)
+    assert [cell.replace("*", "") for cell in RESULTS[row]] == levels.fillna("").iloc[0, 3:].tolist()
+
+
+SYSTEMS = {
+    "recorded dancers, their own song": "recorded, right song",
+    "recorded dancers, another song": "recorded, another song",
+    "recorded dancers, retimed to the song": "recorded, retimed",
+    "random pieces of recordings, rests laid on the beats": "random pieces, rests on beats",
+    "choreographer, which chooses by a bar pattern": "choreographer",
+    "choreographer of salsa, which lays rests on the beats": "choreographer, shipped bank",
+    "HarmoGAN with our loss, which is trained for a bar pattern": "HarmoGAN, recommended loss",
+    "HarmoGAN with the paper's loss": "HarmoGAN",
+    "HarmoGAN without a harmony loss": "HarmoGAN without L_harmo",
+    "Ren et al., one training": "Ren et al. 2020",
+    "Music2Dance with our settings": "Music2Dance, recommended",
+    "Music2Dance as its paper prints it": "Music2Dance",
+}
+
+
+@cases("row", *SYSTEMS)
+def test_results_on_systems_are_the_published_ones(row: str) -> None:
+    system = published("table12_systems", corpus="beatlocked", system=SYSTEMS[row]).set_index("music")
+    measures = ["hit_rate", "hit_rate chance", "pattern", "body", "body, late"]
+    hits, chance, pattern, rests, late = system.loc["recorded songs", measures].map(brief)
+    guard = system["guard"].reindex(["synthetic songs", "recorded songs"], fill_value="-")
+    assert RESULTS[row] == [f"{hits} ({chance})", pattern, f"{rests} ({late})", *guard]
+
+
+SONGS = {
+    "recorded, to these songs": "recorded",
+    "sketch, to these songs": "sketch",
+    "**corrected**, three trainings": "recommended",
+    "corrected without harmony": "recommended, without",
+    "corrected without discriminators": "recommended, no discriminators",
+    "search on the sketch, to these songs": "search",
+}
+
+
+@cases("row", *SONGS)
+def test_results_on_songs_kept_from_training_are_the_published_ones(row: str) -> None:
+    songs = published("table09c_own_songs", motion=SONGS[row]).iloc[0]
+    measures = songs[["pattern", "pattern, late", "pattern, other song", "body"]].map(brief)
+    assert RESULTS[row] == [*measures, songs["guard"]]
 
 
 def test_the_readme_is_one_page_of_words_that_it_explains_with_a_command_for_each_task():

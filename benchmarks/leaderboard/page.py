@@ -35,13 +35,17 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _compare_lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """A table with a line a score and a column a corpus, then what is to say about each corpus."""
-    yield from _table(["score", *map(_title, rows)], [
-        [words, *(_auc(row["numbers"][score], row["chance_band"][score]) for row in rows)]
-        for score, words in SCORES.items()
-    ])  # fmt: skip
+    yield from _table(["score", "tells on", *map(_title, rows)], [_score_cells(score, rows) for score in SCORES])
     for row in rows:
         amount = f"{row['windows']} windows of {len(row['recordings'])} recordings, {row['settings']['beats']} beats"
         yield from ("", f"**{_title(row)}**: {amount}", "", *_about(row))
+
+
+def _score_cells(score: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A score, on how many corpora it tells right from wrong music, and its AUC on each."""
+    cells = [_auc(row["numbers"][score], row["chance_band"][score]) for row in rows]
+    telling = sum(cell.startswith("**") for cell in cells)
+    return [SCORES[score], f"{telling} of {len(rows)}", *cells]
 
 
 def _auc(numbers: Mapping[str, Any], band: Sequence[float | None]) -> str:
