@@ -29,7 +29,8 @@ class TapOptions:
     Parameters
     ----------
     tap : Tap the beats, and mark "one", on a page that only this machine can open. Ten seconds of taps are enough: the
-        beats go on to both ends of the song, in one tempo or, where it moves, by its sound if that keeps to the taps.
+        beats go on to both ends of the song. They keep one tempo; where the song's tempo moves, they follow its sound,
+        if that keeps to the taps.
     meter : With --tap: beats in a bar, 3 for a waltz.
     port : With --tap: port of the local page; 0: any free one.
     no_open : With --tap: print the address only.
@@ -57,7 +58,7 @@ def beats(
 ) -> None:
     """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them (--clicks), tap them (--tap).
 
-    What it writes, other commands take with --beats.
+    Other commands take the file that it writes with --beats.
 
     Example: `harmolab beats song.mp3 --dance waltz --one 12.4 --out song.beats --clicks check.wav`
 
@@ -65,7 +66,7 @@ def beats(
 
     Parameters
     ----------
-    out : Write them, .beats: lines of time and place in the bar.
+    out : Write the beats, .beats: a line for each, with its time and its place in the bar.
     clicks : Write the song with a click on each beat, .wav.
     tracker : beat_this: a neural network, where its package and a checkpoint are installed.
     checkpoint : File with the weights of beat_this.

@@ -78,7 +78,7 @@ Offset = Annotated[
         help="Audio time in seconds at which the motion begins (default: what its file or folder says, else 0)."
     ),
 ]
-Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
+Seconds = Annotated[float | None, typer.Option(help="Take only so many seconds, from where it begins.")]
 
 
 def dance_names(incomplete: str) -> list[str]:
@@ -96,7 +96,7 @@ DanceName = Annotated[
     typer.Option(
         "--dance",
         autocompletion=dance_names,
-        help="Dance of the music (waltz, ...): what its dancers do in the bar, and its usual tempo.",
+        help="Dance of the music (waltz, ...). It tells what dancers do in the bar, and the usual tempo.",
     ),
 ]
 Beats = Annotated[
@@ -107,9 +107,9 @@ One = Annotated[
     typer.Option(
         "--one",
         metavar="SECONDS",
-        help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
-        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for "
-        "the beats in a bar. `harmolab beats --tap` finds it by ear.",
+        help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time of "
+        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another one. Needs --dance, "
+        "which tells the beats in a bar. With `harmolab beats --tap` you tell it by ear.",
     ),
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
@@ -177,9 +177,9 @@ class JudgeOptions:
 
     Parameters
     ----------
-    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one, in place of
-        what is usual in a --dance. Without either a rest or a waltz counts as on the beat, and anything else is said
-        as it is seen.
+    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. It takes the
+        place of what is usual in a --dance. With neither, a rest or a waltz counts as on the beat; of anything else
+        you read when you are fastest and stillest.
     """
 
     dance: DanceName = ""

@@ -61,18 +61,18 @@ def evaluate(
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
-    own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
-    every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
+    own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). Dances that go with no song are listed. Motions are
+    of every kind that `harmolab data convert` reads; --fps, --smpl and --up count for files that leave these open.
 
-    Where in its song a dance begins, the column offset of --pairs says, the number of a slice (`mBR0_slice7.pkl` with
-    --slice-stride 0.5: 3.5 s), or a file of harmolab; a dance of which nothing says it is taken to begin with the song,
-    and the table says so. EDGE's test.py begins anywhere, and does not write where.
+    Three things can say where in its song a dance begins: the column offset of --pairs, the number of a slice
+    (`mBR0_slice7.pkl` with --slice-stride 0.5: 3.5 s), or a file of harmolab. Otherwise the dance is taken to begin
+    with the song, and the table says so. EDGE's test.py begins anywhere, and does not write where.
 
-    A dance that cannot be read, is of another unit or axis, or goes with no song is in no number; it is named, and the
+    A dance that cannot be read, is of another unit or axis, or goes with no song is in no number. It is named, and the
     exit code is 1, or 0 with --allow-missing.
 
-    Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
-    it differs from another one beyond luck, song by song.
+    Recorded dances, the same with another song, and a pose that is held are always in the table. A system has a rank
+    only where it differs from another one beyond luck, song by song.
 
     Example: `harmolab evaluate my_dances --music songs --reference recorded --out table`
 

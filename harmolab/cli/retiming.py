@@ -44,9 +44,9 @@ def retime(
 ) -> None:
     """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
 
-    A motion whose rests are there already is left alone; a video that was read too poorly, and shows no sign of the
-    beat bent or not, is refused. The verdict and the number of `harmolab score` are printed as they were before and as
-    they are after.
+    A motion whose rests are there already is left alone. A video is refused if it was read too poorly and shows no sign
+    of the beat, neither before nor after. The verdict and the number of `harmolab score` are printed as they were
+    before and as they are after.
 
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
 
@@ -54,13 +54,14 @@ def retime(
 
     Parameters
     ----------
-    out : npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.
-    strength : Share of every shift that is made, 0 to 1.
-    phase : Where in the beat rests land: 0 on it, 0.5 half way to the next. Default 0, with --how hit 0.5.
-    slowest : Lowest local speed, above 0 to 1.
-    fastest : Highest local speed, 1 or more.
-    method : dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.
-    height : Video: pixels; a film is never enlarged.
+    out : File to write: npz, bvh, or a video with sound (mp4, webm). Of a video only a video can be written.
+    strength : Share of each shift in time that is made, 0 to 1.
+    phase : Where in the beat rests land: 0 on it, 0.5 half way to the next (default: 0, or 0.5 with --how hit).
+    slowest : Lowest speed at any moment, a share of the dance's own: above 0, and 1 at most.
+    fastest : Highest speed at any moment, a multiple of the dance's own: 1 or more.
+    method : dp keeps the speed between --slowest and --fastest; lee2019, for comparison, is that of Lee et al. 2019
+        and has no bounds.
+    height : Height of a video that is written, pixels; a film is never enlarged.
     """
     from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files

@@ -41,10 +41,10 @@ class PageOptions:
     Parameters
     ----------
     why : Also write a page, .html, that shows why: pictures, beats, player. Where the dance begins in the song is then
-        found by comparing a video's sound with the song; without that sound from the movement, up to whole beats, and
-        then nothing is said about its place in the beat.
-    guess : With --why: about where it begins, where only the movement can tell (default: 0).
-    search : With --why: how many seconds from the guess to look, to either side.
+        found by the sound of a video. Without that sound it is found by the movement, but only up to whole beats: then
+        nothing is said about the place in the beat.
+    guess : With --why: second of the song near which the dance begins, where only the movement can tell (default: 0).
+    search : With --why: seconds to search on either side of the guess.
     instrument : With --why: DANCE is a musician's playing, key points of body and hands, or the folder of a
         performance: do the hands meet the notes?
     """
@@ -274,16 +274,20 @@ def score(
     _start: Annotated[str | None, common.renamed("--start", "--offset")] = None,
     _duration: Annotated[str | None, common.renamed("--duration", "--seconds")] = None,
 ) -> None:
-    """Score a motion against its music.
+    """Score a motion against its music: is it in time, and on the beat?
 
-    First the verdict in words: is it in time, and on the beat. Below it how sure that is, how steady, and what would
-    help. Sixteen beats are needed. All numbers, those of the paper too, come with --verbose and --json: `harmony above
-    chance` is 0 for a random phase, 1 where every beat is the best moment of the take, -1 the worst; its p value is the
-    larger of two: in time (against other tempi) and in place (against other lags). The paper's `harmony` and `hit rate`
-    mean little without `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway.
+    The verdict comes first, in words. Below it stands how sure that is, how steady, and what would help. Sixteen beats
+    are needed.
 
-    Early and late count from what the dancers of --dance do, or from --how. With neither you are on the beat where you
-    rest on it, or move as in a waltz; a hit of the beat, or an arrival on it, is named, and not called late.
+    With neither --dance nor --how you are on the beat where you rest on it, or move as in a waltz. A hit of the beat,
+    or an arrival on it, is named, and not called late. With --dance, early and late count from what its dancers do;
+    with --how, from what you mean to do.
+
+    All numbers, those of the paper too, come with --verbose and --json. `harmony above chance` is 1 where every beat is
+    the best moment of the take, 0 at a random lag, and -1 where every beat is the worst moment. Its p value is the
+    larger of two: that of being in time (against other tempi), and that of the place in the beat (against other lags).
+    The paper's `harmony` and `hit rate` mean little without the `chance` beside them: at T_delay = 0.25 s most of the
+    time lies near a beat anyway.
 
     Examples:
 
@@ -295,7 +299,7 @@ def score(
 
     `harmolab score phone_video.mp4` scores a video with its music in it.
 
-    `harmolab score song.mp3 phone_video.mp4 --why page.html` shows why; in the song, the dance is found.
+    `harmolab score song.mp3 phone_video.mp4 --why page.html` shows why, and finds where in the song the dance begins.
 
     `harmolab score take/audio.wav take/points.json --instrument piano --why page.html`: do the hands meet the notes?
 
@@ -303,8 +307,8 @@ def score(
     ----------
     mode : The paper's settings, ours, or both.
     lag : Seconds by which this dancer is expected after the beat.
-    clock : Time stretch of the motion; 1.013 fits most Tang 2018 data.
-    csv : Write a table, .csv, of a folder of recordings, a row each.
+    clock : Factor by which the time of the motion is stretched; 1.013 fits most Tang 2018 data.
+    csv : Of a folder of recordings: write a table, .csv, with a row for each.
     plot : Save a picture (png, svg, pdf) of beats, hits and misses, of ten minutes at most; its p is that of being in
         time.
     others : Print the field's other measures too: beat alignment, mir_eval.
