@@ -259,8 +259,8 @@ def test_picture_has_a_row_for_each_body_and_marks_who_goes_with_the_music(table
 
 def test_finding_counts_who_pleases_each_score(table: pd.DataFrame):
     assert CELLS.finding({"table_cheating_on_the_beat": table.reset_index()}) == (
-        "Joint speed in the room is pleased by 10 of 13 cheats and by 4 of 12 dancers in time; "
-        "the speed of the body's shape by 2 and by 12."
+        "A score of joint speed in the room accepts 10 of 13 cheats and 4 of 12 dancers in time; "
+        "a score of the speed of the body's shape accepts 2 cheats and 12 dancers."
     )
 
 
