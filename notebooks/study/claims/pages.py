@@ -55,9 +55,10 @@ def number(tables: RunTables, table: str, column: str, digits: int = 2, **where:
 
 
 def short_table(claims: Sequence[Claim], tables: RunTables) -> str:
-    """The claims of one paper with the paper's number, ours and the verdict."""
+    """The claims of one paper that could be tested, with the paper's number, ours and the verdict."""
     lines = ["| in the paper | what it claims | its number | what came out here | verdict |", "|---|---|---|---|---|"]
-    rows = ((one.place, one.claim, one.paper or "-", one.ours(tables), one.verdict) for one in claims)
+    tested = [one for one in claims if one.verdict != "cannot be tested"]
+    rows = ((one.place, one.claim, one.paper or "-", one.ours(tables), one.verdict) for one in tested)
     return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
