@@ -1,7 +1,8 @@
-"""The words for people: the verdict in one line, three lines below it, and all else for those who ask.
+"""The sentences of a verdict: one line, three lines at most below it (`remarks`), and all others (`details`).
 
-Sentences are made from the fields of an `Evidence`. Late and early are said only against what was told: without a dance
-an arrival, a hit and a rest are places of their own, and what is said is when the body is fastest and stillest.
+Sentences are made from the fields of an `Evidence`. "Late" and "early" are said only where a dance, or what is meant on
+the beat, was told. Where nothing was told, resting on the beat, hitting it and arriving on it may each be meant, and
+the sentence says when the body is fastest and stillest.
 """
 
 from fractions import Fraction
@@ -35,13 +36,13 @@ HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it,
 
 
 def verdict(evidence: Evidence) -> str:
-    """The level in a sentence or two, where it does not hold, and how long the body rested."""
+    """The level in a sentence or two, and where it does not hold: parts of the take, beats without movement."""
     words = (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level]
     return words(evidence) + (elsewhere(evidence) + stillness(evidence) if evidence.level else "")
 
 
 def elsewhere(evidence: Evidence) -> str:
-    """A sentence where parts of the take are otherwise than the whole; minutes and seconds of what is judged."""
+    """A sentence on parts of the take that are otherwise than the whole, in minutes and seconds of the take."""
     clocks = [["{}:{:02}".format(*divmod(round(edge), 60)) for edge in part] for part in evidence.other_parts]
     if not clocks:
         return ""
@@ -52,7 +53,7 @@ def elsewhere(evidence: Evidence) -> str:
 
 
 def stillness(evidence: Evidence) -> str:
-    """A sentence where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
+    """A sentence where the body stands still on more than a tenth of the beats, since a held pose tells nothing."""
     still, beats = evidence.n_still, len(evidence.beats)
     if 10 * still <= beats:
         return ""
@@ -141,7 +142,7 @@ def _times(rate: Fraction) -> str:
 
 
 def remarks(evidence: Evidence) -> tuple[str, ...]:
-    """Three sentences at most: how sure, how steady, what would help or what else to know."""
+    """Three sentences at most: how sure the verdict is, how steady the lag, and what would help or is to be known."""
     return tuple(line for line in (_sure(evidence), _steady(evidence), *_more(evidence)[:1]) if line)
 
 
@@ -176,7 +177,7 @@ def _steady(evidence: Evidence) -> str:
 
 
 def _more(evidence: Evidence) -> list[str]:
-    """Caveats and advice, the weightiest first."""
+    """Caveats and advice, the most important first."""
     signal, lines = evidence.signal, [*_caveats(evidence), *_advice(evidence)]
     if signal is not None and signal.dimensions == 0 and evidence.time:
         size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
@@ -185,7 +186,7 @@ def _more(evidence: Evidence) -> list[str]:
 
 
 def _caveats(evidence: Evidence) -> list[str]:
-    """Sentences on the ground of the verdict, where that is little or unusual."""
+    """Sentences on weak evidence: unsure beats, a body that mostly travels, few joints, other rates, a picture."""
     signal, time, lines = evidence.signal, evidence.time, list[str]()
     if signal is None or time is None:
         return lines
