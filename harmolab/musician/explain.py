@@ -1,4 +1,4 @@
-"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
+"""The score of a musician's hands in words: findings, the events at which hands and sound part, stretches of time.
 
 All numbers are those of `harmolab.musician.events`, so that no finding can contradict the score.
 """
@@ -119,18 +119,27 @@ class ExplainedPlaying:
 def explain_playing(
     performance: Performance, *, params: HarmonyParams | None = None, n_rotations: int = 1000, seed: int = 0
 ) -> ExplainedPlaying:
-    """A performance scored and explained, by its notes, or where there are none by the onsets of its sound.
+    """Score a musician's performance and explain the score in sentences: do the hands meet the notes?
+
+    The hands are compared with the notes of the performance, or where there are none with the onsets that a program
+    finds in its sound.
 
     Parameters
     ----------
-    performance : Performance
-    params, n_rotations, seed : as in `harmolab.musician.events.playing_score`
+    performance : `harmolab.musician.performances.Performance`
+        As `load_performance` or `load_playing` of the same module read it.
+    params, n_rotations, seed : as in `harmolab.playing_score`
+
+    Returns
+    -------
+    ExplainedPlaying
+        `score`, and the verdict and findings in words. `save_playing_page` and `playing_player` show it.
 
     Raises
     ------
     ValueError
-        It has neither notes nor sound, its motion and sound hardly meet, it lacks the points of the hands, or is no
-        `harmolab.musician.performances.Performance`.
+        If it has neither notes nor sound, its motion and sound hardly overlap, it lacks the points of the hands, or it
+        is of another kind.
     """
     if not isinstance(performance, Performance):
         raise ValueError(f"a musician's Performance is needed, got {type(performance).__name__}")
@@ -158,9 +167,20 @@ def _silence(performance: Performance) -> Audio:
 
 
 def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:
-    """The findings behind a score of a musician's hands; the lag and the worst stretch only where there is evidence.
+    """The verdict on a musician's hands in words, and the findings behind it.
 
-    `is_filmed` is False for hands that were computed from the sound, whose picture cannot begin apart from it.
+    The lag and the worst stretch of time are among them only where there is evidence.
+
+    Parameters
+    ----------
+    score : PlayingScore
+        As of `harmolab.playing_score`.
+    is_filmed : bool
+        False for hands that were computed from the sound, so that picture and sound cannot begin apart.
+
+    Returns
+    -------
+    PlayingFindings
     """
     partings = _partings(score)
     stretches = _stretches(score, partings)

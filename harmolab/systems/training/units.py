@@ -234,7 +234,17 @@ class Batch(Generic[A]):
 
 
 def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
-    """A batch of units, padded to the longest.
+    """One batch of several training units, padded to the longest, for training a network.
+
+    Parameters
+    ----------
+    units : sequence of DanceUnit
+        A unit is a meter of 4 to 6 beats, with the beats before it that fill it up (Sec. 4.1).
+
+    Returns
+    -------
+    Batch of arrays, the units first: `audio` (A_f), `motion`, `initial` (V_f, Eq. 23) and `index` (TI) by frame;
+    `beats` and `strengths`; `mask` and `beat_mask`, 1 where a frame or beat is no padding; and `bars`
 
     Raises
     ------
