@@ -125,7 +125,7 @@ def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
 
 
 def threes(audio: Audio, track: BeatTrack) -> float:
-    """How much more music repeats every third beat than every fourth: above 0 it is in 3/4. From -1.3 to 1.5.
+    """Excess of repetition every third beat of music over that every fourth: above 0 it is in 3/4. From -1.3 to 1.5.
 
     It is the correlation of the onset strength around four moments of each beat with that of 3 and 6 beats later, less
     that with 4 and 8 beats later; 0 for music of less than 24 beats.

@@ -123,7 +123,7 @@ def _best_row(heights: FloatArray, intervals: IntArray) -> IntArray:
 def window_accents(
     curve: FloatArray, rate: float, beats: FloatArray, span: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """How well beats fit the accents, in windows of 8 s: the mean accent at the beats over the mean of all accents.
+    """Fit of beats to the accents in windows of 8 s: the mean accent at the beats over the mean of all accents.
 
     Beats at random moments have 1; a window without a beat has 0. Silent windows are left out.
 

@@ -46,7 +46,7 @@ class StepSpeeds:
 
 
 def jerk(motion: Motion, *, step: float = STEP) -> float:
-    """How jerkily a body moves: the mean rate at which the acceleration of its joints changes, m/s³.
+    """Jerk of a body: the mean rate at which the acceleration of its joints changes, m/s³.
 
     It is ``|p(t + 3s) - 3 p(t + 2s) + 3 p(t + s) - p(t)| / s^3``, mean over time and joints; p are the positions, and s
     is the step.
@@ -129,7 +129,7 @@ def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, ste
 
 
 def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) -> float:
-    """How fast feet slide while they are on the floor, metres per second.
+    """Sliding of the feet: their mean speed along the floor while they are on it, metres per second.
 
     A joint of a foot is on the floor where it is at most `height` above its own resting height (the 5th percentile of
     its heights) at both ends of a step. Of these joints of a foot the slowest counts: a turn on the ball of the

@@ -343,7 +343,7 @@ def cohen_kappa(first: FloatArray, second: FloatArray) -> float:
 
 
 def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
-    """How well the raters agree beyond chance: Cohen's kappa of two raters, Krippendorff's alpha of more.
+    """Agreement of the raters beyond chance: Cohen's kappa of two raters, Krippendorff's alpha of more.
 
     0 is chance, 1 full agreement.
 
