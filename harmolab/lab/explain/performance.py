@@ -301,8 +301,8 @@ class Placement:
             "given": ", as you said.",
             "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
-            "movement": f", or whole beats of {period} earlier or later: it was found from your movement, as if you "
-            "rested on the beat, and which beat is not known.",
+            "movement": f", or whole beats of {period} earlier or later (found from your movement, as if you rested "
+            "on the beat; which beat is not known).",
         }[self.source]
         weak = "" if self.is_sure else " The evidence for this place is weak."
         doubt = f" {REPEATS}" if self.repeats else weak
