@@ -254,6 +254,14 @@ def test_results_on_what_a_dancer_is_told_are_the_published_ones(row: str) -> No
     assert [cell.replace("*", "") for cell in RESULTS[row]] == levels.fillna("").iloc[0, 3:].tolist()
 
 
+def test_each_verdict_that_is_not_on_the_beat_has_its_advice_on_the_page_of_scores():
+    code = (ROOT / "harmolab" / "verdict" / "sentences.py").read_text("utf-8")
+    openings = re.findall('"((?:Cannot|No sign|You keep|You are in|In time)[^:.{"]*)', code)
+    page = (ROOT / "docs" / "scoring.md").read_text("utf-8")
+    advice = page.partition("### What you can do next")[2].partition("###")[0]
+    assert {words.strip() for words in openings} <= set(re.findall('"([^"]+)"', advice))
+
+
 SYSTEMS = {
     "recorded dancers, their own song": "recorded, right song",
     "recorded dancers, another song": "recorded, another song",

@@ -310,5 +310,5 @@ def likelier_tempo(envelope: FloatArray, rate: float, tempo: float) -> float:
 
 def octave_remark(tempo: float) -> str:
     """A sentence that says that the tempo might be counted at half or twice as much, and from between the beats."""
-    tempi = f"this tempo from {tempo / 2:.0f} or {2 * tempo:.0f}: --dance decides"
-    return f"The sound alone does not tell {tempi}. Nor the beat from the off-beat: listen by --clicks, mend by --tap."
+    tempi = f"The sound alone does not tell this tempo from {tempo / 2:.0f} or {2 * tempo:.0f}: --dance decides."
+    return f"{tempi} Nor does it tell the beat from the off-beat: listen by --clicks, mend by --tap."

@@ -591,9 +591,9 @@ NOTICE = (
     "later, a quarter of a beat."
 )
 FACTS = {
-    "try": "slow motion and the clicks: do the body and the beat come to rest together?",
+    "try": "slow motion and the clicks: does the body come to rest on the beat?",
     "movement": "subject 61 of mocap.cs.cmu.edu, a database created with funding from NSF EIA-0196217",
-    "chosen": "the dance was picked since it meets most beats: it shows what the words mean and is no result",
+    "chosen": "the dance was picked because it meets most beats: it shows what the words mean, and is no result",
 }
 
 

@@ -232,7 +232,7 @@ def _verdict(score: PlayingScore, *, is_filmed: bool) -> str:
     if score.is_together:
         return f"The hands meet the sound: {whole.mean_share:.0%} of it, where {whole.chance:.0%} would be chance."
     if np.isfinite(score.lag.seconds):
-        doubt = ": picture and sound may begin apart" if is_filmed else ""
+        doubt = ": picture and sound may not begin together" if is_filmed else ""
         late = f"{abs(1000 * score.lag.seconds):.0f} ms {'late' if score.lag.seconds > 0 else 'early'}"
         return f"The hands meet the sound {late}{doubt}."
     return "There is no evidence that these hands play this sound."
@@ -280,7 +280,7 @@ def _lag(score: PlayingScore) -> list[Finding]:
         return []
     spread = "" if np.isnan(low) else f" ({round(1000 * low):+d} to {round(1000 * high):+d} ms)"
     sentence = (
-        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, late counted positive{spread}; "
+        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, where + is late{spread}; "
         f"at the best lag {share:.0%} are met."
     )
     return [Finding("lag", seconds, sentence, (low, high))]
@@ -297,7 +297,7 @@ def _worst(score: PlayingScore, stretches: Sequence[Stretch]) -> list[Finding]:
     if not min(p_values) < CERTAIN:
         return []
     hits = f"{worst.hits} of {worst.onsets} onsets are met"
-    sentence = f"They part most from {worst.start:.0f} to {worst.end:.0f} s: {hits}."
+    sentence = f"The hands meet least from {worst.start:.0f} to {worst.end:.0f} s: {hits}."
     return [Finding("stretch", worst.hits / worst.onsets, sentence)]
 
 

@@ -151,7 +151,7 @@ ROWS = {
     "hand": "hand by hand",
     "other hand": "wrong hand",
     "lag": "early or late",
-    "stretch": "where they part most",
+    "stretch": "where they meet least",
     "body": "the whole body",
 }
 AVATAR = (
@@ -321,7 +321,7 @@ def performance_span(performance: Performance, start: float, seconds: float | No
     end = motion.n_frames if seconds is None else round((start + seconds - performance.offset) * motion.fps)
     last = min(end, motion.n_frames)
     if start < 0 or last - first < 2:
-        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound")
+        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound; choose others")
     frames = slice(first, last)
     return replace(
         performance,

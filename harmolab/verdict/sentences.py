@@ -181,7 +181,7 @@ def _more(evidence: Evidence) -> list[str]:
     signal, lines = evidence.signal, [*_caveats(evidence), *_advice(evidence)]
     if signal is not None and signal.dimensions == 0 and evidence.time:
         size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
-        lines.append(f"Only how fast you move was read, and no shape, which takes three points; flow has none{size}.")
+        lines.append(f"Only how fast you move was read, no shape: flow and fewer than three points have none{size}.")
     return lines
 
 
@@ -195,10 +195,10 @@ def _caveats(evidence: Evidence) -> list[str]:
     if signal.share < MOSTLY_TRAVELS:
         lines.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
     if signal.joints < FEW_JOINTS:
-        lines.append(f"Few joints move: all of it is the movement of {signal.joints:.0%} of them.")
+        lines.append(f"Few joints move: all of the movement is that of {signal.joints:.0%} of them.")
     lines += _of_rate(evidence, time.rate)
     if evidence.level == 2 and evidence.keeps_the_beat:
-        lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
+        lines.append("Your place in the beat is steady, but not at one beat of the bar: it goes from one to another.")
     if signal.dimensions == 2:
         hidden = "A picture hides about every fourth dancer who keeps time: a body in space shows more."
         lines.append(hidden if evidence.level == 1 else "In a picture, a turning statue cannot be told from a dancer.")
@@ -239,10 +239,10 @@ def _advice(evidence: Evidence) -> list[str]:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
-            'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'
+            'Where "one" is was not known, so the place in the bar did not count (--one, or `harmolab beats --tap`).'
         )
     if FEWEST_BEATS <= evidence.n_beats < FEW_BEATS:
-        lines.append(f"A longer take would show more: it has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
+        lines.append(f"A longer take would show more: this one has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
     if evidence.pattern is None and evidence.level in (1, 2) and not evidence.moves_in_half_time:
         hear = "hear the counted beats (`harmolab beats --clicks`), or " if evidence.beats.quality is not None else ""
         lines.append(f"What would help: {hear}say the dance, where its usual course is known (--dance).")

@@ -131,14 +131,14 @@ def compare(
     recorded = list(corpus_scores(recordings, options, processes, progress=progress, report=report))
     clips = [clip for scores in recorded for clip in scores.clips]
     if not clips:
-        raise ValueError("no sequence to compare")
+        raise ValueError("no recording to compare; `harmolab data check` says what the files lack")
     fit_clips = None
     if fit_on is not None:
         options = replace(options, other_music=False, judged=False)
         others = corpus_scores(fit_on, options, processes.below("fit_on"), progress=progress, report=report)
         fit_clips = [clip for scores in others for clip in scores.clips]
         if not fit_clips:
-            raise ValueError("no sequence to fit on")
+            raise ValueError("no recording to fit on; `harmolab data check` says what the files lack")
     usable = usable_clips(clips, fit_clips)
     learnt = learn_patterns(clips, fit_clips)
     music = scoring.other_music(clips, seed) if null == "other" else None

@@ -466,7 +466,7 @@ def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: 
     listed = {system for part in parts for system in part.systems}
     _check_names(settings, {*settings.systems, *listed})
     if taken := listed & set(CONTROLS):
-        raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
+        raise ValueError(f"{settings.pairs}: {min(taken)!r} is a row of every table; call the system otherwise")
     if settings.pairs is not None and (unlisted := [name for name in settings.systems if name not in listed]):
         raise ValueError(f"{settings.pairs}: names no dance of {unlisted[0]!r}, whose folder was passed; leave it out")
     unpaired = tuple(one for part in parts for one in part.unpaired)

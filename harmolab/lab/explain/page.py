@@ -134,7 +134,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
     judgement, score = dance.judgement, dance.score
     numbers = {"Level": f"{dance.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
     numbers["p in place"] = f"{judgement.p_place:.3f}" if judgement.is_placed else "nan"
-    numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
+    numbers["Harmony above chance (0: chance, 1: all)"] = f"{score.harmony_above_chance:.2f}"
     numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
     numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
     numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"

@@ -139,8 +139,7 @@ def _score(judgement: Judgement) -> list[Finding]:
     value, (low, high) = judgement.harmony_above_chance, judgement.interval
     spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} by its bars"
     sentence = (
-        f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
-        f"{spread})."
+        f"Harmony above chance is {value:.2f} (0 is chance, 1 the best moment of the take on every beat{spread})."
     )
     return [Finding("score", value, sentence, judgement.interval)]
 
@@ -165,7 +164,7 @@ def _lag(judgement: Judgement) -> list[Finding]:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"
-    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+z.0f} ms{spread}."
+    sentence = f"Your lag is {1000 * judgement.lag_s:+z.0f} ms, where + is late{spread}."
     if judgement.is_opposite:
         sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
@@ -300,8 +299,8 @@ class Placement:
             "given": ", as you said.",
             "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
-            "movement": f", or whole beats of {period} from there: found from your movement, as if you rested on the "
-            "beat; which beat is not known.",
+            "movement": f", or whole beats of {period} earlier or later (found from your movement, as if you rested "
+            "on the beat; which beat is not known).",
         }[self.source]
         weak = "" if self.is_sure else " The evidence for this place is weak."
         doubt = f" {REPEATS}" if self.repeats else weak

@@ -213,7 +213,7 @@ def study_pieces(
     for text in pieces.left_out:
         report(Problem(Path(corpus), text))
     if not pieces.pieces:
-        raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
+        raise ValueError(f"{corpus}: no recording gives a trial of {seconds:g} s; try fewer --seconds")
     return pieces
 
 

@@ -311,7 +311,7 @@ def _check_count(n: int, multiple: int, most: int, what: str) -> None:
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 or n % multiple:
         raise ValueError(f"n must be a multiple of {multiple} above 0, so all conditions come equally often; got {n!r}")
     if n > min(most, MOST_TRIALS):
-        raise ValueError(f"n = {n} trials, but there are only {most} {what} and none comes twice; give more items")
+        raise ValueError(f"n = {n} trials, but there are only {most} {what} and none comes twice; choose a smaller n")
 
 
 def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:

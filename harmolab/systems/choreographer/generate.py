@@ -184,7 +184,7 @@ def warnings_of(
         lines.append("no beats are heard in this music: the dance keeps a tempo of its own")
     if worst > VISIBLE_SEAM or minutes < LEAST_MINUTES:
         reason = f"{minutes:.1f} distinct minutes" if minutes < LEAST_MINUTES else f"a seam of {worst:.0f} cm shows"
-        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance do, {LEAST_MINUTES:g} is the least"
+        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance are enough, {LEAST_MINUTES:g} is the least"
         lines.append(f"{TOO_LITTLE} ({reason}){rule if minutes < ENOUGH_MINUTES else ''}")
     ratio = float(np.median(moves.lengths)) / music.period
     if not is_own_pulse and has_beats and abs(ratio - 1) > OTHER_TEMPO:
@@ -471,7 +471,7 @@ class Choreographer(DanceSystem):
         if not takes:
             takes = self.takes
             names = ", ".join(self.dances) or "what is there"
-            notes.append(f"there is no {dance} among these recordings: danced is {names}")
+            notes.append(f"there is no {dance} among these recordings, so {names} is danced")
         if len(mixed := sorted({take.dance for take in takes} - {""})) > 1:
             notes.append(f"recordings of {', '.join(mixed)} are mixed; name one of them (--dance) to keep to it")
         timed = tuple(take for take in takes if take.beats.size)
@@ -479,7 +479,7 @@ class Choreographer(DanceSystem):
         used = timed if sum(take.seconds for take in timed) >= sum(take.seconds for take in bare) else bare
         if timed and bare:
             left = len(takes) - len(used)
-            notes.append(f"{left} of {len(takes)} recordings are left out: beats are known of some only")
+            notes.append(f"{left} of {len(takes)} recordings are left out: those with and without beats do not mix")
         return used, notes
 
     def _moves_of(self, takes: tuple[Take, ...], period: float, seconds: float = 0.0) -> Moves:

@@ -435,6 +435,6 @@ class Attributes(Learner):
         train_attributes(songs.songs, songs.classes, split, options, params)
         test = read_about(options.out)["meta"]["test"]
         notice(
-            f"test songs: {test['right']} of {test['songs']} dances are right; {test['majority']} would be by always "
-            "naming the most frequent dance of the training songs"
+            f"test songs: the dance of {test['right']} of {test['songs']} is named rightly; always naming the most "
+            f"frequent dance of the training songs would be right for {test['majority']}"
         )

@@ -519,7 +519,7 @@ def grouped_units(
     segments = group_outlines([item.outline for item in contents])
     units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        reason = "every sequence is too short" if contents else "there is no sequence (see `harmolab data check`)"
+        reason = "every recording is too short" if contents else "there is no recording (see `harmolab data check`)"
         raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
     motions = [item.motion for item in contents]
     bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]

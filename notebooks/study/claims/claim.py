@@ -89,7 +89,7 @@ def claims_table(claims: Sequence[Claim], tables: RunTables) -> str:
             f"the tables contradict the verdict on {'; '.join(wrong)}: look at them, and change the verdict"
         )
     lines = [
-        "| where | claim | the paper | ours | chance, control | verdict | built in |",
+        "| in the paper | what it claims | its number | what came out here | beside it: chance or a control | verdict | notebook, test |",
         "|---|---|---|---|---|---|---|",
     ]
     return "\n".join([*lines, *(_line(one, tables) for one in claims)])
@@ -97,7 +97,7 @@ def claims_table(claims: Sequence[Claim], tables: RunTables) -> str:
 
 def _line(one: Claim, tables: RunTables) -> str:
     notebook = f"[{one.notebook[:2]}](../notebooks/{one.notebook}.ipynb), `{one.test}`"
-    verdict = f"**{one.verdict}**" + (f"; {one.needs}" if one.needs else "")
+    verdict = f"**{one.verdict}**" + (f"; it would take {one.needs}" if one.needs else "")
     cells = (
         one.place,
         one.claim,

@@ -40,7 +40,7 @@ def page(name: str, tables: RunTables) -> str:
         papers=[(title, claims_table(claims, tables)) for title, claims in PAPERS.items()],
         short={title: short_table(claims, tables) for title, claims in PAPERS.items()},
         total=len(every),
-        summary=", ".join(f"{count} {verdict}" for verdict, count in counts(every).items()),
+        counts=counts(every),
         value=partial(number, tables),
         spread=partial(spread, tables),
         rest_of_order=partial(rest_of_order, tables),
@@ -55,9 +55,10 @@ def number(tables: RunTables, table: str, column: str, digits: int = 2, **where:
 
 
 def short_table(claims: Sequence[Claim], tables: RunTables) -> str:
-    """The claims of one paper with the paper's number, ours and the verdict."""
-    lines = ["| where | claim | the paper | ours | verdict |", "|---|---|---|---|---|"]
-    rows = ((one.place, one.claim, one.paper or "-", one.ours(tables), one.verdict) for one in claims)
+    """The claims of one paper that could be tested, with the paper's number, ours and the verdict."""
+    lines = ["| in the paper | what it claims | its number | what came out here | verdict |", "|---|---|---|---|---|"]
+    tested = [one for one in claims if one.verdict != "cannot be tested"]
+    rows = ((one.place, one.claim, one.paper or "-", one.ours(tables), one.verdict) for one in tested)
     return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
