@@ -66,7 +66,8 @@ def ranks(values: ArrayLike) -> FloatArray:
 def p_value(observed: float, null: ArrayLike) -> float:
     """The p-value of a number: how often luck gives one that is at least as large.
 
-    The observation itself is counted among the null values, so that p is never 0: (1 + larger ones) / (1 + R).
+    The observation itself is counted among the R null values, so that p is never 0: (1 + n) / (1 + R), where n of them
+    are at least as large.
 
     Parameters
     ----------

@@ -50,8 +50,8 @@ class Trainable(Protocol):
 class System(Trainable, Protocol):
     """A system that makes dances from music: the methods that all systems have, `generate`, `save`, `load` and `train`.
 
-    Each may take more keywords than these, all with defaults. Write a class with these methods to have harmolab train,
-    run and evaluate a system of your own: its name is then ``package.module:Class``.
+    Each may take more keywords than these, all with defaults. A class of your own with these methods is a system, too:
+    its name is ``package.module:Class``, and harmolab's commands train it and let it dance by this name.
     """
 
     def generate(

@@ -157,12 +157,15 @@ class TrainParams:
 
     @classmethod
     def paper(cls) -> "TrainParams":
-        """Section 5.2, number by number; `patience` is our reading of where its pretraining ends."""
+        """The paper's settings, Section 5.2 number by number; `patience` is our reading of where pretraining ends."""
         return cls()
 
     @classmethod
     def recommended(cls) -> "TrainParams":
-        """Corrections of a movement: harmony of the body with the music, near the sketch and as natural as that."""
+        """The settings that we advise: sketches are corrected towards harmony, near to them and as natural as they are.
+
+        There is no pretraining.
+        """
         return cls(
             pretrain_epochs=0,
             adversarial_epochs=9,

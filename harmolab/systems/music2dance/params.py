@@ -190,7 +190,11 @@ class Music2DanceParams:
 
     @classmethod
     def recommended(cls) -> "Music2DanceParams":
-        """The settings that we advise: positions, most of the frame before carried over, draws of less spread."""
+        """The settings that we advise.
+
+        Poses are places of joints, and most of the frame before is carried over. Contacts weigh more. Draws have less
+        spread and last for some frames, and the dance is smoothed.
+        """
         return replace(
             cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.3,
             draw_memory=0.3, smoothing=0.04, start_seconds=5.0,
