@@ -58,8 +58,8 @@ class HarmonyScore(Display):
         Read `harmony_above_chance` beside `chance`, `p_value` and `interval`. `harmony` and `hit_rate`, which the paper
         prints, say little alone: where chance is high, any movement gets much of them.
 
-    Times are seconds on the motion's time line. N is the number of attentional music beats, M that of attentional
-    visual beats: those that count (Eq. 11-13). In the measure "shape" every beat counts.
+    Times are seconds on the motion's time line. A visual beat is one of the movement, such as a rest. Attentional beats
+    are those that count (Eq. 11-13): N of the music, M visual ones. In the measure "shape" every beat counts.
 
     Parameters
     ----------

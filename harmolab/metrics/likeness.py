@@ -403,7 +403,7 @@ class Likeness:
 def likeness(
     motion: Motion, *, dance: str = "", limits: LikenessLimits | None = None, held: BoolArray | None = None
 ) -> Likeness:
-    """Does a dance move like recorded dancers? Thirteen measures of how a body moves, music aside.
+    """Likeness of a dance to recorded dancers, music aside: does the body move as theirs, by thirteen measures?
 
     Each measure has to lie within the limits that recordings set, with half as much again to spare
     (`harmolab.metrics.likeness` has the table). Of a dance that fails, a score of harmony means little. A dance of more

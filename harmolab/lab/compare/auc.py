@@ -75,9 +75,10 @@ def compare(
     progress: Progress = silent,
     report: folders.ProblemReport = lambda problem: None,
 ) -> CorpusResult:
-    """Which scores tell true from wrong music on your recordings? The AUC of each, and the verdict on each recording.
+    """The AUC of every score on recordings, true against wrong music, and the verdict on each recording.
 
-    The AUC is the probability that a dance scores more with its own music than one with wrong music (`auc`).
+    It tells which scores are to be trusted on your recordings: the AUC is the probability that a dance scores more with
+    its own music than one with wrong music (`auc`).
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ else:  # half a second, which no worker needs to wait for
 def rests_on_beat(
     motion: Motion, music: BeatTrack, *, late: float = 0.0, frame: Literal["body", "room"] = "body"
 ) -> float:
-    """Does the body come to rest on the beats? Harmony above chance of the moments at which the joints are slowest.
+    """Harmony above chance of the moments at which the joints are slowest: does the body come to rest on the beats?
 
     It is the score of `HarmonyParams.valleys`. The way of the body through the room and its turns are taken out before.
     Recorded ballroom dancers have about .06, since they do not rest on every beat.

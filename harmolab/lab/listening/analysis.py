@@ -372,7 +372,7 @@ def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
 
 
 def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
-    """Do scores agree with raters? The correlation of the answers with every score.
+    """Correlation of the answers with every score: which scores agree with the raters?
 
     Parameters
     ----------

@@ -139,7 +139,9 @@ class Music2Dance(NetworkSystem):
         )  # fmt: skip
 
     def dance_probabilities(self, audio: Audio) -> dict[str, float]:
-        """Which dance does a song call for (Sec. 4.3)? The beats are tracked without a range of tempi (R15).
+        """Probability of each dance for a song: which one does it call for (Sec. 4.3)?
+
+        The beats are tracked without a range of tempi (R15).
 
         Returns
         -------
