@@ -149,7 +149,8 @@ def audio_beats(
     BeatTrack
         Beats from the first to the last sound, none for silence. `quality`, `windows` and `fit` say how sure they are.
         A beat with which the sound begins has strength 0, since its onset rises above nothing. `bar_places` is None:
-        the sound does not tell where a bar begins (`with_one`).
+        the sound does not tell where a bar begins (`with_one`), since in 4/4 the strongest beat is as often another as
+        the first.
 
     Raises
     ------
