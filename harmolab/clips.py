@@ -1,4 +1,4 @@
-"""From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
+"""From two files, a song and a movement, to a clip and its score."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence, Set
@@ -37,22 +37,45 @@ def score_files(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a motion file with a song file.
+    """The score of a motion file with a song file: is the dance in time with the song, and on the beat?
+
+    It is `score_clip` of `load_clip`, as the command `harmolab score` has it. Say when the dance begins (`offset`) if
+    you know it: where nothing tells, the verdict is "in time" at most.
 
     Parameters
     ----------
-    song, motion, offset, seconds, dance, beats, one, fps : as in `load_clip`
+    song : str or path
+        wav, flac, ogg, mp3 or m4a, or a video with sound.
+    motion : str or path
+        Any file that `load_motion` reads, or the folder of a recording.
+    offset : float, seconds
+        Moment of the song at which the motion begins. When left out, what the motion's file or folder says.
+    seconds : float
+        Length of the motion that is scored, from its beginning; all of it when left out.
+    dance : str
+        Name of the dance. If it is one of `DANCES`, the tempo is sought in its range. The usual course of cha-cha,
+        rumba and waltz is then asked for.
+    beats : str or path
+        File of the song's beats (`load_beats`), in place of those that a program finds.
+    one : float, seconds
+        Moment of the song at which a bar begins; needs `dance`, which tells the beats in a bar.
+    fps : float, frames per second
+        As in `load_motion`.
     params, n_rotations, seed : as in `score_clip`
+
+    Returns
+    -------
+    HarmonyScore
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As `load_clip` and `score_clip`; of a file, they name it.
+        As `load_clip` and `score_clip`; they name the file that is at fault.
 
     Examples
     --------
-    >>> score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz").harmony_above_chance  # doctest: +SKIP
-    0.61
+    >>> score = score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz")  # doctest: +SKIP
+    >>> score.judgement.verdict, score.harmony_above_chance  # doctest: +SKIP
     """
     clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps)
     return score_clip(clip, params, n_rotations=n_rotations, seed=seed)
@@ -76,30 +99,47 @@ def load_clip(
     sample_rate: float | None = TRACKED_AT,
     report: recordings.ReadingReport = lambda path, file: None,
 ) -> Clip:
-    """A song and a motion as a clip with its music beats, read or tracked once.
+    """A clip from a song and a motion, with the beats of the song: the first step of a score.
 
     Parameters
     ----------
-    song : str or path: wav, flac, ogg, mp3 or m4a, or a video with sound
-    motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
-    offset : float, seconds, audio time of motion frame 0
-        Left out, what the motion's file or folder says, else 0, and the clip says that it has no start; 0 of a Motion.
-    seconds : float, length of the motion that is taken; all of it when left out
-    dance : str, a prior of the tempo where it is one of `DANCES`
-    beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
-    one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
-    track : bool; False leaves the clip without beats where none are annotated
+    song : str or path
+        wav, flac, ogg, mp3 or m4a, or a video with sound.
+    motion : str, path or Motion
+        Any file that `load_motion` reads, the folder of a recording, or a Motion.
+    offset : float, seconds
+        Moment of the song at which the motion begins. When left out: what the motion's file or folder says. Where these
+        say nothing it is 0, and `Clip.has_start` is False. A Motion begins with the song.
+    seconds : float
+        Length of the motion that is taken, from its beginning; all of it when left out.
+    dance : str
+        Name of the dance. If it is one of `DANCES`, the tempo is sought in its range.
+    beats : str or path
+        File of the song's beats (.beats, csv, beats.json; see `load_beats`), in place of those that a program finds.
+    one : float, seconds
+        Moment of the song at which any bar begins; needs `dance`, which tells the beats in a bar.
+    track : bool
+        False leaves a clip without beats where there is no file of them.
     fps, scale, joints, smpl, up : as in `load_motion`, for a motion that is read
-    sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
-        The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
-        22,050 Hz, since another resampler brings it there.
-    report : function(path, MotionFile), called with how a motion file was read
+    sample_rate : float or None, hertz
+        Rate of the clip's sound; None keeps the file's. The beats are the same at every rate. At rates other than
+        22,050 Hz the sound of a video is decoded twice, since another resampler brings it to that rate.
+    report : function(path, MotionFile)
+        Called with how a motion file was read.
+
+    Returns
+    -------
+    Clip
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Of a file, both name it. ValueError also for an unknown dance without annotated beats or with `one`, where no
-        beat is near `one`, and for `seconds` or `up` that cannot be.
+        Both name the file that is at fault. ValueError also for an unknown dance, unless `beats` are passed; for `one`
+        without a dance of `DANCES`, or with no beat near it; and for `seconds` or `up` that cannot be.
+
+    Examples
+    --------
+    >>> clip = load_clip("song.mp3", "dance.bvh", offset=12.4)  # doctest: +SKIP
     """
     check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
@@ -127,7 +167,7 @@ def load_clip(
 
 
 def check_dance(dance: str, beats: PathLike | None = None, one: float | None = None) -> None:
-    """ValueError for an unknown dance where its tempo or its bars are needed; names the one that was meant."""
+    """ValueError for an unknown dance where its tempo or its bars are needed; it names the likeliest known one."""
     if dance and beats is None and dance not in DANCES:
         raise unknown_dance(dance, DANCES)
     if one is not None and dance not in DANCES:

@@ -32,17 +32,35 @@ DANCES = MappingProxyType(
 
 @dataclass(frozen=True)
 class BarPattern:
-    """Usual course of shape speed through a cycle of beats, as a short Fourier series.
+    """The usual course of movement through a cycle of beats: when the body is fast, and when it is slow.
 
-    The expected (normalised) speed at beat position x is ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1]
-    sin(2 pi h x / beats)``; x = 0 is the cycle's first beat. Plain tuples, so that patterns compare and print.
+    It is the expected shape speed (see `harmolab.shape_speed`) in standard deviations from its mean, as a short Fourier
+    series. At beat position x (0 is the first beat of the cycle) it is
+
+    ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1] sin(2 pi h x / beats)``, h = 1 to H.
 
     Parameters
     ----------
-    beats : int, length of the cycle
-    cosines, sines : tuples of H floats
-    source : str, what it was learnt on
-    dance : str, name of the dance; "" when unknown
+    beats : int
+        Length of the cycle: 3 for a waltz, whose bar has one course, 2 for half a bar of 4/4.
+    cosines, sines : sequences of H floats
+        One of each for every harmonic h; kept as tuples, so that patterns can be compared and printed.
+    source : str
+        The recordings that it was learnt on.
+    dance : str
+        Name of the dance; "" where unknown.
+
+    Raises
+    ------
+    ValueError
+        If `beats` is no whole number from 1 on, the lists are empty or differ in length, or a number is not finite.
+
+    Examples
+    --------
+    Slowest on every beat, fastest half way between two, is one cosine:
+
+    >>> BarPattern(1, [-1.0], [0.0], "rest") == HOW_PATTERNS["rest"]
+    True
     """
 
     beats: int
@@ -63,7 +81,7 @@ class BarPattern:
 
     @classmethod
     def stop_on_the_beat(cls) -> "BarPattern":
-        """Slowest on every beat, fastest half way between: movements that end on the beat."""
+        """The pattern of movements that end on the beat: slowest on every beat, fastest half way between two beats."""
         return cls(1, (-1.0,), (0.0,), "assumed: movements end on the beat")
 
 
@@ -92,42 +110,85 @@ MAX_LAG = 2.0  # seconds: a beat of 30 bpm
 
 @dataclass(frozen=True)
 class HarmonyParams:
-    """Every choice a harmony score depends on. ``paper()`` is the paper; ``recommended()`` is what we advise.
+    """The settings of a harmony score: every choice that it depends on.
+
+    Take one of the presets, and change single fields by `dataclasses.replace`:
+
+    ``HarmonyParams.recommended()``
+        the score that we advise, which `score_clip` and `score_motion` take where no settings are passed
+    ``HarmonyParams.paper()``
+        the score of the paper; the defaults below are its values
+    ``HarmonyParams.valleys()``
+        hits of rests, corrected for chance: the simplest score that sees planted beats
+    ``HarmonyParams.playing()``
+        the same for the hands of musicians
+
+    A *visual beat* is a beat of the movement, such as a moment at which the body is slowest.
 
     Parameters
     ----------
     measure : "shape" or "hits"
-        "shape" judges the shape of the body: in time, and where in the beat (see `harmolab.verdict.judge`). "hits"
-        counts music beats with a visual beat close by (Eq. 14-21).
+        "shape" asks of the shape of the body whether it is in time, and where in the beat (`harmolab.verdict.judge`).
+        "hits" counts the music beats that have a visual beat close by (Eq. 14-21). `audio_threshold`,
+        `visual_threshold` and `smoothing` are read by "hits" alone.
     audio_threshold : float
-        lambda_1 of Eq. 11, in standard deviations.
+        lambda_1 of Eq. 11, in standard deviations: a music beat counts if its strength is above it.
     visual_threshold : float or None
-        lambda_2 of Eq. 13; None keeps every visual beat.
+        lambda_2 of Eq. 13, in standard deviations: a visual beat counts if it differs by more from the one before. None
+        keeps every visual beat.
     reaction_delay : float, seconds
-        T_delay of Eq. 18; a beat exactly this far away is still a hit. At most 10, as smoothing is.
+        T_delay of Eq. 18: a music beat is hit if a visual beat is at most this far away. At most 10.
     beta : float
-        Weight of Eq. 20; above 1 favours the music's beats.
-    detector : which moments of a motion are visual beats
-        "turns" of the joint speed (Eq. 8-9), its "valleys" or "peaks" alone, or "direction" (motion SD).
+        Weight in Eq. 20. Above 1 it matters more that music beats are hit, below 1 that visual beats hit.
+    detector : "turns", "valleys", "peaks" or "direction"
+        The moments that are visual beats: all turning points of the joint speed (Eq. 8-9), its valleys (rests) or
+        peaks (hits) alone, or peaks of the change of direction (motion SD).
     fps : float or None, hertz
-        Rate the motion is resampled to (linearly) first; None keeps its own.
+        The motion is resampled to this rate first, by linear interpolation. None keeps its own rate.
     smoothing : float, seconds
-        Standard deviation of the Gaussian that smooths the speed curve, at most 10; 0 leaves it alone.
+        Standard deviation of the Gaussian that smooths the speed curve; 0 does not smooth. At most 10.
     position_smoothing : float, seconds
-        The same for the joint positions before the speed is taken: what sensor noise calls for.
+        The same for the joint positions, before the speed is taken: for sensors that tremble.
     subframe : bool
-        Place visual beats between frames: a frame difference belongs half a frame before its frame, and an extremum to
-        the top of the parabola through three samples; motion below 120 hertz is interpolated by cubic splines first.
-        Makes beat times independent of the frame rate.
+        Whether visual beats are placed between frames, so that their times do not depend on the frame rate. A speed
+        then stands half way between its two frames, and an extremum at the top of the parabola through three samples.
+        Where `fps` is None, motion below 120 hertz is first interpolated by cubic splines.
     lag : float, seconds
-        How much later than the music's beats the visual ones are expected, at most 2; taken off before scoring.
+        Time by which movements are expected later than the music's beats, from -2 to 2; it is taken off before scoring.
     clock : float
-        Time stretch of the motion: its times are multiplied by this (1.013 fits most Tang 2018 recordings).
-    speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
-        Readings of unclear equations, see ``docs/readings.md``. Defaults are the paper mode's.
+        Time stretch of the motion: its times are multiplied by this. 1.013 fits most recordings of Tang et al. 2018,
+        which run 1 to 1.5 % fast.
+    speed : "norm", "signed" or "norm_of_sum"
+        Joint speed of Eq. 7: sum of the lengths of the joints' velocities; sum over joints and axes, with sign; or
+        length of the summed velocity. This and the fields up to `normalisation` are readings of equations that leave
+        room; the first word is the paper mode's. ``docs/readings.md`` has the reasons.
+    plateau : "last", "middle" or "literal"
+        A flat top of the speed curve is one turning point, at its last or middle sample; "literal" misses it (Eq. 8-9).
+    saliency : "threshold" or "literal"
+        Eq. 11 and 13 with lambda as a threshold, or as they are printed, where lambda cannot matter.
+    visual_saliency : "difference" or "strength"
+        Eq. 13 on the difference R of two neighbouring visual beats, as its text says, or on the strength s_v, as its
+        formula does.
+    first_beat : "copy" or "drop"
+        The first visual beat has no difference R (Eq. 12): it takes that of the second, or is left out.
+    matching : "many", "nearest" or "max"
+        One visual beat may hit many music beats, or one only: each music beat in turn takes the nearest that is free,
+        or as many pairs as possible are made (Eq. 17-18).
+    normalisation : "max", "mean" or "raw"
+        The strengths of music beats are divided by their maximum, by their mean, or not at all (Eq. 19).
     pattern : BarPattern or None
-        Expected course of speed through a cycle of beats, for the measure "shape". None takes the waltz where the
-        movement recurs every three beats and else asks for rests.
+        For the measure "shape": the expected course of movement, of a dance or one of `HOW_PATTERNS`. None takes the
+        waltz's course where the movement recurs most clearly every three beats, and else asks for a rest on each beat.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range, another word, or another kind of value; the message names the field.
+
+    Examples
+    --------
+    >>> HarmonyParams.paper().reaction_delay, HarmonyParams.recommended().measure
+    (0.25, 'shape')
     """
 
     measure: Literal["shape", "hits"] = "hits"
@@ -172,15 +233,18 @@ class HarmonyParams:
 
     @classmethod
     def paper(cls) -> "HarmonyParams":
-        """The paper's settings (Sec. 5.2) under the readings of ``docs/readings.md``."""
+        """The paper's settings (Sec. 5.2): the defaults of all fields. ``docs/readings.md`` says how it was read."""
         return cls()
 
     @classmethod
     def recommended(cls, pattern: BarPattern | None = None) -> "HarmonyParams":
-        """In time, and where: what we advise.
+        """The score that we advise: is the movement in time, and where in the beat is it?
 
-        ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab data learn`, or one of
-        `HOW_PATTERNS`.
+        Parameters
+        ----------
+        pattern : BarPattern or None
+            The movement that is meant: one of `HOW_PATTERNS` (rest, hit, half time), or the course of a dance, from
+            `harmolab.params.DANCE_PATTERNS` or learnt by `harmolab data learn`. None where nothing is told.
         """
         detector: Literal["peaks", "valleys"] = "peaks" if pattern == HOW_PATTERNS["hit"] else "valleys"
         shape = replace(cls.valleys(), measure="shape", audio_threshold=0.0, beta=1.0, smoothing=0.0)
@@ -188,16 +252,20 @@ class HarmonyParams:
 
     @classmethod
     def valleys(cls) -> "HarmonyParams":
-        """Chance-corrected hits of speed valleys within 0.1 s: the simplest score that sees planted beats."""
+        """Hits of music beats by valleys of the joint speed (rests) within 0.1 s; read it above chance.
+
+        It is the simplest score that sees the beats that were planted in synthetic dances.
+        """
         return cls(
             visual_threshold=None, reaction_delay=0.1, detector="valleys", fps=None, smoothing=0.05, subframe=True
         )
 
     @classmethod
     def playing(cls) -> "HarmonyParams":
-        """Chance-corrected hits within 0.05 s of every onset: for the events of hands at an instrument.
+        """Hits within 0.05 s of the onset of every note, for the hands of musicians (`playing_score`).
 
-        Of a whole motion they are those of its joint speed's valleys: the score of a dance, beside that of the hands.
+        Of the motion of a whole body the valleys of its joint speed are compared with the onsets: the score of a dance,
+        to be read beside that of the hands.
         """
         return replace(cls.valleys(), audio_threshold=0.0, reaction_delay=0.05, beta=1.0)
 

@@ -1,12 +1,28 @@
 """The paper's harmony score: hits, hitting score, F-measure, chance level, null distribution (Eq. 10, 14-21).
 
-`harmolab.beats.salience` keeps the beats that a viewer or listener would notice (Eq. 11-13). The intervals between
-them (Eq. 15-17) give the hits (Eq. 18), the hits the hitting score (Eq. 19) and the F-measure (Eq. 20-21). Beside these
-stand the chance level, harmony above chance, and the null distribution, in which the visual beats are rotated in time.
-The functions stand in this order.
+The paper compares the beats of the music, b_a, with those of the movement, the visual beats b_v. The functions stand in
+the order of its equations:
 
-`score_harmony` puts the functions together for two beat tracks (Eq. 10, 14-21); the doors of `harmolab.verdict.judge`
-start from a motion and from a clip.
+========  ==========================  =============================================================================
+equation  symbol                      meaning
+========  ==========================  =============================================================================
+10, 14    h = F_s(p'_a, p'_v)         the score of the attentional beats, those that a listener or viewer notices;
+                                      `harmolab.beats.salience` picks them (Eq. 11-13)
+15        Z(b_a, b_v)                 times of the M visual beats, once for each of the N music beats
+16        D(b_a, b_v)                 distance of every music beat to every visual beat
+17        T(b_a)                      distance of each music beat to its nearest visual beat
+18        Hp(b_a)                     hits: 1 where T is at most T_delay, else 0
+19        h_s                         hitting score: sum of the strengths s_a of the music beats that are hit
+20        h = F_s(h_a, h_v)           F-measure of h_a = h_s / N and h_v = h_s / M, weighted by beta
+21        h of h_s, N, M              the same in one formula
+========  ==========================  =============================================================================
+
+Three things are ours, since h alone does not tell a dance from luck. The *chance level* c is the share of music beats
+that would be hit at random moments. *Harmony above chance* is (share - c) / (1 - c). The *null distribution* has the
+scores after the visual beats are rotated in time, which means shifted around the end of the clip.
+
+`score_harmony` puts the functions together for two beat tracks. `harmolab.verdict.judge` starts from a motion, or from
+a clip.
 """
 
 from dataclasses import dataclass, field, replace
@@ -30,40 +46,67 @@ MOST_CHANCE = 0.9  # share of the beats reached by chance, above which a score a
 
 @dataclass(frozen=True, eq=False)
 class HarmonyScore(Display):
-    """A score and its evidence: all that pictures, pages and sentences about it need. Times are seconds.
+    """The score of a dance with its music, and the evidence behind it.
+
+    Functions such as `score_clip` and `score_harmony` return it; pictures, pages and sentences are made from it. What
+    the fields mean depends on the measure that was asked for (`HarmonyParams.measure`):
+
+    "shape", the recommended score
+        Read `judgement`: the verdict in words, the level, the lag. `harmony_above_chance`, `p_value` and `interval` are
+        those of the judgement.
+    "hits", the paper's score
+        Read `harmony_above_chance` beside `chance`, `p_value` and `interval`. `harmony` and `hit_rate`, which the paper
+        prints, say little alone: where chance is high, any movement gets much of them.
+
+    Times are seconds on the motion's time line. A visual beat is one of the movement, such as a rest. Attentional beats
+    are those that count (Eq. 11-13): N of the music, M visual ones. In the measure "shape" every beat counts.
 
     Parameters
     ----------
-    params : HarmonyParams, the settings it was computed with
-    music, visual : BeatTrack, the attentional beats of both sides on the motion's time line, the lag not taken off
+    params : HarmonyParams
+        The settings that it was computed with.
+    music, visual : BeatTrack
+        The attentional beats of the music and of the movement; `params.lag` is not taken off.
     pairs : (N,) array of int
-        Index of the visual beat within the delay of each attentional music beat, -1 for a miss (Eq. 18). The measure
-        "shape" does not rest on them, but pictures of who meets whom do.
+        Number of the visual beat that hits each music beat, -1 for a miss (Eq. 18). In the measure "shape" only
+        pictures use them.
     shares : (N,) array
-        Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or in the measure "shape" its
-        percentile rank among all moments.
+        The part of each music beat in the score. "hits": 1 for a hit, 0 for a miss. "shape": the rank of its moment
+        among all moments of the take, between 0 and 1.
     mean_share : float
-        Their mean, weighted by the strengths of the beats: what `chance` is taken off. `chance` itself where none is.
-        In the measure "shape" all beats of whole cycles count alike; NaN where no place was tested.
-    null : (R,) array, that mean after each rotation in time, or at each lag; empty when not computed
-    harmony, audio_harmony, visual_harmony : float
-        h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
-    hitting_score : float, h_s of Eq. 19
+        Mean of `shares`, from which `harmony_above_chance` follows: (mean_share - chance) / (1 - chance). "hits":
+        weighted by the strengths of the beats, and equal to `chance` without any. "shape": over the beats of whole
+        cycles, and NaN where the place in the beat was not tested.
+    null : (R,) array
+        The same mean after each rotation of the visual beats in time ("hits"), or at each lag ("shape"); empty where it
+        was not computed.
+    harmony : float
+        h of Eq. 20-21; 0 without beats on one side.
+    audio_harmony, visual_harmony : float
+        h_a = h_s / N and h_v = h_s / M.
+    hitting_score : float
+        h_s of Eq. 19.
     hit_rate : float
-        Share of all music beats with an attentional visual beat within the delay; in the measure "shape" of those whose
-        rank is above 1/2.
+        "hits": share of all music beats, salient or not, that have an attentional visual beat within the delay.
+        "shape": share of the music beats whose rank is above 1/2.
     chance : float
-        The share that a random shift in time would reach; with one-to-one matching the most that it could reach
-        (see `chance_level`), so that a dance at chance is below 0 in `harmony_above_chance`.
+        "hits": the hit rate that chance would reach (`chance_level`). Where each visual beat hits one music beat only,
+        it is more than chance can reach, so that a dance at chance is below 0 in `harmony_above_chance`. "shape": the
+        mean rank at a random lag.
     harmony_above_chance : float
-        0 is what chance reaches, 1 is every beat hit. The recommended score's is H of its `judgement`: in [-1, 1], and
-        NaN where no place in the beat can be judged.
-    intervals : (N,) array, from each attentional music beat to its nearest visual beat, less the lag (Eq. 17)
+        0 is what chance reaches, 1 the most there is, negative worse than chance. "shape": from -1 to 1, and NaN where
+        no place in the beat can be judged (`HarmonyScore.place_harmony` has the number nevertheless).
+    intervals : (N,) array, seconds
+        From each music beat to its nearest visual beat, the lag taken off; not negative (Eq. 17). Infinite without
+        visual beats.
     p_value : float
-        Share of random rotations in time that score as high; NaN when not computed. The recommended score's is that of
-        its `judgement`.
-    interval : (float, float), spread of harmony_above_chance from beat to beat or from bar to bar, 95 %; NaN without
-    judgement : Judgement of `harmolab.verdict.judge`, which the record only carries; None unless the measure is "shape"
+        "hits": share of rotations in time that score at least as high. "shape": the larger of the p-values of both
+        tests, in time and place. NaN where it was not computed.
+    interval : (float, float)
+        95 % interval of `harmony_above_chance`, from beat to beat ("hits") or from bar to bar ("shape"); NaN where it
+        was not computed.
+    judgement : Judgement of `harmolab.verdict.judge`
+        The verdict; None unless the measure is "shape".
     """
 
     params: HarmonyParams
@@ -92,17 +135,17 @@ class HarmonyScore(Display):
 
     @property
     def above_chance(self) -> float:
-        """`harmony_above_chance` where it means something: NaN where chance alone reaches more than .9 of the beats."""
+        """`harmony_above_chance`; NaN where chance alone hits more than .9 of the beats, since it then says nothing."""
         return self.harmony_above_chance if self.chance <= MOST_CHANCE else float("nan")
 
     @property
     def place_harmony(self) -> float:
-        """`harmony_above_chance` also where no place can be judged, for means over many dances."""
+        """`harmony_above_chance` also where no place in the beat can be judged, for means over many dances."""
         return self.judgement.place_harmony if self.judgement else self.harmony_above_chance
 
     @property
     def hits(self) -> BoolArray:
-        """(N,) True for each attentional music beat that counts as hit (Eq. 18), or whose rank is above 1/2."""
+        """(N,) True for each attentional music beat that is hit (Eq. 18), or in "shape" whose rank is above 1/2."""
         return self.shares > 0.5
 
     @property
@@ -116,7 +159,10 @@ class HarmonyScore(Display):
         return self.visual.times.size
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""
+        """The score as plain numbers, lists and words for JSON; None stands for a number that does not exist.
+
+        Settings and the null distribution are left out; numbers and sentences of the judgement are among them.
+        """
         beats = {"music_times": self.music.times, "visual_times": self.visual.times, "pairs": self.pairs}
         inner = ("params", "music", "visual", "null", "judgement")
         numbers = {name: value for name, value in vars(self).items() if name not in inner}
@@ -153,9 +199,26 @@ def interval_matrix(audio_times: FloatArray, visual_times: FloatArray) -> FloatA
 
 
 def nearest_intervals(audio_times: ArrayLike, visual_times: ArrayLike) -> FloatArray:
-    """T: distance of each music beat to its nearest visual beat, (N,) seconds (Eq. 17); infinite without any.
+    """T(b_a): distance of each music beat to its nearest visual beat (Eq. 17).
 
-    ValueError unless both are lists of finite numbers.
+    Parameters
+    ----------
+    audio_times, visual_times : (N,) and (M,) arrays, seconds
+        Beats of the music and of the movement, in any order.
+
+    Returns
+    -------
+    (N,) array, seconds, zero or more; infinite if there are no visual beats
+
+    Raises
+    ------
+    ValueError
+        Unless both are lists of finite numbers.
+
+    Examples
+    --------
+    >>> nearest_intervals([1.0, 2.0, 3.0], [1.25, 3.0]).tolist()
+    [0.25, 0.75, 0.0]
     """
     audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
     if visual_times.size == 0:
@@ -164,34 +227,51 @@ def nearest_intervals(audio_times: ArrayLike, visual_times: ArrayLike) -> FloatA
 
 
 def hit_mask(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, matching: str = "many") -> BoolArray:
-    """Hp: which music beats have a visual beat within the delay (Eq. 18).
+    """Hp(b_a): which music beats are hit, so that a visual beat lies within the delay (Eq. 18).
 
     Parameters
     ----------
     audio_times : (N,) array, seconds
+        Beats of the music.
     visual_times : (M,) array, seconds
+        Beats of the movement.
     delay : float, seconds
-        T_delay; a beat exactly this far away is a hit.
+        T_delay, zero or more. A visual beat exactly this far away, before or after, hits.
     matching : "many", "nearest" or "max"
-        One visual beat may serve many music beats (paper mode), or one only: each music beat in turn takes the
-        nearest one that is left (Fig. 1), or as many pairs as possible.
+        "many" (paper mode): one visual beat may hit many music beats. Else it hits one only. "nearest": each music beat
+        in turn takes the nearest visual beat that is left (Fig. 1). "max": as many pairs as possible are made.
 
     Returns
     -------
-    (N,) bool array; all False if there are no visual beats.
+    (N,) bool array; all False if there are no visual beats
 
     Raises
     ------
     ValueError
         If the times are no lists of finite numbers, the delay is negative or NaN, or `matching` is another word.
+
+    Examples
+    --------
+    >>> hit_mask([1.0, 2.0, 3.0], [1.25, 3.0], delay=0.25).tolist()
+    [True, False, True]
     """
     return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
 
 
 def hit_pairs(audio_times: ArrayLike, visual_times: ArrayLike, *, delay: float, matching: str = "nearest") -> IntArray:
-    """The visual beat that hits each music beat: (N,) indices into `visual_times`, -1 for a miss (Eq. 18).
+    """The visual beat that hits each music beat (Eq. 18).
 
-    Parameters and errors are those of `hit_mask`. Visual beats that no index names are redundant (caption of Fig. 3).
+    Parameters and errors are those of `hit_mask`; here one visual beat hits one music beat unless told otherwise.
+
+    Returns
+    -------
+    (N,) array of int: numbers of beats in `visual_times`, -1 for a miss. The paper calls visual beats that hit nothing
+    redundant (caption of Fig. 3).
+
+    Examples
+    --------
+    >>> hit_pairs([1.0, 2.0, 3.0], [1.25, 3.0], delay=0.25).tolist()
+    [0, -1, 1]
     """
     if matching not in CHOICES["matching"]:
         raise ValueError(f"matching must be one of {', '.join(CHOICES['matching'])}; got {matching!r}")
@@ -221,20 +301,69 @@ def _in_order(intervals: FloatArray, delay: float) -> IntArray:
 
 
 def hitting_score(hits: ArrayLike, strengths: ArrayLike) -> float:
-    """h_s: sum of the `strengths` (N,) of the music beats where `hits` (N,) is 1 (Eq. 19)."""
+    """Hitting score h_s: the sum of the strengths of the music beats that are hit (Eq. 19).
+
+    Parameters
+    ----------
+    hits : (N,) array, True or 1 for a hit, as of `hit_mask`
+    strengths : (N,) array, s_a; `salient_audio` brings them to a scale that does not depend on the recording
+
+    Examples
+    --------
+    >>> hitting_score([True, False, True], [1.0, 0.5, 0.25])
+    1.25
+    """
     return float(np.asarray(hits) @ np.asarray(strengths))
 
 
 def f_score(audio_harmony: float, visual_harmony: float, beta: float) -> float:
-    """h: weighted harmonic mean of h_a = h_s / N and h_v = h_s / M (Eq. 20); 0 when both are 0."""
+    """Harmony h: the weighted harmonic mean of h_a and h_v (Eq. 20).
+
+    ``h = (1 + beta^2) h_a h_v / (beta^2 h_v + h_a)``
+
+    Parameters
+    ----------
+    audio_harmony, visual_harmony : float
+        h_a = h_s / N over the N music beats, and h_v = h_s / M over the M visual beats.
+    beta : float
+        Above 1 it matters more that music beats are hit, below 1 that visual beats hit.
+
+    Returns
+    -------
+    float; 0 where both are 0
+
+    Examples
+    --------
+    >>> round(f_score(1.0, 0.5, 2.0), 3)
+    0.833
+    """
     below = beta**2 * visual_harmony + audio_harmony
     return (1 + beta**2) * audio_harmony * (visual_harmony / below) if below else 0.0
 
 
 def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) -> float:
-    """h as a function of h_s, N and M (Eq. 21); 0 when either side has no beats.
+    """Harmony h from the hitting score and the numbers of beats (Eq. 21); equal to `f_score` of both sides.
 
-    Lemma 3.1 calls h "uniquely determined by h_s"; that holds only at fixed N and M.
+    ``h = (1 + beta^2) h_s / (N beta^2 + M)``
+
+    Parameters
+    ----------
+    score : float, h_s of `hitting_score`
+    n_audio, n_visual : int, N and M, the numbers of music beats and of visual beats
+    beta : float, as in `f_score`
+
+    Returns
+    -------
+    float; 0 where either side has no beats
+
+    Notes
+    -----
+    Lemma 3.1 of the paper calls h "uniquely determined by h_s". That holds at fixed N and M only.
+
+    Examples
+    --------
+    >>> round(harmony_from_hits(2.0, 2, 4, 2.0), 3)  # as f_score(2 / 2, 2 / 4, 2.0)
+    0.833
     """
     if n_audio == 0 or n_visual == 0:
         return 0.0
@@ -242,11 +371,33 @@ def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) ->
 
 
 def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> float:
-    """c: share of the clip within the delay of a visual beat, which is what a random music beat would score.
+    """Chance level c: the hit rate that music beats at random moments would reach.
 
-    That holds where one visual beat may serve many music beats (``matching="many"``); where each serves one music beat
-    only, chance reaches less, and `HarmonyScore.p_value` tells whether a dance is above it. ValueError unless the times
-    are a list of finite numbers, the delay is zero or more, and the duration positive (both seconds).
+    It is the share of the clip that lies within the delay of a visual beat. That holds where one visual beat may hit
+    many music beats (``matching="many"``). Where each hits one music beat only, chance reaches less, and
+    `HarmonyScore.p_value` tells whether a dance is above it.
+
+    Parameters
+    ----------
+    visual_times : (M,) array, seconds, beats of the movement
+    delay : float, seconds, T_delay
+    duration : float, seconds, of the clip
+
+    Returns
+    -------
+    float from 0 to 1; 0 without visual beats
+
+    Raises
+    ------
+    ValueError
+        Unless the times are a list of finite numbers, the delay is zero or more, and the duration positive.
+
+    Examples
+    --------
+    Two beats with a quarter of a second on either side fill one of four seconds:
+
+    >>> chance_level([1.0, 2.0], delay=0.25, duration=4.0)
+    0.25
     """
     if not (duration > 0 and delay >= 0):
         raise ValueError(f"duration must be positive, got {duration}, and delay zero or more, got {delay}")
@@ -261,7 +412,22 @@ def chance_level(visual_times: ArrayLike, *, delay: float, duration: float) -> f
 
 
 def above_chance(share: float, chance: float) -> float:
-    """h_cc = (share - c) / (1 - c): 0 is chance, 1 is everything; 0 when chance already reaches everything."""
+    """Harmony above chance: (share - c) / (1 - c), with c what chance reaches.
+
+    Parameters
+    ----------
+    share : float, such as a hit rate
+    chance : float, c, the same at random moments (`chance_level`)
+
+    Returns
+    -------
+    float: 0 at chance, 1 where all is hit, negative below chance; 0 where chance reaches everything already
+
+    Examples
+    --------
+    >>> above_chance(0.75, 0.5)
+    0.5
+    """
     return 0.0 if chance >= 1 - EDGE else (share - chance) / (1 - chance)
 
 
@@ -283,20 +449,32 @@ def score_harmony(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of two beat tracks on the same time line (Eq. 10, 14-21), by hits.
+    """The paper's score of music beats and visual beats on one time line: how many are hit (Eq. 10, 14-21).
+
+    It counts hits whatever `params.measure` says. For a motion take `score_motion`, for a clip `score_clip`.
 
     Parameters
     ----------
     audio_track, visual_track : BeatTrack
-        All detected beats; saliency (Eq. 11-13) is applied inside. Visual beats after the music are left out.
-    params : HarmonyParams, default ``HarmonyParams.paper()``
-    n_rotations, seed : int
-        Rotations of the null behind `p_value`, and resamplings, drawn by the seed, behind `interval`; 0 leaves both
-        NaN. With one-to-one matching each is a matching of its own: some seconds for a song.
+        All beats of the music, and all of the movement; those that count are picked here (Eq. 11-13). Visual beats
+        after the end of the music are left out.
+    params : HarmonyParams
+        ``HarmonyParams.paper()`` when left out.
+    n_rotations : int
+        Rotations in time behind `p_value`, and resamplings of the beats behind `interval`; with 0 both are NaN. With
+        one-to-one matching the rotations take some seconds for a song.
+    seed : int
+        Of the resamplings.
 
     Returns
     -------
-    HarmonyScore; with no beats on one side harmony is 0. ValueError for another kind of argument.
+    HarmonyScore
+        Without beats on one side its harmony is 0.
+
+    Raises
+    ------
+    ValueError
+        Unless BeatTracks and HarmonyParams are passed, and whole numbers from 0 on.
 
     Examples
     --------

@@ -1,9 +1,7 @@
-"""The movement signal of our score: the speed of the shape of the body, which nothing rigid can raise.
+"""Shape speed, the signal that the recommended score reads: how fast the shape of the body changes.
 
-A body that is carried, turned, tilted or bobbed as one piece keeps its shape, and its shape speed is 0. What is left is
-dance inside the body: limbs that swing, bends, twists. The verdict and its words, the learnt bar patterns and the
-choreographer read this signal; `harmonise` raises the score of its soft form. Others do not read it: hits, the paper's
-and those of HarmoGAN's loss, are of the joint speed, and the guard (`harmolab.metrics.likeness`) measures joints.
+A body that is carried, turned, tilted or bobbed as one piece keeps its shape, so its shape speed is 0. Limbs that
+swing, bends and twists change the shape. This table says what is taken out of the movement of the joints:
 
 ==================  ==================================================================================================
 positions           taken out of the movement
@@ -12,6 +10,10 @@ positions           taken out of the movement
 2-D, 3 joints up    what a camera does to a picture: pan, roll, zoom, shear. A statue that turns still moves in it.
 fewer joints        nothing: two points have no shape, so their speed in the room (head and hand of a game) is read
 ==================  ==================================================================================================
+
+It is read by the verdict and its words, the learnt bar patterns and the choreographer; `harmonise` raises the score of
+its soft form. The hits of the paper, and those of HarmoGAN's loss, read the joint speed in the room instead, and the
+guard (`harmolab.metrics.likeness`) measures joints.
 """
 
 from dataclasses import dataclass, replace
@@ -38,18 +40,28 @@ _speeds: WeakKeyDictionary[Motion, dict[float, "ShapeSpeed"]] = WeakKeyDictionar
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpeed(Record):
-    """The speed of a body's shape at every moment, and what it is made of. Arrays are read-only.
+    """The speed of a body's shape at every moment, and the numbers that it comes from. Arrays are read-only.
+
+    Units are those of the positions, metres in space.
 
     Parameters
     ----------
-    fps : float, hertz; sample i belongs to second i / fps
-    speed : (T,) array, root mean square over the joints, units per second
-    energy : (T, J) array, squared speed of each joint inside the body
-    room : (T,) array, mean over the joints of their squared speed in the room
-    extent : (T,) array, root mean square distance of the joints from their mean
-    valid : (T,) bool array, False on filler frames
-    dimensions : 3, 2, or 0 where there are too few joints to have a shape
-    axes : 3 or 2, of the positions
+    fps : float, hertz
+        Sample i belongs to second i / fps of the motion.
+    speed : (T,) array, units per second
+        The shape speed: root mean square over the joints.
+    energy : (T, J) array
+        Squared speed of each joint inside the body; `speed` is the root of its mean over the joints.
+    room : (T,) array
+        Mean over the joints of their squared speed in the room, nothing taken out.
+    extent : (T,) array
+        Size of the body: root mean square distance of the joints from their mean.
+    valid : (T,) bool array
+        False on filler frames.
+    dimensions : int
+        3 or 2 as the positions; 0 where there are fewer than three joints, which have no shape.
+    axes : int
+        3 or 2, of the positions.
     """
 
     fps: float
@@ -69,21 +81,29 @@ class ShapeSpeed(Record):
 
 @dataclass(frozen=True, eq=False)
 class ShapeSignal:
-    """Shape speed over one stretch of time, without its slow drift, in standard deviations; and how much it is.
+    """Shape speed over one stretch of time, brought to mean 0 and SD 1, and three numbers that say how much it was.
+
+    Its slow drift, over 1 s and more, is taken off: it belongs to the choreography, not to the beat.
 
     Parameters
     ----------
-    times, values : (T,) arrays, seconds, and the signal: mean 0 and SD 1 over the valid samples (0 when nothing moves)
+    times : (T,) array, seconds
+    values : (T,) array
+        The signal: mean 0 and SD 1 over the valid samples; 0 throughout where nothing moves.
     valid : (T,) bool array
+        False on filler frames.
     pulse : float, per second
-        SD of the speed without its drift over the body's size: how strongly the movement swells and fades. NaN for
-        one point that moves, which has no size.
+        How strongly the movement swells and fades: `swing` over the size of the body. NaN for one point that moves,
+        which has no size.
     share : float
-        Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable, NaN when
-        nothing moves.
-    joints : float in (0, 1], participation of the joints: 1 when all move alike, 1 / J when one joint does everything
-    dimensions, axes : int, as in `ShapeSpeed`
-    swing : float, units per second, SD of the speed without its drift
+        Movement inside the body over movement in the room, both as root mean square: 0 for a statue on a turntable.
+        NaN where nothing moves.
+    joints : float
+        Share of the joints that do the work: 1 where all move alike, 1 / J where one of J joints does everything.
+    dimensions, axes : int
+        As in `ShapeSpeed`.
+    swing : float, units per second
+        SD of the shape speed without its drift.
     """
 
     times: FloatArray
@@ -98,17 +118,30 @@ class ShapeSignal:
 
 
 def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
-    """Speed of the shape of a body, at 100 hertz or the motion's own rate if that is higher.
+    """Speed of the shape of a body, at 100 hertz, or at the motion's own rate if that is higher.
 
-    With X the joints around their mean, turned back about the vertical by the sum of the steps
-    ``atan2(sum cross(X(t-1), X(t)), sum dot(X(t-1), X(t)))`` seen from above (at the motion's own rate, before anything
-    is interpolated), interpolated by cubics and smoothed, and W their velocity: ``Z = W - w x X``, where the rotation w
-    fits W best; the speed is ``sqrt(mean |Z|^2)``. In 2-D the best 2 x 2 matrix A takes the place of the rotations.
+    In space it is computed in four steps:
+
+    1. X: the joints of each frame, less their mean, are turned back about the vertical. The turn from one frame to the
+       next is ``atan2(sum cross(X(t-1), X(t)), sum dot(X(t-1), X(t)))``, sums over the joints seen from above. This is
+       done at the motion's own rate, before anything is interpolated.
+    2. X is interpolated by cubic splines and smoothed. W is its velocity.
+    3. Of the velocity the rotation w of the whole body that fits it best is taken off: ``Z = W - w x X``.
+    4. The shape speed is ``sqrt(mean |Z|^2)``, mean over the joints.
+
+    In a picture (2-D) nothing is turned back, and the 2 x 2 matrix A that fits best takes the place of the rotation:
+    ``Z = W - A X``. Of fewer than three joints the speed in the room is taken.
 
     Parameters
     ----------
     motion : Motion
-    smoothing : float, seconds, standard deviation of the Gaussian over the positions
+        A joint that jumps away for a single frame is put back first (`without_glitches`).
+    smoothing : float, seconds
+        Standard deviation of the Gaussian over the positions.
+
+    Returns
+    -------
+    ShapeSpeed
 
     Examples
     --------

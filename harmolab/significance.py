@@ -1,4 +1,11 @@
-"""Chance and uncertainty: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
+"""Chance and uncertainty: null distributions by rotation in time, p-values, intervals, AUC.
+
+A *null distribution* has the values of a score that luck gives: here those after the beats of the movement are shifted
+in time around the end of the clip (rotated), so that the movement stays what it is and only its moment changes. The
+p-value is the share of them that are at least as large as the score. Intervals are by Student's t (a mean), by Wilson
+(a share), or by bootstrap: the values are drawn anew with replacement many times, and the middle 95 % of what comes out
+is the interval.
+"""
 
 import math
 from collections.abc import Callable
@@ -20,7 +27,7 @@ def rotations(duration: float, count: int) -> FloatArray:
 def rotated_hits(
     audio_times: FloatArray, visual_times: FloatArray, weights: FloatArray, *, delay: float, duration: float, count: int
 ) -> FloatArray:
-    """Weighted hits after each of `count` rotations of the visual beats within the clip.
+    """Weighted hits after each of `count` rotations of the visual beats: shifts in time around the end of the clip.
 
     Parameters
     ----------
@@ -57,10 +64,22 @@ def ranks(values: ArrayLike) -> FloatArray:
 
 
 def p_value(observed: float, null: ArrayLike) -> float:
-    """Share of null values at least as large as `observed`, counting the observation itself: never zero.
+    """The p-value of a number: how often luck gives one that is at least as large.
 
-    NaN where one of the numbers is.
+    The observation itself is counted among the R null values, so that p is never 0: (1 + n) / (1 + R), where n of them
+    are at least as large.
 
+    Parameters
+    ----------
+    observed : float
+    null : (R,) array, values by luck alone, such as the `null` of a `HarmonyScore`
+
+    Returns
+    -------
+    float above 0, at most 1; NaN where one of the numbers is NaN
+
+    Examples
+    --------
     >>> p_value(3.0, [1.0, 2.0, 4.0])
     0.5
     """
@@ -162,8 +181,22 @@ def _percentiles(values: FloatArray, level: float) -> tuple[float, float]:
 
 
 def auc(positives: ArrayLike, negatives: ArrayLike) -> float:
-    """Probability that a positive ranks above a negative, ties counted half; NaN when either is empty or holds NaN.
+    """AUC, the area under the ROC curve: how well a score tells positives from negatives.
 
+    Positives are scores of dances to their own music, for example, and negatives those to wrong music. The AUC is the
+    probability that a positive drawn at random is larger than a negative; ties count half. 1 tells all apart, .5 is a
+    coin, 0 tells all apart the wrong way.
+
+    Parameters
+    ----------
+    positives, negatives : arrays of scores, of any lengths and shapes
+
+    Returns
+    -------
+    float from 0 to 1; NaN where one side is empty or holds NaN
+
+    Examples
+    --------
     >>> auc([2.0, 3.0], [1.0, 2.0])
     0.875
     """

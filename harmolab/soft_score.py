@@ -1,10 +1,10 @@
 """A differentiable counterpart of the score: soft hits, chance level and harmony (Eq. 7-21), and the soft shape score.
 
-Every hard decision of `harmolab.score` becomes a smooth one whose softness is `tau`; as tau falls, each number tends to
-that of `score_harmony`. A visual beat becomes a weight b(t) between 0 and 1 at every frame; the soft beats are taken
-to be independent: a moment is missed when every beat near it is missing. The measure "shape" ranks moments in place of
-counting hits: the soft form of `harmolab.shape_speed` and of `harmolab.verdict.evidence`. Once the joints are turned
-back about the vertical, interpolation, smoothing and velocity are linear in them: one convolution does all three.
+Every yes or no of `harmolab.score` becomes a smooth number of softness `tau`; as tau falls, it tends to that of
+`score_harmony`. A visual beat becomes a weight b(t) from 0 to 1 at every frame. Soft beats are taken to be independent:
+a moment is missed if every beat near it is missing. The measure "shape" ranks moments instead of counting hits: the
+soft form of `harmolab.shape_speed` and `harmolab.verdict.evidence`. Once the joints are turned back about the vertical,
+interpolation, smoothing and velocity are linear in them: one convolution does all three.
 """
 
 from dataclasses import dataclass
@@ -418,19 +418,19 @@ ONLY = {"saliency": "threshold", "matching": "many", "plateau": "last", "clock":
 
 @dataclass(frozen=True, eq=False)
 class SoftHarmony:
-    """The relaxed score of every clip; each field is an (N,) tensor. Names are those of `score.HarmonyScore`.
+    """The score of each clip of a batch, smooth so that it has gradients; each field is an (N,) tensor.
 
-    In the measure "shape" the rank of a music beat among all moments, 0 to 1, takes the place of its hit; its strength
-    does not matter, and M = N, since no visual beats are counted.
+    Names are those of `HarmonyScore`. In the measure "shape" the rank of a music beat among all moments, 0 to 1, takes
+    the place of its hit; its strength does not matter, and M = N, since no visual beats are counted.
 
     Parameters
     ----------
     harmony, hitting_score : h of Eq. 21, h_s of Eq. 19
-    chance : share of the time at which a random music beat would be hit
-    above_chance : h_cc, 0 at chance and 1 with every beat hit
+    chance : hit rate of music beats at random moments; in "shape" their mean rank
+    above_chance : harmony above chance: 0 at chance, 1 with every beat hit; take this for a loss
     hit_rate : share of all music beats that are hit
     n_visual : M, the sum of the soft visual beats
-    n_audio : N, attentional music beats, a constant
+    n_audio : N, the number of music beats that count (Eq. 11), a constant
     """
 
     harmony: Tensor
@@ -470,32 +470,32 @@ def soft_harmony(
     mask: Tensor | None = None,
     *, fps: float, tau: float, params: HarmonyParams, span: Tensor | None = None, bar_places: Tensor | None = None,
 ) -> SoftHarmony:  # fmt: skip
-    """The relaxed harmony of a batch of clips: Eq. 7-21, or the place test of the shape of the body.
+    """The score of a batch of clips as a loss with gradients: Eq. 7-21 by hits, or the place test of the body's shape.
 
     Parameters
     ----------
-    positions : (N, T, J, D) tensor of joint positions, or (N, T) tensor of joint speed
+    positions : (N, T, J, D) tensor of joint positions; for the measure "hits" also (N, T) tensor of joint speed
     beats, strengths : (N, B) tensors
         Music beats in seconds from frame 0, and their strengths (all alike if None).
-    beat_mask : (N, B) tensor, 1 (or True) at real beats; if None, all but NaN are
-    mask : (N, T) tensor, 1 at real frames (all if None); padding stands at the end, and may hold anything
-    fps : float, hertz
-    tau : float, softness: 0.5 lets gradients reach most frames, 0.05 is near the hard score, 1e-8 that of hits
+    beat_mask : (N, B) tensor, 1 (or True) at real beats; if None, all that are not NaN are real
+    mask : (N, T) tensor, 1 at real frames; all are real if None. Padding stands at the end, and may hold anything.
+    fps : float, frames per second
+    tau : float, softness: 0.5 lets gradients reach most frames, 0.05 is near the usual score, 1e-8 is that of hits
     params : HarmonyParams
-        With ``subframe`` beats lie between frames at the top of a parabola, which the gradient can move; the cubic
-        interpolation to 120 hertz of the hard score is not done here. The measure "shape" asks for the pattern, or
-        for rests where there is none, and is 0 where the shape hardly changes.
+        "hits": with ``subframe`` beats lie between frames, at the top of a parabola that the gradient can move; motion
+        is not interpolated to 120 hertz as in the usual score. "shape": asks for ``pattern``, or for rests without
+        one, and is 0 where the shape hardly changes.
     span : (N, 2) tensor, seconds, optional
-        Only music beats, visual beats and chance in [start, end) count; the whole clip if None, whose end is that of
-        its mask: beats of the whole song may be passed.
+        Only beats and chance in [start, end) of each clip count. If None, the whole clip does, up to the end of its
+        mask, so that the beats of the whole song may be passed.
     bar_places : (N,) tensor of int, optional
-        Place in its bar of each clip's first beat, for patterns of several beats; the best place is taken if None.
-        Beats must ascend then; else they may stand in any order, each once.
+        Place in its bar of each clip's first beat, for patterns of several beats; beats must ascend then. If None, the
+        best place is taken, and beats may stand in any order, each once.
 
     Returns
     -------
     SoftHarmony
-        As a loss take ``-above_chance.mean()``, with a small weight beside those that keep the movement a dance.
+        As a loss take ``-above_chance.mean()``, with a small weight beside losses that keep the movement a dance.
 
     Raises
     ------

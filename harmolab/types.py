@@ -1,7 +1,8 @@
-"""Frozen, self-checking records that every other module speaks in.
+"""The records that functions hand to each other: sound, motion, beats, notes, clips.
 
-Each record checks itself once, on construction, so a function that receives one may trust it: arrays are finite,
-shapes agree, times are seconds. Arrays are stored as read-only copies. Records that hold arrays compare by identity.
+A record is frozen: its fields cannot be set anew. It checks itself once, when it is made, and raises ValueError where
+arrays are not finite or shapes disagree. So a function that receives a record may trust it. Arrays are stored as
+read-only copies, and times are seconds. Two records that hold arrays are equal only if they are the same object.
 """
 
 from dataclasses import dataclass, replace
@@ -90,12 +91,24 @@ class Display(Record):
 
 @dataclass(frozen=True, eq=False)
 class Audio(Display):
-    """Sound as one mono channel.
+    """Sound of one channel (mono).
 
     Parameters
     ----------
-    samples : (S,) array, amplitude (full scale is 1)
+    samples : (S,) array
+        Amplitudes; full scale is 1. Single precision is kept, all else becomes double.
     sample_rate : float, hertz
+
+    Raises
+    ------
+    ValueError
+        If `samples` is empty, has two channels or more, or holds NaN; if it holds whole numbers beyond 1, as a file of
+        16 bits does (divide them by 32768); or if `sample_rate` is not positive.
+
+    Examples
+    --------
+    >>> Audio(np.zeros(44100), 22050.0)
+    Audio(2.00 s, 22050 Hz)
     """
 
     samples: FloatArray
@@ -118,7 +131,10 @@ class Audio(Display):
         return self.samples.size / self.sample_rate
 
     def span(self, start: float, duration: float) -> "Audio":
-        """The part from `start`, `duration` seconds long (shorter at the end of the recording)."""
+        """The part that begins at second `start` and lasts `duration` seconds.
+
+        It is shorter where the recording ends before. ValueError if `start` is negative or no sound lies there.
+        """
         first, last = np.round(np.array([start, start + duration]) * self.sample_rate).clip(max=self.samples.size)
         if not 0 <= first < last:
             raise ValueError(f"no audio from {start} s for {duration} s in a recording of {self.duration:.2f} s")
@@ -127,14 +143,29 @@ class Audio(Display):
 
 @dataclass(frozen=True, eq=False)
 class Motion(Display):
-    """Joint positions over time.
+    """The places of the joints of a body over time, one frame after another.
 
     Parameters
     ----------
-    positions : (T, J, 3) array, metres, y up, right-handed; or (T, J, 2) image coordinates (any unit, y down)
+    positions : (T, J, 3) or (T, J, 2) array
+        Places of J joints in T frames, at least two. In space: metres, y up, right-handed. In a picture: image
+        coordinates of any unit, y down.
     fps : float, frames per second
-    skeleton : Skeleton with J joints
-    valid : (T,) bool array: False where a frame is filler (a splice, an occlusion); all True when left out
+    skeleton : Skeleton
+        Names and tree of the J joints. `Skeleton.unnamed` will do where neither is known.
+    valid : (T,) bool array
+        False where a frame is filler, as between two recordings that were joined, or where the body was hidden.
+        Filler has no beats, and measures leave it out. All frames are valid when it is left out.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a position is NaN or infinite, there are less than two frames, or `fps` is not positive.
+
+    Examples
+    --------
+    >>> Motion(np.zeros((60, 2, 3)), 30.0, Skeleton(("hip", "knee"), (-1, 0)))
+    Motion(2.00 s, 60 frames at 30 fps, 2 joints in 3D)
     """
 
     positions: FloatArray
@@ -174,7 +205,11 @@ class Motion(Display):
         return self.n_frames / self.fps
 
     def span(self, start: float, duration: float) -> "Motion":
-        """The frames from `start`, `duration` seconds long (fewer at the end)."""
+        """The frames of `duration` seconds from second `start` on.
+
+        There are fewer where the motion ends before. ValueError if `start` is negative or less than two frames lie
+        there.
+        """
         first, last = np.round(np.array([start, start + duration]) * self.fps).clip(max=self.n_frames)
         if not 0 <= first <= last - 2:
             raise ValueError(f"no motion from {start} s for {duration} s in a motion of {self.duration:.2f} s")
@@ -184,19 +219,41 @@ class Motion(Display):
 
 @dataclass(frozen=True, eq=False)
 class BeatTrack(Display):
-    """Beats on a time line.
+    """Beats on a time line: those of the music, or those of a movement.
+
+    `len` of a track is the number of its beats.
 
     Parameters
     ----------
-    times : (B,) array, seconds, strictly increasing, within [0, duration]
-    strengths : (B,) array, not negative
-    fps : float, rate of the curve the beats were read from, hertz
+    times : (B,) array, seconds
+        Strictly increasing, from 0 to `duration`.
+    strengths : (B,) array
+        Zero or more. Music: onset strength at the beat. Movement: value of the curve at the beat. Where no strengths
+        are known, give 1 to each.
+    fps : float, hertz
+        Rate of the curve that the beats were read from. For beats from elsewhere any rate will do, such as 1000.
     duration : float, seconds
-    bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
-    quality : float, of tracked beats: share of them within 70 ms of one steady grid; None for any others
-    fit : float, of tracked beats: share of the sounding music that they explain; None for any others
-    windows : (W, 2) array, of tracked beats: the middle (seconds) of each stretch of sounding music, and 1 where they
-        explain it, else 0; `fit` is the share of those within the track's time line; None for any others
+        Length of the time line.
+    bar_places : (B,) array of int or None
+        Place of each beat in its bar, 0 for the first beat of the bar ("one", the downbeat). None where unknown.
+    quality : float or None
+        Of tracked beats: the share of them that lies within 70 ms of one grid of constant tempo. None for other beats.
+    fit : float or None
+        Of tracked beats: the share of the sounding music that keeps to them, 0 to 1. None for other beats. It follows
+        from `windows` where these are passed.
+    windows : (W, 2) array or None
+        Of tracked beats: a row for each window of sounding music. It holds the middle of the window (seconds), and 1
+        where the music there keeps to the beats, else 0. None for other beats.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, or a value lies outside of what is said above.
+
+    Examples
+    --------
+    >>> BeatTrack([0.5, 1.0, 1.5, 2.0], [1.0, 1.0, 1.0, 1.0], 1000.0, 2.5, bar_places=[0, 1, 2, 0])
+    BeatTrack(4 beats in 2.50 s, 120.0 a minute, bars of 3)
     """
 
     times: FloatArray
@@ -247,12 +304,18 @@ class BeatTrack(Display):
 
     @property
     def is_sure(self) -> bool:
-        """False for tracked beats that explain less than `SURE` of the music: not to follow them says nothing."""
+        """False for tracked beats to which less than three quarters of the sounding music keep (`fit`), else True.
+
+        The music may then have other beats: that a movement does not follow these says nothing about the dancer.
+        """
         return self.fit is None or self.fit >= SURE
 
     @property
     def tempo(self) -> float:
-        """Beats per minute, from a line through all beats, gaps counted as whole beats; NaN with fewer than two."""
+        """Beats per minute: the slope of a line through all beats; NaN with fewer than two.
+
+        A gap is counted as the nearest whole number of beats, so that beats that were left out do not slow the tempo.
+        """
         if len(self) < 2:
             return float("nan")
         steps = np.diff(self.times)
@@ -260,12 +323,12 @@ class BeatTrack(Display):
         return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0])
 
     def select(self, mask: BoolArray) -> "BeatTrack":
-        """The beats where `mask` is True, on the same time line."""
+        """The beats where `mask`, a (B,) bool array, is True, on the same time line."""
         places = None if self.bar_places is None else self.bar_places[mask]
         return replace(self, times=self.times[mask], strengths=self.strengths[mask], bar_places=places)
 
     def span(self, start: float, duration: float) -> "BeatTrack":
-        """The beats in [start, start + duration), counted from `start`."""
+        """The beats in [start, start + duration), on a time line that begins at second `start` of this one."""
         if not np.isfinite(start):
             raise ValueError(f"no beats from {start} s on")
         part, windows = self.select((self.times >= start) & (self.times < start + duration)), self.windows
@@ -278,14 +341,27 @@ class BeatTrack(Display):
 
 @dataclass(frozen=True, eq=False)
 class Notes(Record):
-    """Notes of a piece, by onset.
+    """The notes of a piece of music, in the order in which they begin.
+
+    `len` of a record is the number of its notes.
 
     Parameters
     ----------
-    onsets, offsets : (N,) arrays, seconds; onsets do not fall, offsets come after them
-    pitches : (N,) array of int, MIDI numbers (60 is middle C)
-    loudness : (N,) array, 0 to 1; 1 where left out
-    hands : (N,) array of int: 0 the left hand, 1 the right, -1 unknown (where left out)
+    onsets : (N,) array, seconds
+        When each note begins, from 0 on; never less than the one before.
+    offsets : (N,) array, seconds
+        When each note ends, after its onset.
+    pitches : (N,) array of int
+        MIDI numbers, 0 to 127; 60 is middle C.
+    loudness : (N,) array
+        0 (silent) to 1; all 1 when left out.
+    hands : (N,) array of int
+        The hand that plays each note: 0 the left, 1 the right, -1 unknown. All unknown when left out.
+
+    Raises
+    ------
+    ValueError
+        If an array has another length, or a value lies outside of what is said above.
     """
 
     onsets: FloatArray
@@ -320,11 +396,14 @@ class Notes(Record):
         return self.onsets.size
 
     def select(self, mask: BoolArray) -> "Notes":
-        """The notes where `mask` is True."""
+        """The notes where `mask`, an (N,) bool array, is True."""
         return Notes(self.onsets[mask], self.offsets[mask], self.pitches[mask], self.loudness[mask], self.hands[mask])
 
     def span(self, start: float, duration: float) -> "Notes":
-        """The notes that begin in [start, start + duration), counted from `start`."""
+        """The notes that begin in [start, start + duration), on a time line that begins at second `start` of this one.
+
+        They keep their lengths, so that the last ones may end after the span.
+        """
         if not np.isfinite(start) or np.isnan(duration):
             raise ValueError(f"no notes from {start} s for {duration} s")
         part = self.select((self.onsets >= start) & (self.onsets < start + duration))
@@ -333,19 +412,32 @@ class Notes(Record):
 
 @dataclass(frozen=True, eq=False)
 class Clip(Display):
-    """A piece of music, the motion danced to it, and where each starts.
+    """A piece of music, the motion that is danced to it, and the moment of the music at which the motion begins.
 
     Parameters
     ----------
     name : str
     audio : Audio
     motion : Motion or None
-    offset : float, seconds, audio time of motion frame 0
-    source : str: "synthetic", or the name of the recordings
-    beats : BeatTrack or None, annotated music beats on the audio's time line
-    dance : str, name of the dance ("cha-cha", ...), empty when unknown
+        None for music alone, which has beats but no score.
+    offset : float, seconds
+        Moment of the audio at which the first frame of the motion stands. It is negative where the motion begins
+        before the sound.
+    source : str
+        "synthetic", or the name of the recordings.
+    beats : BeatTrack or None
+        Beats of the music on the audio's time line, such as annotated ones. None: they are tracked when they are
+        needed.
+    dance : str
+        Name of the dance, such as "cha-cha"; "" where unknown.
     has_start : bool
-        False where the offset was assumed: nothing tells at which moment of the music the motion begins.
+        False where `offset` is only assumed, since nothing tells at which moment of the music the motion begins. A
+        score then says no more than "in time": the place in the beat cannot be judged.
+
+    Raises
+    ------
+    ValueError
+        If a field is of another kind, or motion and audio do not overlap.
     """
 
     name: str
@@ -376,10 +468,11 @@ class Clip(Display):
         return f"Clip({', '.join(filter(None, [*parts, beats, self.dance and clipped(self.dance)]))})"
 
     def span(self, start: float, seconds: float) -> "Clip":
-        """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.
+        """The part of the clip from audio time `start` on, `seconds` long, on a time line that begins at `start`.
 
-        Its motion begins with the first whole frame there; `offset` is what lies before that frame. ValueError if there
-        is no music there, or the clip has a motion and less than two frames of it are there.
+        It is shorter where the music ends before. Its motion begins with the first whole frame there, and `offset` is
+        the time before that frame. ValueError if no music is there, or the clip has a motion and less than two frames
+        of it are there.
         """
         audio = self.audio.span(start, seconds)
         beats = None if self.beats is None else self.beats.span(start, seconds)
@@ -391,15 +484,18 @@ class Clip(Display):
         return replace(self, audio=audio, motion=motion, beats=beats, offset=offset)
 
     def shared_frame(self, *, clock: float = 1.0) -> int:
-        """Number of the motion's first frame that lies within the music; `clock` as in `shared`."""
+        """Number of the motion's first frame that lies within the music: 0 unless the motion begins before it.
+
+        `clock` as in `shared`.
+        """
         fps = 1.0 if self.motion is None else self.motion.fps
         return max(0, int(np.ceil(-self.offset * fps / _positive(clock, "clock") - FRAME_EDGE)))
 
     def shared(self, *, clock: float = 1.0) -> "Clip":
-        """The stretch that music and motion have in common, on the motion's time line: its `offset` is 0.
+        """The stretch that music and motion have in common: both begin with it, and its `offset` is 0.
 
-        `clock` is seconds of music for each second of the motion. ValueError if it is not positive, the clip has no
-        motion, or motion and music meet in less than two frames.
+        `clock` is the seconds of music for each second of the motion: 1.013 for a motion that was recorded 1.3 % too
+        fast. ValueError if it is not positive, the clip has no motion, or motion and music share less than two frames.
         """
         if self.motion is None:
             raise ValueError(f"{self.name}: there is no motion to score")

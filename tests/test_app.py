@@ -459,7 +459,7 @@ def test_sentences_of_the_page_name_no_options():
     said = "Say where the dance begins (--offset), what you mean (--how hit), or film it (with its song)."
     assert without_options("no sound; name its file, before the film or in its place") == "no sound; name its file"
     assert without_options(WORSE) == "The dance goes less well with the music than before: keep it as it was."
-    assert without_options(THREES) == "the music seems to go in threes: danced is ballroom"
+    assert without_options(THREES) == "the music seems to go in threes, so ballroom is danced"
     tapped = "Tap the beats of this song (`harmolab beats --tap`), and give them (--beats)."
     assert without_options(tapped) == "Tap the beats of this song (`harmolab beats --tap`)."
     assert without_options("76 are taken: leave it out, or say its beats (--beats).") == "76 are taken: leave it out."

@@ -638,7 +638,7 @@ def test_recordings_with_and_without_beats_do_not_mix(dancer: Choreographer):
     for others, names in (([short, one_beat], waltzes), ([long], long_ones)):
         takes = Choreographer.of([*dancer.takes, *others]).choreograph(SILENCE, beats(), seconds=9.0)
         assert set(takes.shares) <= names
-        assert "left out: beats are known of some only" in takes.warnings[0]
+        assert "left out: those with and without beats do not mix" in takes.warnings[0]
 
 
 def test_only_the_dance_that_is_asked_for_is_danced(dancer: Choreographer):
@@ -758,7 +758,7 @@ def test_who_has_enough_is_not_told_how_much_is_enough(dancer: Choreographer):
     about = {"worst": 20.0, "is_own_pulse": False, "has_beats": True}
     told = [" ".join(warnings_of(moves, music, minutes=minutes, **about)) for minutes in (1.5, 2.5)]
     assert all(f"{TOO_LITTLE} (a seam of 20 cm shows)" in line for line in told)
-    assert ["2 distinct minutes of a dance do" in line for line in told] == [True, False]
+    assert ["2 distinct minutes of a dance are enough" in line for line in told] == [True, False]
 
 
 def test_too_little_another_tempo_what_is_not_known_of_the_bar_and_music_without_beats_are_said(dancer: Choreographer):

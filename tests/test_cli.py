@@ -61,7 +61,7 @@ def test_a_dance_that_bends_the_tempo_of_its_music_is_said(tmp_path: Path) -> No
     assert "song.wav by itself goes at 115" in succeed("score", song, dance, "--dance", "waltz").stderr
     for command, out in {"score": ("--why", tmp_path / "w.html"), "retime": ("--out", tmp_path / "r.npz")}.items():
         notes = succeed(command, song, dance, "--dance", "waltz", *out).stderr
-        assert "its beats were sought there, and 76 are" in notes
+        assert "so beats were sought there, and 76 were taken" in notes
     dancing = succeed("dance", song, "--dance", "waltz", "--style", "puppet", "--out", tmp_path / "d.npz")
     assert "song.wav by itself goes at 115" in dancing.stderr
     for name in ("cha-cha", "quickstep"):  # of the same tempo, and of twice that
@@ -247,7 +247,7 @@ def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_
     (tmp_path / "take" / "beats.json").write_text("damaged")
     beside = json.loads(run("data", "check", tmp_path / "take" / "motion.npz", "--json").stdout)[0]
     assert beside["kind"] == "motion" and "beats.json: cannot be read" in beside["odd"][-1]
-    said = "it begins at 3 s of the song: pass --offset 3 with it"
+    said = "the movement begins at 3 s of the song: pass --offset 3 with it"
     assert said in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
     assert said not in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "copy.npz").output
     song = write_song(tmp_path / "song.wav", planted_dance(seconds=15.0))
@@ -284,7 +284,9 @@ def test_tempo_steadiness_and_one_are_printed_and_written(song: Path):
 def test_without_the_dance_the_octave_is_said_to_be_open(song: Path):
     result = run("beats", song)
     assert '"one": not known' in result.output
-    assert "does not tell this tempo from 45 or 180: --dance decides. Nor the beat from the off-beat" in result.output
+    assert (
+        "tell this tempo from 45 or 180: --dance decides. Nor does it tell the beat from the off-beat" in result.output
+    )
 
 
 def test_written_beats_are_read_again_and_clicks_lie_on_them(song: Path):
@@ -301,7 +303,7 @@ def test_written_beats_are_read_again_and_clicks_lie_on_them(song: Path):
 @cases(
     "options, fault",
     (("--out", "song.wav"), "is an input here"),
-    (("--out", "diary.beats"), "is there already, and not of harmolab"),
+    (("--out", "diary.beats"), "is there already, and harmolab did not write it"),
     (("--clicks", "song.wav"), "is an input here"),
     (("--beats", "b.beats", "--out", "b.beats"), "is an input here"),
     (("--one", 3.0), "say how long the bars are with --dance"),
@@ -549,7 +551,7 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path):
     song = write_song(tmp_path / "song.wav", clip)
     save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
     result = run("score", song, tmp_path / "long.npz")
-    assert "song.wav ends 20.0 s before the dance does: only its first 20.0 s have music" in result.stderr
+    assert "song.wav ends 20.0 s before the dance does: only the first 20.0 s of the dance have music" in result.stderr
 
 
 # A folder of recordings
@@ -568,7 +570,7 @@ def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(takes: Path, tmp
     assert "motion.npz: cannot be read" in rows[2]["error"]
     assert run("score", takes, "--csv", out).exit_code == 1, "a table of ours is written over"
     out.write_text("precious")
-    assert "not of harmolab" in refusal("score", takes, "--csv", out)
+    assert "harmolab did not write it" in refusal("score", takes, "--csv", out)
 
 
 def test_a_dance_told_of_a_folder_is_that_of_each_recording(takes: Path, tmp_path: Path):
@@ -637,7 +639,7 @@ def test_a_movement_bent_to_beats_that_are_unsure_gets_no_verdict_from_them(tmp_
     once = succeed("retime", tmp_path / "surf.wav", dance, "--offset", 0, "--out", bent)
     before, after = once.stdout.splitlines()[:2]
     assert before.startswith("before: Cannot tell: the beats found in this music are unsure") and "--tap" in before
-    assert after == "after: laid on beats that a program found, which are unsure here"
+    assert after == "after: no verdict: it is laid on beats that a program found, and these are unsure"
     again = succeed("retime", tmp_path / "surf.wav", dance, "--strength", 0, "--offset", 0, "--out", bent)
     assert "after: Cannot tell" in again.stdout
 
@@ -684,7 +686,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
     succeed("demo", "--out", out, "--no-open")
     assert opened == [out.as_uri()]  # once, and not where that was not wanted
     out.write_text("precious")
-    assert "not of harmolab" in refusal("demo", "--out", out)
+    assert "harmolab did not write it" in refusal("demo", "--out", out)
 
 
 @pytest.mark.slow

@@ -149,7 +149,7 @@ def test_the_numbered_file_of_a_dance_is_not_the_song_and_retiming_from_python_s
     refused(r"take\.mp4: is an input here", retime_files, "song.wav", "take.mp4", "take.mp4")
 
 
-FOREIGN = "is there already, and not of harmolab; choose another name, or replace it with --force"
+FOREIGN = "is there already, and harmolab did not write it; choose another name, or write over it: --force"
 WRITERS = (
     ("play", "--out", "x.html"),
     ("play", "--seconds", "1", "--height", "120", "--out", "x.webm"),
@@ -232,7 +232,7 @@ def test_a_study_is_made_in_an_empty_folder(corpus: Path):
     Path("mine").mkdir()
     Path("mine/key.json").write_text("{}")
     Path("mine/letter.txt").write_text("precious")
-    message = "mine: holds letter.txt, which is not of harmolab; name an empty or a new folder"
+    message = "mine: holds letter.txt, which harmolab did not write; name an empty or a new folder"
     assert refusal("data", "study", "make", corpus, "mine", "--n", 2, "--seconds", 4) == message
     assert Path("mine/key.json").read_text() == "{}"
 
@@ -385,7 +385,7 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     table = capsys.readouterr().out
     assert all(name in table for name in names)
     assert "0.600 to 0.800" in table and table.count("0.123") == 18 and "…" not in table
-    assert "AUC +0.081 [-0.050 to 0.110] over the learnt curve" in table
+    assert "AUC is +0.081 [-0.050 to 0.110] over the learnt curve" in table
     assert "within 1/8 beat in 10 of 23 recordings, the learnt curve in 21 of 23" in table
 
 

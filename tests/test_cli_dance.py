@@ -96,7 +96,7 @@ def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result
     assert load_offset(tmp_path / "dance.npz") == 1.5
     assert "--offset" not in kept.output
     written = dance(tmp_path / "dance.bvh", "--start", 1.5)
-    assert "it begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
+    assert "the movement begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
 
 
 def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path):
@@ -229,7 +229,7 @@ def test_mp4_plays_with_its_sound(dance: Callable[..., Result], tmp_path: Path, 
 def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them():
     clip = planted_dance(seconds=20.0, fps=30.0)
     assert clip.motion is not None and clip.beats is not None
-    unsure = "Laid on beats that a program found, which are unsure here."
+    unsure = "No verdict: it is laid on beats that a program found, and these are unsure."
     for fit, words in ((1.0, "The dance is on the beat: slow on it"), (0.3, unsure)):
         music = replace(clip.beats, quality=fit, fit=fit)
         report = DanceReport(0, clip.motion, 0.0, music, score_motion(music, clip.motion), Likeness())
@@ -356,7 +356,7 @@ def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(song: 
     judged_as(monkeypatch, SPUN, Likeness(), SPUN)
     result = called(app, "dance", song, "--out", "dance.npz")
     assert result.stdout.startswith("seed 1: ")
-    assert "seed 0 is left: not meaningful: the body turns round and round" in result.stderr
+    assert "seed 0 is not used: not meaningful: the body turns round and round" in result.stderr
     named = called(app, "dance", song, "--seed", 0, "--out", "dance.npz", "--verbose")
     assert named.stdout.startswith("Not meaningful: the body turns round and round")
     assert re.search(r"harmony above chance\W+not meaningful", named.stdout)
@@ -368,7 +368,7 @@ def test_where_every_seed_fails_the_first_is_danced_and_it_is_said(song: Path, m
     judged_as(monkeypatch, *[SPUN] * MOST_SEEDS)
     result = called(app, "dance", song, "--out", "dance.npz")
     assert result.stdout.startswith("Not meaningful: the body turns round and round")
-    assert "no seed up to 3 does better: seed 0 is danced" in result.stderr
+    assert "no seed up to 3 does better, so seed 0 is danced" in result.stderr
 
 
 def test_nothing_that_is_written_tells_the_harmony_of_a_dance_that_fails(song: Path, monkeypatch: pytest.MonkeyPatch):
@@ -405,7 +405,7 @@ def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path, own_ca
 def test_of_several_dances_the_nearest_is_danced_and_said_unless_one_is_named(song: Path, corpus: Path):
     words = ("dance", song, "--from", corpus, "--out", "dance.npz", "--verbose")
     heard = called(app, *words).stdout  # the tango there has 129 beats a minute, the cha-chas 133 and 135
-    assert "Four beats in a bar are heard, 115 a minute: danced is tango, the nearest; --dance overrules." in heard
+    assert "Four beats in a bar are heard, 115 a minute, so tango, the nearest, is danced (--dance: another)." in heard
     assert "_tango 100%" in heard
     told = called(app, *words, "--dance", "jive").stdout
     assert "_jive 100%" in told and "the nearest" not in told
@@ -422,7 +422,7 @@ def ballroom(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 
 
 BALLROOM = "A ballroom dance."
-THREES = "The music seems to go in threes: danced is ballroom (--style salsa dances the other)."
+THREES = "The music seems to go in threes, so ballroom is danced (--style salsa: dance salsa all the same)."
 
 
 @cases(
@@ -475,7 +475,7 @@ def test_one_bvh_dances_and_too_little_is_said(song: Path, tmp_path: Path):
     save_motion(tmp_path / "take.bvh", swaying(1))
     result = danced(song, "--from", tmp_path / "take.bvh", "--out", "dance.npz", "--verbose")
     assert "Too little motion for this song" in result.stdout
-    assert "too few to be a measure" in result.stdout
+    assert "too few to judge a dance by" in result.stdout
     assert re.search(r"made of\W+take(, mirrored)? \d+%", result.stdout)
 
 
@@ -498,9 +498,9 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path):
 
 def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path):
     result = danced(song, "--dance", "waltz", "--out", "dance.html")
-    assert "There is no waltz among these recordings: danced is ballroom." in result.stdout
-    assert "The bar of a waltz is not asked for" in result.stdout
-    assert "There is no waltz among these recordings: danced is ballroom." in Path("dance.html").read_text("utf-8")
+    assert "There is no waltz among these recordings, so ballroom is danced." in result.stdout
+    assert "No bar of a waltz is asked for" in result.stdout
+    assert "There is no waltz among these recordings, so ballroom is danced." in Path("dance.html").read_text("utf-8")
 
 
 @pytest.mark.slow

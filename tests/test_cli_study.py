@@ -134,7 +134,7 @@ def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path
     (("--n", 7), "n must be a multiple of 2"),
     (("--n", 100), "only 14 clips"),
     (("--seconds", 100), "seconds must be between 2 and 60"),
-    (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
+    (("--seconds", 6.99), "no recording gives a trial of 6.99 s"),
     (("--against", "."), "--against compares two dances"),
     (("--kind", "choice", "--against", "nowhere"), "nowhere: no such file or folder"),
     (("--kind", "choice", "--against", ".", "--wrong", "swapped"), "--wrong is the other dance without --against"),
@@ -197,7 +197,7 @@ def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_
     assert f"{N} of {N} trials answered" in run("data", "study", "ask", alone, "--rater", "Ada").output
 
 
-@cases("rater, fault", ("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name"))
+@cases("rater, fault", ("simulated-1", "are not for people; choose another"), ("a\nb", "a rater needs a name"))
 def test_rater_without_a_proper_name_is_refused(study: Path, rater: str, fault: str):
     assert fault in refusal("data", "study", "ask", study, "--rater", rater)
 

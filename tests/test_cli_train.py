@@ -155,7 +155,7 @@ def test_a_choice_of_few_is_checked_before_any_work(option: str, value: str, cor
 @cases(
     "name, size, message",
     ("nowhere", None, "nowhere: no such folder"),
-    ("empty", (0, 0.0), "empty: there is no sequence"),
+    ("empty", (0, 0.0), "empty: there is no recording"),
     ("short", (2, 2.0), "no unit to train on below .*short"),
     ("few", (1, 10.0), "more recordings"),
 )

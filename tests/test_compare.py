@@ -441,8 +441,8 @@ def test_true_music_ranks_above_lagged_music_where_one_is_not_known(click_track)
     ({"annotation": BeatAnnotation([])}, {}, "beats.json holds no beats; use tracked beats"),
     ({}, {"window": 0.0}, "window must be a positive number of seconds, or None for whole sequences; got 0.0"),
     ({}, {"window": -6.0}, "window must be a positive number of seconds"),
-    ({}, {"fit_on": []}, "no sequence to fit on"),
-    ({}, {"null": "other"}, "other music needs at least two sequences"),
+    ({}, {"fit_on": []}, "no recording to fit on"),
+    ({}, {"null": "other"}, "other music needs at least two recordings"),
 )
 def test_what_cannot_be_compared_is_refused(change: dict, options: dict, message: str):
     refused(message, compared, [replace(danced("S", dancer(1), "X"), **change)], **options)
@@ -451,7 +451,7 @@ def test_what_cannot_be_compared_is_refused(change: dict, options: dict, message
 def test_a_sequence_without_motion_and_no_sequences_are_refused():
     sequence = danced("S", dancer(1), "X")
     refused(r"corpus.S: no motion", compared, [replace(sequence, clip=replace(sequence.clip, motion=None))])
-    refused("no sequence to compare", compare, iter(()))
+    refused("no recording to compare", compare, iter(()))
 
 
 def test_music_without_a_beat_in_the_part_scores_zero():

@@ -478,7 +478,7 @@ def with_difference(table: Evaluation, a: str, b: str, *numbers: float, songs: i
     ),
     (WILD, (-0.44, -0.7, -0.2), 3, f"{WILD} cannot be compared with the recorded dances: 3 common songs are too few"),
     (WILD, (-0.4, -0.4, -0.4), 1, f"{WILD} cannot be compared with the recorded dances: 1 common song is too few"),
-    (WILD, (0.0, 0.0, 0.0), 0, f"{WILD} cannot be compared with the recorded dances: they are to other songs"),
+    (WILD, (0.0, 0.0, 0.0), 0, f"{WILD} cannot be compared with the recorded dances: these are to other songs"),
     (WILD, (-0.01, -0.05, 0.02), 20, f"{WILD} cannot be told from the recorded dances by its harmony"),
     (WILD, (-0.10, -0.15, -0.05), 20, f"{WILD} goes with its music less than the recorded dances"),
     (WILD, (0.10, 0.05, 0.15), 20, f"{WILD} goes with its music more than the recorded dances"),

@@ -183,13 +183,13 @@ def test_check_of_arrays_and_key_points_without_a_rate_says_so(tmp_path: Path):
     np.save(tmp_path / "walk.npy", upright())
     (row,) = check(tmp_path / "walk.npy")
     assert (row.frames, row.rate, row.seconds, row.joints) == (50, None, None, 3)
-    assert row.odd == ("holds no frame rate: pass fps",)
+    assert row.odd == ("holds no frame rate: pass fps (--fps)",)
     points = {"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.9] * 25}]}
     (tmp_path / "frames").mkdir()
     for frame in range(30):
         (tmp_path / "frames" / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(points))
     (row,) = check(tmp_path / "frames")
-    assert (row.kind, row.frames, row.rate, row.odd[0]) == ("motion", 30, None, "holds no frame rate: pass fps")
+    assert (row.kind, row.frames, row.rate, row.odd[0]) == ("motion", 30, None, "holds no frame rate: pass fps (--fps)")
 
 
 def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):

@@ -873,7 +873,7 @@ def test_check_says_what_each_file_of_a_folder_is_and_how_it_was_read(tmp_path: 
     assert (aist.kind, aist.rate, aist.joints, aist.note) == ("motion", 60, 24, "3-D, AIST++ SMPL parameters")
     assert "translation divided by smpl_scaling, 90" in aist.how
     assert (capture.rate, capture.note, capture.how[0]) == (120, "3-D, c3d markers", "in mm (POINT:UNITS)")
-    assert (joints.rate, joints.odd[0]) == (None, "holds no frame rate: pass fps")
+    assert (joints.rate, joints.odd[0]) == (None, "holds no frame rate: pass fps (--fps)")
     assert joints.how[0].startswith("centimetres (guessed")
     assert "read: joints.npy: z up (guessed" in " ".join(called(app, "data", "check", tmp_path).stdout.split())
 

@@ -167,8 +167,9 @@ def test_the_command_trains_a_classifier_and_prints_its_outcome(corpus: Path, tm
     assert read_about(out)["meta"]["test"] == {"songs": 7, "right": right, "majority": 1}
     lines = result.stderr.splitlines()
     assert lines[0].startswith("songs: 7 train, 7 test; dances: cha-cha, jive")
-    assert lines[-1].startswith(f"test songs: {right} of 7 dances are right; 1 would be by always naming")
-    assert result.stdout == f"trained: {out}, a part of music2dance, which uses it where it is RUN/attributes\n"
+    assert lines[-1].startswith(f"test songs: the dance of {right} of 7 is named rightly; always naming")
+    assert lines[-1].endswith("would be right for 1")
+    assert result.stdout == f"trained: {out}, a part of music2dance; a run uses it where it lies in RUN/attributes\n"
 
 
 RATE = 22050

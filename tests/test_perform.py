@@ -106,7 +106,8 @@ def test_page_speaks_of_notes_and_says_on_whom_the_player_was_trained(instrument
     song = takes / instrument / "audio.wav"
     result = perform(song, "--out", tmp_path / "p.html", instrument=instrument)
     assert result.stdout.splitlines()[1:] == [NOTICE, f"wrote {tmp_path / 'p.html'}"]
-    assert result.stdout.startswith(f"6.00 s from 0.00 s of {song} on, played by the {instrument} player that comes")
+    assert result.stdout.startswith(f"6.00 s from 0.00 s of {song} on, played in ")
+    assert f" s by the {instrument} player that comes with harmolab\n" in result.stdout
     page = (tmp_path / "p.html").read_text("utf-8")
     text = shown_text(page)
     assert len(page) < 300_000  # 50 kB a second: nine megabytes for three minutes
@@ -425,7 +426,7 @@ def run(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_path: Path):
     result = perform(song, "--weights", run, "--seconds", 2, "--out", tmp_path / "p.html", instrument="")
-    assert f"played by {run} in" in result.stdout and NOTICE in result.stdout
+    assert f" s by {run}\n" in result.stdout and NOTICE in result.stdout
     about = read_about(run)["meta"]
     assert about["settings"]["audio2body"] | {"epochs": 3, "seed": 2} == about["settings"]["audio2body"]
     assert about["errors"]["mean pose"]["full"] > 0

@@ -394,7 +394,8 @@ def test_frames_of_openpose_beside_a_song_or_below_it_need_a_rate(tmp_path: Path
     refused(r'openpose: holds no frame rate; write "fps" into performance\.json', load_performance, folder)
     assert load_performance(folder, fps=24).motion.fps == 24
     (row,) = check(beside)
-    assert (row.kind, row.rate, row.seconds, row.odd[0]) == ("performance", None, None, "holds no frame rate: pass fps")
+    fault = "holds no frame rate: pass fps (--fps)"
+    assert (row.kind, row.rate, row.seconds, row.odd[0]) == ("performance", None, None, fault)
     assert load_performance(beside, fps=24).motion.n_frames == 12
     assert find_performances(tmp_path).folders == (beside, folder)
     (folder / "performance.json").write_text('{"fps": 25}')

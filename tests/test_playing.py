@@ -307,7 +307,7 @@ def test_a_lag_beyond_the_tolerance_is_found_and_is_no_harmony(late: float):
     assert not score.is_together
     assert playing_findings(score).verdict == (
         f"The hands meet the sound {abs(1000 * score.lag.seconds):.0f} ms {'late' if late > 0 else 'early'}: "
-        "picture and sound may begin apart."
+        "picture and sound may not begin together."
     )
 
 
@@ -414,7 +414,7 @@ def test_the_stretch_in_which_hands_stop_is_named():
     motion = planted_hands(notes.select((notes.onsets < 10) | (notes.onsets > 15)))
     words = playing_findings(playing_score(motion, notes, "piano"))
     assert [(s.start, s.end) for s in words.stretches] == [(0.0, 5.0), (5.0, 10.0), (10.0, 15.0), (15.0, 20.0)]
-    assert f"They part most from 10 to 15 s: 0 of {words.stretches[2].onsets} onsets are met." in words.sentences
+    assert f"The hands meet least from 10 to 15 s: 0 of {words.stretches[2].onsets} onsets are met." in words.sentences
 
 
 def test_sentences_say_the_numbers_of_the_score():

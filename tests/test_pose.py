@@ -409,7 +409,7 @@ def test_without_a_terminal_nothing_is_fetched_and_a_line_says_how_and_what_woul
     assert "about 55 MB, 155 MB on disk, in " in result.stderr
     assert "To agree: harmolab data pose --install --yes" in result.stderr
     (line,) = offered(video).splitlines()
-    assert line.endswith("its dancer's body would be surer: `harmolab data pose --install` fetches what finds it, once")
+    assert line.endswith("surer to read the dancer's body: `harmolab data pose --install` fetches what finds it, once")
     assert not installs
 
 
@@ -454,7 +454,7 @@ def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], v
     (song := tmp_path / "song.wav").touch()
     for files in ([video], [song, video]):
         fault = complaint(app, "play", *files, "--out", tmp_path / "x.html")
-        assert "of which no body is known to play; `harmolab data pose --install` fetches what finds it" in fault
+        assert "nothing here finds its body for the page; `harmolab data pose --install` fetches what does" in fault
         assert f"`harmolab score {' '.join(map(str, files))} --why " in fault
 
 

@@ -1,8 +1,11 @@
 """Music beats of a sound by librosa's onset strength and tempo (Eq. 2-3), and clicks on beats, to judge them by ear.
 
-The whole track is tracked once, then sliced. The tracked beats are laid on one steady grid where the music keeps one,
-else they follow it; see `harmolab.beats.tempo`. Analysis is cached on disk under a hash of the samples, so a song is
-listened to once; see `harmolab.files`.
+Symbols of the paper: A(t) is the sound, g(t) its onset strength (Eq. 2), B_a(t) the beats that are found in it, with
+times p_a(b) and strengths s_a(b) (Eq. 3).
+
+The beats of a whole song are tracked once; parts of it are cut from these. Where the music keeps one tempo, the tracked
+beats are laid on a grid of this tempo, else they follow the music; see `harmolab.beats.tempo`. The analysis of a song
+is kept on disk under a hash of its samples, so that it is done once; see `harmolab.files`.
 """
 
 import hashlib
@@ -57,7 +60,25 @@ MUSIC = 0.5  # amplitude of the music, whose largest is 1, under clicks of 0.5
 
 
 def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
-    """The music, its loudest sample at half of full scale, with a click on each beat, higher on the first of a bar."""
+    """The music with a click on each beat, to judge beats by ear: higher clicks on the first beats of bars.
+
+    The loudest sample of the music is brought to half of full scale. Beats after the end of the sound have no click.
+
+    Parameters
+    ----------
+    audio : Audio
+    track : BeatTrack
+        Beats on the audio's time line. Where no bars are known all clicks are alike.
+
+    Returns
+    -------
+    Audio of the same length and rate
+
+    Raises
+    ------
+    ValueError
+        Unless an Audio and a BeatTrack are passed.
+    """
     check_kind(audio, Audio)
     check_kind(track, BeatTrack)
     samples = audio.samples * (MUSIC / max(float(np.abs(audio.samples).max()), 1e-12))
@@ -84,7 +105,7 @@ LOUDEST = 1e6  # amplitude above which squares might overflow in single precisio
 
 
 def tempo_range(tempo: str | tuple[float, float] | None) -> tuple[float, float] | None:
-    """A tempo prior in beats per minute from a dance's name or a range.
+    """The range of tempi, in beats per minute, that a dance's name or a range stands for; None for None.
 
     Raises
     ------
@@ -105,23 +126,41 @@ def tempo_range(tempo: str | tuple[float, float] | None) -> tuple[float, float] 
 def audio_beats(
     audio: Audio, *, tempo: str | tuple[float, float] | None = None, lateness: float = LATENESS
 ) -> BeatTrack:
-    """Music beats p_a with strengths s_a (Eq. 2-3): librosa's tracker, strength = onset envelope at the beat.
+    """The beats of music, found in its sound: times p_a(b) with strengths s_a(b) (Eq. 2-3).
+
+    librosa's tracker finds them. Then they are laid on one grid of constant tempo where the music keeps one, else they
+    follow the music (`harmolab.beats.tempo`). The strength of a beat is the onset strength by it (`onset_envelope`).
 
     Parameters
     ----------
     audio : Audio
-        The whole recording. Beats of separate 6 s pieces agree with those of the whole at F = .71 only.
-    tempo : dance name or (low, high) beats per minute, optional
-        Prior of the tempo. Without one the tempo is that of 19 in 23 dance recordings we have, and twice that of four:
-        whether music counts 80 or 160 the sound does not tell.
-    lateness : float, envelope samples by which the beats are moved earlier; 0 leaves them on the onset strength
+        The whole recording. Beats of separate pieces of 6 s agree with those of the whole less well: their F-measure
+        is .71.
+    tempo : str or (low, high), optional
+        Name of a dance of `DANCES`, or beats per minute, among which the tempo is sought. Without it the tempo of 19 in
+        23 dance recordings is right, and that of four is twice what it should be: the sound does not tell whether music
+        counts 80 or 160.
+    lateness : float, samples of the onset envelope
+        The beats are moved earlier by so much, since onset strength rises later than a listener taps. 0 leaves them on
+        the onset strength; the default is 30 ms at 22,050 Hz.
 
     Returns
     -------
-    BeatTrack; empty for silence. From the first to the last sound, on one steady grid where the music keeps one, with
-    `quality`, the share of the tracked beats that lie on it, and `windows`, the music that the beats explain.
-    A beat with which the sound begins has strength 0: nothing is before it that its onset could rise above.
-    Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
+    BeatTrack
+        Beats from the first to the last sound, none for silence. `quality`, `windows` and `fit` say how sure they are.
+        A beat with which the sound begins has strength 0, since its onset rises above nothing. `bar_places` is None:
+        the sound does not tell where a bar begins (`with_one`), since in 4/4 the strongest beat is as often another as
+        the first.
+
+    Raises
+    ------
+    ValueError
+        For an unknown dance, a range that does not rise, or what is no Audio.
+
+    Examples
+    --------
+    >>> from harmolab import load_audio  # doctest: +SKIP
+    >>> beats = audio_beats(load_audio("song.mp3"), tempo="waltz")  # doctest: +SKIP
     """
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
@@ -134,9 +173,10 @@ def audio_beats(
 
 
 def music_beats(clip: Clip) -> BeatTrack:
-    """The music beats of a clip on its audio's time line: its annotated ones, else those of `audio_beats`.
+    """The music beats of a clip on its audio's time line: its own (`Clip.beats`), else those of `audio_beats`.
 
-    The clip's dance, where it is one of `DANCES`, is the prior of the tempo. ValueError unless a Clip is passed.
+    Where the clip's dance is one of `DANCES`, the tempo is sought in the range of that dance. ValueError unless a Clip
+    is passed.
     """
     check_kind(clip, Clip)
     if clip.beats is not None:
@@ -147,13 +187,17 @@ def music_beats(clip: Clip) -> BeatTrack:
 def librosa_beats(audio: Audio, *, start_tempo: float = 120.0, percussive: bool = False) -> BeatTrack:
     """Beats of librosa's tracker as they come, as published codes take them: on no steady grid, and not moved earlier.
 
-    They lie on frames of `HOP` samples: sound of ``HOP * fps`` hertz has them on the frames of a motion.
+    They lie on the frames of librosa, each of `HOP` (512) samples. So sound of ``HOP * fps`` hertz has its beats on the
+    frames of a motion of `fps` frames per second.
 
     Parameters
     ----------
     audio : Audio, the whole song
-    start_tempo : float, beats per minute, middle of the prior of the tempo
-    percussive : bool, take the median over mel bands of the percussive part as onset strength, else the mean of all
+    start_tempo : float, beats per minute
+        Tempo around which librosa seeks the tempo.
+    percussive : bool
+        Whether the onset strength is the median over the mel bands of the percussive part of the sound, else it is the
+        mean over those of all of it.
 
     Returns
     -------
@@ -174,12 +218,20 @@ def librosa_beats(audio: Audio, *, start_tempo: float = 120.0, percussive: bool 
 
 
 def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:
-    """Onset strength g of Eq. 2, (F,) array, and its rate in hertz."""
+    """Onset strength g(t) of a sound (Eq. 2): how much louder the bands of its spectrum become at each moment.
+
+    It is librosa's: the mean over the mel bands of what they gain in decibels. It lies some 30 ms behind the moment at
+    which a listener taps (at 22,050 Hz).
+
+    Returns
+    -------
+    (F,) array, and its rate in hertz: value i belongs to second i / rate. ValueError unless an Audio is passed.
+    """
     return _cached_analysis(audio, None).envelope, audio.sample_rate / HOP
 
 
 def beat_strengths(audio: Audio, times: FloatArray) -> FloatArray:
-    """Onset strength at given times (seconds): the largest of the three frames around each, (B,) array."""
+    """Onset strength by each of (B,) times in seconds: the largest of the three samples around it, (B,) array."""
     return _largest_near(*onset_envelope(audio), np.asarray(times))
 
 

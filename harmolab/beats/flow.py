@@ -1,11 +1,17 @@
 """Visual beats from video: optical flow, directogram, impact envelope and its peaks (Davis & Agrawala 2018; Eq. 4-5).
 
-A dancer who stops makes an impact. Optical flow says how fast each pixel moves and where to; the directogram adds up
-the speed by direction, as a spectrogram adds up sound by pitch; speed lost in any direction makes the impact envelope,
-the counterpart of a sound's onset envelope; its peaks are the visual beats (Eq. 4-5 with flow as the motion trend).
+A dancer who stops makes an *impact*. It is found in four steps:
 
-An impact is where braking is strongest. For a sudden stop that is the stop itself; in a smooth movement it comes about
-a tenth of a second before the standstill that `beats.visual` finds as a valley of the joint speed.
+1. *Optical flow* says how fast each pixel moves, and where to.
+2. The *directogram* D(t, theta) adds up the speed in each direction theta, as a spectrogram adds up sound by pitch.
+3. The *impact envelope* is the speed that is lost around each frame, in all directions together. It is the counterpart
+   of a sound's onset envelope, and d(t) of Eq. 4, with flow as the motion trend MT; t_1 is the time between the two
+   moments that are compared.
+4. Its peaks are the visual beats, B_v(t) of Eq. 5: t_2 is the time on either side within which a peak is the highest,
+   c_2 the height by which it exceeds what is around it.
+
+An impact is where braking is strongest. For a sudden stop that is the stop itself. In a smooth movement it comes about
+a tenth of a second before the standstill, which `beats.visual` finds as a valley of the joint speed.
 
 Angles follow the picture: x to the right, y DOWN, so 0 is movement to the right, pi / 2 downwards, pi to the left and
 3 pi / 2 upwards. Speeds are picture heights per second, lags and windows are seconds, so that neither resolution nor
@@ -35,11 +41,12 @@ THRESHOLD = 0.1  # c_2 of Eq. 5
 
 
 def impact_envelope(directograms: ArrayLike, *, lag_frames: int = 1, smoothing_frames: float = 0.0) -> FloatArray:
-    """Speed lost around each frame, summed over the directions.
+    """Impact envelope: the speed that is lost around each frame, summed over the directions (Eq. 4 of a video).
 
-    A median over 2 lag_frames + 1 frames goes first: it keeps the edge of a stop and takes out a spike (a cut between
-    scenes) or a gap (a frame shown twice), each of which would look like a stop. Neighbouring directions are mixed
-    1 : 2 : 1, so that a limb that swings round from one bin into the next does not look like one that stops.
+    First each direction is replaced by its median over 2 lag_frames + 1 frames. That keeps the edge of a stop, and
+    takes out a spike (a cut between scenes) or a gap (a frame shown twice), which would look like a stop. Neighbouring
+    directions are mixed 1 : 2 : 1, so that a limb that swings from one direction into the next is not taken for one
+    that stops.
 
     Parameters
     ----------
@@ -51,8 +58,8 @@ def impact_envelope(directograms: ArrayLike, *, lag_frames: int = 1, smoothing_f
 
     Returns
     -------
-    (T,) array in the unit of `directograms`, u(t) = sum over theta of max(0, D(t, theta) - D(t + t_1, theta)):
-    the movement before frame t less the movement after it. The ends repeat the nearest value, so they hold no peak.
+    (T,) array in the unit of `directograms`: u(t) = sum over theta of max(0, D(t, theta) - D(t + t_1, theta)), the
+    movement before frame t less the movement after it. The ends repeat the nearest value, so they hold no peak.
     """
     columns = np.asarray(directograms, dtype=np.float64)
     if len(columns) <= 2 * lag_frames:
@@ -132,21 +139,34 @@ def _maxima(envelope: FloatArray, radius_frames: int) -> IntArray:
 def envelope_beats(
     envelope: FloatArray, fps: float, *, radius: float = RADIUS, around: float = AROUND, threshold: float = THRESHOLD
 ) -> BeatTrack:
-    """Visual beats of an impact envelope (Eq. 5); their strength is its height.
+    """Visual beats of an impact envelope: its peaks (Eq. 5); their strength is the height of the peak.
+
+    A beat is the highest value within `radius` on either side, and exceeds the mean over `around` on either side by
+    more than `threshold`. Its time lies between frames, at the top of a parabola.
 
     Parameters
     ----------
-    envelope : (T,) array in [0, 1], from `flow_envelope`
-    fps : float, hertz
+    envelope : (T,) array, 0 to 1, as of `flow_envelope`
+    fps : float, hertz, of the envelope
     radius : float, seconds, t_2
     around : float, seconds
-        A beat is measured against the mean over this time on either side.
-    threshold : float, c_2
+    threshold : float, c_2, in units of the envelope
+
+    Returns
+    -------
+    BeatTrack of T / fps seconds
 
     Raises
     ------
     ValueError
-        The envelope is no list of finite numbers.
+        If the envelope is no list of finite numbers.
+
+    Examples
+    --------
+    >>> envelope = np.zeros(50)
+    >>> envelope[20] = 1.0
+    >>> envelope_beats(envelope, 10.0).times.tolist()
+    [2.0]
     """
     envelope = frozen_array(envelope, "envelope")
     radius_frames, mean_frames = (max(1, round(window * fps)) for window in (radius, around))
@@ -245,9 +265,8 @@ def flow_directograms(
 
     Returns
     -------
-    (T, 16) array, picture heights per second, mean over the picture; what moves slower than `STILL` does not count.
-    Row t tells the movement from t / fps - lag
-    to t / fps; the rows before the first lag are 0.
+    (T, 16) array, picture heights per second, mean over the picture. Pixels slower than `STILL` (0.02) do not count.
+    Row t has the movement from second t / fps - lag to t / fps; the rows before the first lag are 0.
 
     Raises
     ------
@@ -312,21 +331,37 @@ def flow_envelope(
     floor: float = FLOOR,
     progress: Progress = silent,
 ) -> FloatArray:
-    """The impact envelope of a video; value i belongs to i / fps seconds.
+    """The impact envelope of a video: how strongly anything in the picture stops, at each frame (Eq. 4).
+
+    `envelope_beats` finds the visual beats in it.
 
     Parameters
     ----------
-    frames, fps, lag, progress : see `flow_directograms`
+    frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays, all of one shape
+        Read one by one and forgotten. 240 pixels high is enough; the time taken grows with the area.
+    fps : float, hertz
+    lag : float, seconds
+        t_1 of Eq. 4: the movement before a moment is compared with that so much later. At least one frame, at most 1 s.
     smoothing : float, seconds
-        Standard deviation of a Gaussian. Without it the noise of the flow decides which frame of an impact is highest.
-    radius : float, seconds, t_2 of Eq. 5
+        Standard deviation of a Gaussian along time. Without it the noise of the flow decides which frame of an impact
+        is highest.
+    radius : float, seconds
+        t_2 of Eq. 5: the scale of the envelope is that of its peaks, each the highest within so much on either side.
     floor : float, picture heights per second, mean over the picture
         A video without any impact above this counts as still. A limb that covers 1 % of the picture and stops from
         half a picture height per second makes 0.002 after the smoothing.
+    progress : function(iterable, label) -> iterable
+        Reports on the frames, such as a progress bar.
 
     Returns
     -------
-    (T,) array in [0, 1]
+    (T,) array from 0 to 1, 0 throughout for a still video; value i belongs to second i / fps
+
+    Raises
+    ------
+    ValueError
+        If a frame is no uint8 picture, is smaller than 16 pixels, or differs in size from the first; if `fps` or `lag`
+        is out of range; if there is no frame.
     """
     columns = flow_directograms(frames, fps, lag=lag, progress=progress)
     impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=smoothing * fps)

@@ -1,4 +1,7 @@
-"""Strong and weak beats, their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22), and "one" of the bar."""
+"""Strong and weak beats, their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22), and "one" of the bar.
+
+m_e(b) of Eq. 22 is 1 for a strong beat and 0 for a weak one. "One" is the first beat of a bar.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -24,13 +27,21 @@ CATEGORIES: dict[tuple[bool, ...], str] = {
 
 @dataclass(frozen=True, eq=False)
 class MeterUnit(Record):
-    """One meter: a group of beats that the music repeats (paper Fig. 6).
+    """A meter unit (MU): four to six beats in a row with the accents of a bar (paper Sec. 4.1, Fig. 6).
 
     Parameters
     ----------
     start, end : float, seconds
-    strong : (B,) bool array, which of its beats are strong (Eq. 22)
-    signature : str, such as "4/4"
+        From its first beat to the beat after its last.
+    strong : (B,) bool array
+        True for each of its beats that is strong (Eq. 22).
+    signature : str
+        "4/4", "5/4" or "6/4".
+
+    Raises
+    ------
+    ValueError
+        If it does not end after it starts.
     """
 
     start: float
@@ -47,8 +58,18 @@ class MeterUnit(Record):
 
 
 def strong_beats(strengths: FloatArray) -> BoolArray:
-    """m_e: a beat is strong when it is stronger than the one before (Eq. 22); the first, having none, is weak.
+    """Strong beats m_e(b): those that are stronger than the beat before (Eq. 22).
 
+    Parameters
+    ----------
+    strengths : (B,) array, such as `BeatTrack.strengths`
+
+    Returns
+    -------
+    (B,) bool array; the first beat, which has none before it, is weak
+
+    Examples
+    --------
     >>> strong_beats(np.array([1.0, 3.0, 2.0, 2.5]))
     array([False,  True, False,  True])
     """
@@ -56,20 +77,29 @@ def strong_beats(strengths: FloatArray) -> BoolArray:
 
 
 def cycle_of_meter(meter: int | None) -> int:
-    """Beats in a pattern's cycle: half a bar in even meters, the bar in odd ones, one beat in an unknown meter."""
+    """Beats of the cycle after which movement may recur: half a bar in even meters, the bar in odd ones, else one."""
     if meter is None:
         return 1
     return 2 if meter % 2 == 0 else meter
 
 
 def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
-    """The beats with their places in the bar, counted from the beat nearest to `seconds`, which gets place 0.
+    """The beats with their places in the bar, counted from a moment at which a bar is known to begin.
+
+    The beat nearest to `seconds` gets place 0, and the others are counted from it.
 
     Parameters
     ----------
-    track : BeatTrack of two beats or more, none left out
-    seconds : float, a moment of the music at which a bar begins
-    meter : int, beats in a bar
+    track : BeatTrack of two beats or more
+        All beats of the music: one that is left out would move the bars.
+    seconds : float
+        A moment of the music at which a bar begins.
+    meter : int
+        Beats in a bar: 3 for a waltz.
+
+    Returns
+    -------
+    BeatTrack
 
     Raises
     ------
@@ -95,10 +125,10 @@ def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
 
 
 def threes(audio: Audio, track: BeatTrack) -> float:
-    """Excess of what repeats every third beat in music over what repeats every fourth, -1.3 to 1.5; above 0: 3/4.
+    """Excess of repetition every third beat of music over that every fourth: above 0 it is in 3/4. From -1.3 to 1.5.
 
-    The correlation of the onset strength around four moments of each beat with that of 3 and 6 beats later, less that
-    with 4 and 8 beats later. 0 for music of less than 24 beats.
+    It is the correlation of the onset strength around four moments of each beat with that of 3 and 6 beats later, less
+    that with 4 and 8 beats later; 0 for music of less than 24 beats.
     """
     if len(track) < FEWEST:
         return 0.0
@@ -118,7 +148,9 @@ def threes(audio: Audio, track: BeatTrack) -> float:
 
 
 def describe_beats(track: BeatTrack) -> str:
-    """One line about a track of music beats: tempo, steadiness or "annotated", and what is known of "one".
+    """One line in words about the beats of music: their tempo, how steady or sure they are, and whether bars are known.
+
+    Beats that no program tracked are called annotated. ValueError unless a BeatTrack is passed.
 
     >>> describe_beats(BeatTrack([0.5, 1.0, 1.5], [1.0, 1.0, 1.0], 100.0, 3.0, [0, 1, 2]))
     'annotated, 120.0 bpm; "one" known, 3 beats a bar'
@@ -160,13 +192,31 @@ def _course(times: FloatArray) -> str:
 
 
 def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
-    """Meter units of a beat track, in order, without overlap: at each beat the longest category that fits.
+    """The meter units of a beat track: groups of four to six beats with the accents of a bar (paper Sec. 4.1, Fig. 6).
 
-    Beats that start no category are passed over. A unit ends where its next beat begins; the last needs that beat too.
+    From each beat on the longest group is taken whose accents fit one of these, S a strong beat and w a weak one
+    (Eq. 22): ``SwSw`` and ``Swww`` (4/4), ``SwwSw`` (5/4), ``SwwSww`` (6/4). A beat at which none fits is passed over.
+
+    Parameters
+    ----------
+    track : BeatTrack with the strengths of its beats
 
     Returns
     -------
     tuple of MeterUnit
+        In order and without overlap. A unit ends with the beat after it, so that the last unit needs this beat, too.
+
+    Raises
+    ------
+    ValueError
+        Unless a BeatTrack is passed.
+
+    Examples
+    --------
+    >>> strengths = [1.0, 3.0, 1.0, 2.0, 1.0, 3.0, 1.0]
+    >>> (unit,) = meter_units(BeatTrack(np.arange(7) / 2, strengths, 100.0, 4.0))
+    >>> unit.signature, unit.start, unit.end
+    ('4/4', 0.5, 2.5)
     """
     check_kind(track, BeatTrack)
     strong, last = strong_beats(track.strengths), track.times.size - 1

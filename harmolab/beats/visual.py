@@ -1,4 +1,9 @@
-"""Motion to visual beats: turning points of the joint speed (Eq. 7-9), its valleys or peaks, and motion SD."""
+"""Visual beats of a motion: turning points of the joint speed (Eq. 7-9), its valleys or peaks, and motion SD.
+
+Symbols of the paper: J_v(t) is the joint speed, the sum over the joints i of their velocities v_s(t, i) (Eq. 7), and
+d~(t) the sign of its change (Eq. 8). B~_v(t) is 1 at visual beats, where this sign turns (Eq. 9). They have times
+p_v(b) and strengths s_v(b), the values of J_v there.
+"""
 
 from weakref import WeakKeyDictionary
 
@@ -16,15 +21,27 @@ _curves: WeakKeyDictionary[Motion, dict[tuple[object, ...], tuple[FloatArray, fl
 
 
 def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
-    """The curve that visual beats are read from, and its rate.
+    """The curve over time that the visual beats of a motion are read from, such as its joint speed, and its rate.
+
+    Parameters
+    ----------
+    motion : Motion
+    params : HarmonyParams
+        Its `measure` and `detector` say which curve; `fps`, `subframe`, both smoothings and `speed` how it is computed.
 
     Returns
     -------
-    curve : (T',) array
-        Joint speed in units per second (Eq. 7) or direction spread, smoothed by ``params.smoothing``; in the measure
-        "shape" the shape speed, which has a rate of its own and only ``params.position_smoothing``. Read-only.
+    curve : (F,) array, read-only
+        Measure "shape": the shape speed (`harmolab.shape_speed`), smoothed by ``params.position_smoothing`` alone.
+        Else the joint speed (Eq. 7) in units of the positions per second, or for the detector "direction" the spread
+        of the joints' changes of direction; both are also smoothed by ``params.smoothing``.
     fps : float, hertz
-        Of the curve.
+        Value i belongs to second i / fps; with ``params.subframe`` a value of the latter two half a sample earlier.
+
+    Raises
+    ------
+    ValueError
+        Unless a Motion and HarmonyParams are passed.
     """
     for kind, value in ((Motion, motion), (HarmonyParams, params)):
         if not isinstance(value, kind):  # here, since a score that asks in another room walks farther
@@ -58,7 +75,7 @@ def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, fl
 
 
 def curve_delay(params: HarmonyParams) -> float:
-    """Frames by which a sample of `motion_curve` stands behind its moment: a difference lies between two frames."""
+    """Samples by which the moment of a value of `motion_curve` lies before its place: half of one for a difference."""
     return 0.5 if params.subframe and params.measure != "shape" else 0.0
 
 
@@ -81,10 +98,26 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
 
 
 def visual_beats(motion: Motion, *, params: HarmonyParams | None = None) -> BeatTrack:
-    """Visual beats of a motion, in seconds from its first frame.
+    """The visual beats of a motion: the moments that a viewer may take for beats, such as rests.
 
-    Beats on frames that are not valid (splices, occlusions) are left out, as is everything when nothing moves.
-    `params` are ``HarmonyParams.paper()`` when left out.
+    Beats on frames that are not valid (`Motion.valid`) are left out. A motion in which nothing moves has none.
+
+    Parameters
+    ----------
+    motion : Motion
+    params : HarmonyParams
+        Its `detector` says which moments of `motion_curve` are beats. ``HarmonyParams.paper()`` when left out: all
+        turning points of the joint speed (Eq. 7-9).
+
+    Returns
+    -------
+    BeatTrack
+        Times in seconds from the first frame; the strength of a beat is the value of the curve there.
+
+    Raises
+    ------
+    ValueError
+        Unless a Motion and HarmonyParams are passed.
 
     Examples
     --------

@@ -1,6 +1,9 @@
-"""Array kernels on joint positions: joint speed (Eq. 7), turning points (Eq. 8-9), resampling.
+"""Functions on arrays of joint positions: joint speed (Eq. 7), turning points (Eq. 8-9), resampling.
 
-Kernels take and return plain arrays. Frame indices exist only here and end in ``_frames``.
+They take and return plain arrays. Times are numbers of frames only here, in names that end in ``_frames``.
+
+Symbols of the paper: v_s(t, i) is the velocity of joint i at frame t, J_v(t) the sum over the joints (Eq. 7), d~(t) the
+sign of the change of J_v (Eq. 8), and B~_v(t) is 1 at the frames where that sign turns (Eq. 9).
 """
 
 from dataclasses import replace
@@ -20,7 +23,7 @@ ROUNDING = 1e-12  # 1 - cos below this is a straight line
 
 
 def joint_speed(positions: FloatArray, fps: float = 1.0, *, reading: str = "norm") -> FloatArray:
-    """Joint velocity sum J_v of every frame (paper Eq. 7).
+    """Joint speed J_v(t): the sum of the velocities of all joints, frame by frame (paper Eq. 7).
 
     Parameters
     ----------
@@ -28,7 +31,8 @@ def joint_speed(positions: FloatArray, fps: float = 1.0, *, reading: str = "norm
     fps : float, hertz
         With 1.0 the result is in units per frame, else in units per second.
     reading : "norm", "signed" or "norm_of_sum"
-        Sum of the L2 norms (paper mode), signed sum over joints and axes, or norm of the summed vector.
+        Sum of the lengths (L2 norms) of the joints' velocities (paper mode), sum over joints and axes with its sign, or
+        length of the summed velocity.
 
     Returns
     -------
@@ -86,7 +90,10 @@ def smooth_positions(positions: FloatArray, sigma: float, fps: float) -> FloatAr
 
 
 def step_signs(curve: FloatArray, *, carry: bool = True) -> IntArray:
-    """Sign of each step of `curve` (Eq. 8); a tie takes the sign before it when `carry`."""
+    """Signs d~(t) of the steps of a curve (T,) from each sample to the next: (T - 1,) of -1, 0 and 1 (Eq. 8).
+
+    A step of a millionth of the largest value or less is a tie, of sign 0; with `carry` it takes the sign before it.
+    """
     steps = np.diff(curve)
     signs = np.sign(np.where(np.abs(steps) <= TIE_TOLERANCE * np.abs(curve).max(initial=0.0), 0.0, steps))
     if carry and signs.size:
@@ -144,7 +151,7 @@ def _turns_into(sign: int, curve: FloatArray, plateau: str) -> IntArray:
 
 
 def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:
-    """Positions of extrema between samples: the top of the parabola through each frame and its two neighbours.
+    """Places of extrema between samples: the top of the parabola through each frame and its two neighbours.
 
     Returns
     -------
@@ -217,7 +224,7 @@ def _check_room(positions: FloatArray, old_fps: float, fps: float) -> None:
 
 
 def _old_frames(n_frames: int, old_fps: float, fps: float) -> tuple[FloatArray, IntArray]:
-    """Fractional frames at the old rate that frames at another rate are, and the frame at or before each."""
+    """For each frame at a new rate its place among the old frames, a fraction, and the old frame at or before it."""
     count = int(np.floor((n_frames - 1) * fps / old_fps + 1e-9)) + 1
     if count < 2:
         raise ValueError(f"a motion of {n_frames / old_fps:.3f} s has no two frames at {fps:g} fps")
@@ -226,8 +233,9 @@ def _old_frames(n_frames: int, old_fps: float, fps: float) -> tuple[FloatArray, 
 
 
 def in_body(motion: Motion) -> Motion:
-    """The motion in the dancer's own frame (`body.skeletons.body_frame`): no travel, jumps or turns of the whole body.
+    """The motion as the body has it (`body_frame`): travel, jumps and turns of the whole body are taken out.
 
-    To the nanometre: a body that does not move has no errors of rounding, whose valleys would be its beats.
+    Positions are rounded to the nanometre. Else a body that does not move would have errors of rounding, whose valleys
+    would be taken for beats.
     """
     return replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton).round(NANOMETRE))

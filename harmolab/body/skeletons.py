@@ -38,8 +38,24 @@ HIPS_AND_SHOULDERS = (*HIPS, "shoulder", "upperarm", "humerus", "clavicle", "col
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Joint names and the tree that joins them; `parents[i]` is -1 at the root.
+    """The names of a body's joints, and the tree of bones that joins them.
 
+    Measures of feet, hands, hips and shoulders find these joints by their names, such as left_hip, "hip L", RightUpLeg
+    or l_shoulder.
+
+    Parameters
+    ----------
+    joints : (J,) sequence of str
+    parents : (J,) sequence of int
+        Number of the joint that each joint hangs on; -1 for a root, which hangs on none.
+
+    Raises
+    ------
+    ValueError
+        Unless there is one parent for each joint, -1 or the number of another joint.
+
+    Examples
+    --------
     >>> Skeleton(("hip", "knee"), (-1, 0)).bones
     ((0, 1),)
     """
@@ -60,12 +76,15 @@ class Skeleton:
 
     @property
     def bones(self) -> tuple[tuple[int, int], ...]:
-        """(parent, child) pairs."""
+        """The bones as pairs of joint numbers, (parent, child), in the order of the children."""
         return tuple((parent, joint) for joint, parent in enumerate(self.parents) if parent >= 0)
 
     @classmethod
     def unnamed(cls, count: int) -> "Skeleton":
-        """`count` joints of which nothing is known: no names, no bones."""
+        """A skeleton of `count` joints of which nothing is known: they are called joint_0 and so on, and have no bones.
+
+        Measures that need the names of joints refuse it.
+        """
         return cls(tuple(f"joint_{i}" for i in range(count)), (-1,) * count)
 
 
@@ -301,23 +320,23 @@ def turned(points: FloatArray, angle: FloatArray | float) -> FloatArray:
 
 
 def body_frame(positions: FloatArray, fps: float, skeleton: Skeleton, *, smoothing: float = 0.0) -> FloatArray:
-    """Positions as the body has them: from an origin at the torso, turned so that the hips face +z in every frame.
+    """Joint positions seen from the torso: the movement of limbs against the trunk.
 
-    Travel, jumps and turns of the whole body are taken out, so that a statue on a turntable stands still; what is left
-    is the movement of limbs against the trunk, at its true speed. Lengths are not scaled.
+    In every frame the origin is the torso, and the hips face +z. So travel, jumps and turns of the whole body are taken
+    out, and a statue on a turntable stands still. Lengths and speeds are not scaled.
 
     Parameters
     ----------
     positions : (T, J, 3) array, metres, y up; or (T, J, 2) image coordinates
-        A picture does not show turns: of 2-D points the origin is taken out, and nothing is turned.
+        A picture does not show turns: 2-D points are moved to the torso, and nothing is turned.
     fps : float, hertz
     skeleton : Skeleton
-        The torso is the mean of the left and right joints of hips and shoulders, by their names (`side_pairs`);
-        without such names it is `root_position`: the root, or the mean of all joints where there are no bones. The
-        heading is that of the hips, else of the shoulders, else 0.
+        The torso is the mean of the left and right joints of hips and shoulders, which are found by their names.
+        Without such names it is the root, or the mean of all joints where there are no bones. The body faces where its
+        hips do, else its shoulders; without names of either nothing is turned.
     smoothing : float, seconds
-        As in `heading`. At 0 a rigid body is exactly at rest; a little keeps noise of the hips, which are 0.2 m apart,
-        from shaking the hands, which are 0.8 m away.
+        Standard deviation of a Gaussian over the direction of the hips. At 0 a rigid body is exactly at rest. A little
+        smoothing keeps noise of the hips, which are 0.2 m apart, from shaking the hands, which are 0.8 m away.
 
     Returns
     -------
@@ -327,6 +346,15 @@ def body_frame(positions: FloatArray, fps: float, skeleton: Skeleton, *, smoothi
     ------
     ValueError
         If the shape does not fit the skeleton.
+
+    Examples
+    --------
+    Two joints that travel along x stay where they are:
+
+    >>> step = np.arange(3.0)[:, None, None] * [1.0, 0.0, 0.0]
+    >>> body = body_frame(step + [[0.0, 1.0, 0.0], [0.0, 0.5, 0.0]], 30.0, Skeleton(("hip", "knee"), (-1, 0)))
+    >>> body[:, 1].tolist()
+    [[0.0, -0.5, 0.0], [0.0, -0.5, 0.0], [0.0, -0.5, 0.0]]
     """
     positions = np.asarray(positions, dtype=np.float64)
     if positions.ndim != 3 or positions.shape[1] != len(skeleton.joints) or positions.shape[2] not in (2, 3):

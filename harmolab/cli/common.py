@@ -130,7 +130,7 @@ PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar pattern
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
     int | None,
-    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 for a few and without Dask).", min=0),
+    typer.Option(help="Processes; 0: this one alone (default: one a core; 0 for few dances or without Dask).", min=0),
 ]
 Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
@@ -145,7 +145,7 @@ class PartOptions:
 
     offset: Offset = None
     start: Annotated[
-        float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")
+        float | None, typer.Option(help="Audio time in seconds at which to begin (default: where the motion begins).")
     ] = None
     seconds: Seconds = None
 
@@ -156,7 +156,7 @@ class FileOptions:
 
     Parameters
     ----------
-    joints : Keep these joints only, as in: neck,left_wrist (a camera that sees no legs).
+    joints : Keep only these joints, such as neck,left_wrist where the camera sees no legs.
     """
 
     fps: Fps = None
@@ -246,7 +246,7 @@ def recommended(pattern: Path | None, dance: str, how: str | None = None) -> har
     if pattern is not None:
         return harmolab.HarmonyParams.recommended(load_pattern(pattern, dance))
     if dance in DANCES and dance not in DANCE_PATTERNS:
-        screen.note(f"{dance}: no usual course of its movement is known, so it is judged as a dance that is not named")
+        screen.note(f"{dance}: how it is usually danced is not known, so it is judged as if no dance was named")
     return harmolab.HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
 
 
@@ -260,7 +260,7 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
-UNSURE = "laid on beats that a program found, which are unsure here"  # of a movement made to fit them
+UNSURE = "no verdict: it is laid on beats that a program found, and these are unsure"  # of a movement made to fit
 
 
 def print_music(beats: harmolab.BeatTrack) -> None:
@@ -346,7 +346,7 @@ def show(value: Any) -> str:
 def say_begin(begin: float | None, *paths: Path, err: bool = False) -> None:
     """Say where in its song a dance begins, if one of its files does not keep that."""
     if begin and any(path.suffix.lower() != ".npz" for path in paths):
-        typer.echo(f"it begins at {begin:g} s of the song: pass --offset {begin:g} with it", err=err)
+        typer.echo(f"the movement begins at {begin:g} s of the song: pass --offset {begin:g} with it", err=err)
 
 
 def print_table(
@@ -516,7 +516,7 @@ def check_output(context: typer.Context, out: Path) -> None:
     is_there = out.exists() and not out.is_dir()  # a named pipe, too
     if context.meta.get(FORCE) is False and is_there and not files.is_own_file(out):
         raise ValueError(
-            f"{out}: is there already, and not of harmolab; choose another name, or replace it with {FORCE}"
+            f"{out}: is there already, and harmolab did not write it; choose another name, or write over it: {FORCE}"
         )
 
 
@@ -524,7 +524,7 @@ def check_folder(context: typer.Context, folder: Path, names: Container[str]) ->
     """ValueError where a folder to be filled holds more than `names`; with `FORCE` it may."""
     held = sorted(path.name for path in folder.iterdir() if path.name not in names) if folder.is_dir() else []
     if held and not context.meta.get(FORCE):
-        raise ValueError(f"{folder}: holds {held[0]}, which is not of harmolab; name an empty or a new folder")
+        raise ValueError(f"{folder}: holds {held[0]}, which harmolab did not write; name an empty or a new folder")
 
 
 def check_untold(context: typer.Context, names: Iterable[str], reason: str, *, when: bool = True) -> None:

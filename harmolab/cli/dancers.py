@@ -23,15 +23,15 @@ CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
 FEWEST_WINDOWS = 6  # of half a minute at most: fewer are no measure of what else is a dance
 LOWEST, HIGHEST = 0.8, 2.5  # metres that a dancer may be tall
 TOO_FEW = (
-    "these recordings are too few to be a measure: the numbers beside it are those of ballroom dancers, and what fails "
-    "by them may be another style"
+    "these recordings are too few to judge a dance by: it was held against recorded ballroom dancers, and what fails "
+    "may only be another style"
 )
-NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab score` without --dance"
-OTHER_DANCE = "these weights did not learn it, so they dance another one, judged as no dance in particular"
+NO_BAR = "no bar of a {dance} is asked for, as this movement has none: the number is that of a score without --dance"
+OTHER_DANCE = "these weights did not learn that dance: they dance another one, which is judged as if none was named"
 BALLROOM = "ballroom"  # the style of music in threes, and of a dance by name, where neither is left to the caller
 SURE_THREES = 0.03  # of `threes`: 35 of 35 recorded waltzes have more, and 4 of 40 songs in 4/4
-THREES = "the music seems to go in threes: danced is ballroom (--style salsa dances the other)"
-NEAREST = "{bar} beats in a bar are heard, {tempo:.0f} a minute: danced is {dance}, the nearest; --dance overrules"
+THREES = "the music seems to go in threes, so ballroom is danced (--style salsa: dance salsa all the same)"
+NEAREST = "{bar} beats in a bar are heard, {tempo:.0f} a minute, so {dance}, the nearest, is danced (--dance: another)"
 NAMED_OTHERS = 3  # dances that come next, in words; --json has all
 
 
@@ -136,11 +136,12 @@ class DancerOptions:
     corpus : Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file.
     style : Movement that comes with harmolab: salsa, ballroom (made by a network), indian, or puppet (synthetic).
         Left out: ballroom to music in 3/4 or where --dance is named, else salsa.
-    dance : What the music is (waltz, ...): its usual tempo, and the dance to be judged as. Left out, of several dances
-        in --from the one whose meter and tempo are nearest. With music2dance, --dance "" asks its classifier.
-    system : choreographer (default), harmogan or music2dance; with --weights also lee2019, ren2020 or your own class,
-        package.module:Class.
-    weights : Folder of `harmolab train`, or a weights file; it knows its system.
+    dance : Dance of the music (waltz, ...). It tells the usual tempo, and as which dance the result is judged. Left out
+        with --from: of several dances there, the one whose meter and tempo are nearest. With music2dance, --dance ""
+        lets its classifier name the dance.
+    system : choreographer (default), harmogan or music2dance; with --weights also lee2019, ren2020 or a class of yours
+        (module:Class).
+    weights : Folder of `harmolab train`, or a weights file; both say which system made them.
     """
 
     corpus: Annotated[Path | None, typer.Option("--from")] = None
@@ -195,7 +196,7 @@ def _check_choice(context: typer.Context, options: DancerOptions) -> None:
     corpus, style, system, weights = options.corpus, options.style, options.system, options.weights
     check_untold(context, ("scale",), "is for the files of --from", when=corpus is None)
     if corpus is not None and style is not None:
-        raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
+        raise ValueError("--from and --style exclude each other: leave out your own recordings, or the shipped style")
     other = "--weights" if weights is not None else f"--system {system}"
     reason = f"is for the choreographer, which dances with recorded movement; leave out {other}"
     check_untold(context, ("corpus", "style"), reason, when=weights is not None or system not in (None, CHOREOGRAPHER))

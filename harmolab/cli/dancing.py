@@ -105,7 +105,7 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 ADVICE = "(--"  # begins the option that a remark advises
-TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give the dance (--dance, or your --beats)"
+TEMPO = "danced at about {:.0f} bpm; if you count half or twice as many, give the dance (--dance) or your --beats"
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
     *("shares", "stretch", "warnings", "pieces", "form"),
@@ -200,7 +200,7 @@ class DanceReport:
             "seams, cm": f"{choreography.mean_seam_cm:.1f} on average, {choreography.worst_seam_cm:.1f} at worst",
             "distinct movement to choose from": f"{choreography.distinct_minutes:.1f} minutes",
             "longest stretch of one recording": f"{choreography.longest_stretch} beats",
-            "beats that were seen before in it": f"{choreography.seen_before:.0%}",
+            "beats that look like earlier ones": f"{choreography.seen_before:.0%}",
             "made of": folded(choreography.shares),
         }
 
@@ -242,9 +242,9 @@ FARTHEST = 30.0  # centimetres that --harmonise may move a joint
 CENTIMETRE = 0.01  # metres
 MOST_SEEDS = 4  # that are tried, where none is named, until a dance moves like recorded dancers
 MEANINGS = (
-    "Moves like people: each number beside those of recorded dancers; what lies far outside FAILS, and then harmony "
-    "means nothing. Harmony above chance: the number of `harmolab score`; 0 is a random phase, 1 the best moment on "
-    "every beat. The paper's numbers (T_delay 0.25 s) mean little without their chance level."
+    "Moves like people: each number stands beside those of recorded dancers; a number far outside FAILS, and then "
+    "harmony means nothing. Harmony above chance: the number of `harmolab score`; 0 is chance, 1 the best moment of "
+    "the dance on every beat. The paper's numbers (T_delay 0.25 s) mean little without their chance level."
 )
 
 
@@ -270,13 +270,14 @@ def dance(
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
 
-    **Without any option** it dances salsa (practice, without the partner), to music in 3/4 ballroom, and writes a page
-    that plays it, a video and a BVH file, named after the song, into the folder you are in.
+    **Without any option** it dances salsa (practised without the partner); to music in 3/4 it dances ballroom. It
+    writes a page that plays the dance, a video, and a BVH file into the folder you are in, named after the song.
 
-    It says whether the dance moves like recorded dancers, and how it goes with the music, in the words and with the
-    number of `harmolab score`; with `--verbose` also how well its pieces fit together.
+    Then it says whether the dance moves like recorded dancers, and how it goes with the music. The words and the number
+    are those of `harmolab score`. With `--verbose` it also says how well the pieces of the dance fit together.
 
-    An npz keeps the song time at which the dance begins. For a bvh or a video the offset to pass on is printed.
+    An npz file keeps the song time at which the dance begins. For other files, the --offset to pass with them is
+    printed.
 
     Example: `harmolab dance song.mp3`
 
@@ -286,15 +287,16 @@ def dance(
     ----------
     out : mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and .bvh in
         this folder.
-    seconds : Length of the dance (default: to the end).
+    seconds : Length of the dance (default: to the end of the song).
     offset : Audio time in seconds at which the dance begins.
-    seed : Another seed, another dance.
-    samples : So many dances, from --seed on; files are numbered.
-    harmonise : Move joints by so many cm at most, to fit the beats better (needs torch).
-    plant_feet : Keep feet that carry from sliding.
-    feet : How, in music2dance: planted (default), model (a network that was trained for it), or none.
+    seed : Another seed, another dance. Left out, a choreographer takes the first seed from 0 to 3 whose dance moves
+        like recorded dancers.
+    samples : Number of dances, by as many seeds from --seed on; the files are numbered.
+    harmonise : Move each joint by up to so many cm, to fit the beats better (needs torch).
+    plant_feet : Keep the foot that carries the body from sliding.
+    feet : Correction of the feet in music2dance: planted (default), model (a network that was trained for it), or none.
     temperature : Chance in music2dance: share of the predicted spread that is drawn, 0 to 4 (default: that of its
-        training; .3 of the shipped one).
+        training; .3 for the shipped network).
     """
     files = dance_files(out, song, seed, samples)
     for path in (path for paths in files.values() for path in paths):
@@ -359,8 +361,8 @@ def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
         if report.has_harmony:
             return report
         left.append(report)
-        note(f"seed {number} is left: {report.likeness.verdict}")
-    note(f"no seed up to {seed + MOST_SEEDS - 1} does better: seed {seed} is danced")
+        note(f"seed {number} is not used: {report.likeness.verdict}")
+    note(f"no seed up to {seed + MOST_SEEDS - 1} does better, so seed {seed} is danced")
     return left[0]
 
 

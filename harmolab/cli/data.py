@@ -15,21 +15,22 @@ from harmolab.cli import common
 from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
 from harmolab.cli.screen import LEVEL, QUIET, detail, note, progress, say, waiting, wrote
 
-data_app = typer.Typer(no_args_is_help=True, help="Check, convert and make files of movement; ask people.")
+data_app = typer.Typer(no_args_is_help=True, help="Check, convert and make files of movement; ask people about dances.")
 
 
 @data_app.command("check", cls=CheckedCommand)
 def data_check(path: Path, as_json: AsJson = False) -> None:
-    """Contents of a file or corpus, and what is odd about it.
+    """Say what a file or a corpus holds, and what is odd about it.
 
     The exit code is 1 where something cannot be read, or has a fault for which `harmolab evaluate` leaves it out:
-    another unit, another axis, a frame rate below 10, joints of one name, parents in a circle.
+    units other than metres, an axis other than y that points up, fewer than 10 frames a second, several joints of one
+    name, or joints whose parents lead round in a circle.
 
     Example: `harmolab data check dance.bvh`
 
     Parameters
     ----------
-    path : A file, the folder of a recording, or a corpus.
+    path : A file, the folder of a recording, or a corpus: a folder that holds recordings.
     """
     from rich.table import Column
 
@@ -66,9 +67,9 @@ def data_synth(
     drift: float = 0.0,
     seed: int = 1,
 ) -> None:
-    """Make music and dance whose beats were planted, as ordinary files (wav, npz, beats.json).
+    """Make synthetic music and dances whose beats are known, as ordinary files (wav, npz, beats.json).
 
-    A run that was cut off goes on where it stopped.
+    Where a run was cut off, the same command goes on.
 
     Example: `harmolab data synth demo --clips 14 --seconds 20`
 
@@ -79,10 +80,10 @@ def data_synth(
     seconds : Length of a clip.
     fps : Frame rate of the motion.
     noise : Sensor noise on every joint and axis, metres.
-    jitter : Standard deviation of each movement's end, seconds.
+    jitter : Standard deviation of the times at which movements end, seconds.
     lateness : How late every movement ends, seconds.
-    omission : Share of beats without a movement's end.
-    redundancy : Share of beats with one more movement's end after them.
+    omission : Share of beats on which no movement ends.
+    redundancy : Share of beats after which one more movement ends.
     drift : Tempo change over the clip, as a share.
     seed : Same seed, same corpus.
     """
@@ -148,12 +149,12 @@ def pose(
 ) -> None:
     """Find the dancer's body in a video and write its movement, in metres with y up.
 
-    The body is found by MediaPipe, which is fetched once, after a question, into a folder of the cache; after that no
-    network is needed. Then `score`, `play` and `retime` find the body of a video by themselves.
-    What was found is kept, so that they need not look twice. HARMOLAB_POSE=off turns all of this off.
+    MediaPipe finds the body. It is fetched once, after a question, into a folder of the cache; after that no network is
+    needed. From then on `score`, `play` and `retime` find the body of a video by themselves. What was found is kept, so
+    that they need not look twice. HARMOLAB_POSE=off turns all of this off.
 
-    Of several people the one who moves most is taken. The points are those of the body as it moves in itself: its way
-    over the floor is not known.
+    Of several people the one who moves most is taken. The points tell how the body moves in itself; its way over the
+    floor is not known.
 
     Example: `harmolab data pose phone_video.mp4 --out dance.npz`
 
@@ -249,8 +250,8 @@ def offer_poses(video: Path) -> None:
         with suppress(OSError):
             _declined().parent.mkdir(parents=True, exist_ok=True)
             _declined().touch()
-    flow = "is read by the flow of its picture, where other people, text or light on the beat count as dance"
-    note(f"{video.name} {flow}; its dancer's body would be surer: {HOW}")
+    flow = "is read by the flow of its picture, in which other people, text or light on the beat count as dance"
+    note(f"{video.name} {flow}. It is surer to read the dancer's body: {HOW}")
 
 
 def is_body_found(video: Path) -> bool:

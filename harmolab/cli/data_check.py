@@ -154,7 +154,7 @@ def _sound(path: Path) -> FileSummary:
     info = audio_info(path)
     samples = round(info.seconds * info.sample_rate)
     note = f"{info.format}, mono" if info.channels == 1 else f"{info.format}, {info.channels} channels"
-    odd: tuple[str, ...] = ("longer than an hour: read spans of it; its samples were not looked at",)
+    odd: tuple[str, ...] = ("longer than an hour, so its samples were not looked at; read it in spans",)
     if info.seconds <= 3600:
         odd = oddities.sound_oddities(load_audio(path, sample_rate=None))
     return FileSummary(str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=note, odd=odd)
@@ -184,7 +184,7 @@ def _motion(path: Path) -> FileSummary:
         row = replace(row, offset=recorded_offset(path))
     except ValueError as error:  # of the annotation beside it, which takes nothing from the motion
         row = replace(row, odd=(*row.odd, str(error)))
-    odd = ("holds no frame rate: pass fps", *oddities.body_oddities(file.motion))
+    odd = ("holds no frame rate: pass fps (--fps)", *oddities.body_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 
 
@@ -224,7 +224,7 @@ def _performance(folder: Path) -> FileSummary:
     of_sound = ("no sound",) if audio is None else oddities.sound_oddities(audio)
     odd = [*of_sound, *row.odd, *_odd_hands(performance)]
     if not has_rate:
-        row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
+        row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps (--fps)", *odd]
     return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))
 
 

@@ -145,9 +145,9 @@ def merge(
     allow_missing: Annotated[bool, typer.Option("--allow-missing")] = False,
     force: common.Force = False,
 ) -> None:
-    """The table of all shards of an evaluation: to the last bit that of one run.
+    """Make one table of all shards of an evaluation: to the last bit the table of a single run.
 
-    Dances, songs and recorded dances are looked up where the shards had them.
+    The files of dances and songs must lie where they lay for the shards.
 
     Example: `harmolab evaluate merge shards/* --out table`
 
@@ -252,8 +252,8 @@ def submit(folder: Path, out: Path | None = None) -> None:
     """A row for the leaderboard: make its folder from a table, or check one.
 
     The folder holds the measures of every dance, the means that are computed from them, command and versions, and the
-    hashes of all files; no motion and no sound. In its row.json you write what the data are. A check computes the
-    numbers anew from the folder's own tables and says what is missing: exit code 1 until nothing is.
+    hashes of all files. It holds no motion and no sound. In its row.json you write what the data are. A check computes
+    the numbers anew from the folder's own tables and says what is missing. Its exit code is 1 until nothing is missing.
 
     Example: `harmolab evaluate submit table --out my_row`
 
@@ -262,7 +262,7 @@ def submit(folder: Path, out: Path | None = None) -> None:
     Parameters
     ----------
     folder : Folder that `harmolab evaluate --out` wrote; without --out the folder of a row, to be checked.
-    out : Folder to make of it.
+    out : Folder of the row that is made from the table.
     """
     from harmolab.lab.evaluate.submission import ROW, submission_faults, write_submission
 
@@ -296,10 +296,12 @@ def compare(
 ) -> None:
     """Which score tells true music from wrong?
 
-    The AUC of every score over a folder of recordings: 0.5 is a coin, 1 tells every time. An AUC inside its chance
-    band tells nothing. Whatever a score fits is fitted on figures that the judged window does not dance, and for the
-    band anew on music that begins anywhere. The row "discriminant" is trained on lagged music itself, and stands in no
-    verdict. Below stands how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
+    The answer is the AUC of every score over a folder of recordings: 0.5 is a coin, 1 is right every time. An AUC
+    inside its chance band tells nothing. What a score learns, it learns on dance figures that are not in the window
+    which it judges; for the band it learns anew, on music that begins anywhere. The row "discriminant" is trained on
+    lagged music itself, so it stands in no verdict.
+
+    The last table says how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
 
     Example: `harmolab data synth demo --clips 70 && harmolab evaluate compare demo`
 
@@ -309,11 +311,11 @@ def compare(
     ----------
     corpus : Folder of recordings (Tang 2018 layout, or ours).
     window : Seconds a window; 0 judges whole recordings.
-    null : Wrong music: the same 0.3-0.7 beat late, or other songs.
+    null : Wrong music: lagged, the same music 0.3-0.7 beat late; other, other songs.
     beats : Music beats (default: annotated where every recording has a beats.json).
-    fit_on : Fit patterns and lags on this corpus instead.
+    fit_on : Fit patterns and lags on this corpus, in place of the one that is judged.
     dances : Only these dances, such as cha-cha,rumba.
-    rotations : Null corpora behind each chance band.
+    rotations : Corpora whose music begins anywhere, behind each chance band.
     seed : Seed of rotations and resampling.
     out : Folder that keeps what is measured of each recording, for --resume.
     """
@@ -364,18 +366,18 @@ def print_comparison(summary: dict[str, Any]) -> None:
     beside = summary["discriminant"]
     counts = [f"{beside['lags_found'][name]} of {summary['n_sequences']}" for name in ("recommended", "discriminant")]
     typer.echo(
-        "discriminant: trained on the very kind of music that judges it, the same 0.3-0.7 beat late, so never in a "
-        f"verdict; AUC {beside['auc_difference']:+.3f} [{common.show(beside['interval'])}] over the learnt curve "
-        f"(recommended); finds the lag within 1/8 beat in {counts[1]} recordings, the learnt curve in {counts[0]}"
+        "discriminant: it is trained on the kind of music that judges it, 0.3-0.7 beat late, so it is in no verdict. "
+        f"Its AUC is {beside['auc_difference']:+.3f} [{common.show(beside['interval'])}] over the learnt curve "
+        f"(recommended). It finds the lag within 1/8 beat in {counts[1]} recordings, the learnt curve in {counts[0]}."
     )
     levels = ["music", *(f"{level} {name}" for level, name in enumerate(LEVELS))]
     rows = ([music, *map(str, counts)] for music, counts in summary["levels"].items())
     common.print_table(levels, rows, "recordings by verdict")
-    typer.echo("lagged: the music 0.3-0.7 beat late; learnt: by a curve of other figures, for recordings that have one")
+    typer.echo("lagged: music 0.3-0.7 beat late; learnt: by a curve learnt on other figures, where there is one")
 
 
 def learn(corpus: Path, out: Annotated[Path, typer.Option()]) -> None:
-    """Learn each dance's bar pattern, for `harmolab score --pattern`.
+    """Learn from recordings how each dance moves in its bar, for `harmolab score --pattern`.
 
     Example: `harmolab data learn recordings --out patterns.json`
 

@@ -26,8 +26,8 @@ def app(
 ) -> None:
     """Drop a video, or a movement and a song, on a page in the browser: are you in time? With player and sliders.
 
-    Only this machine can open the page, and nothing leaves it. Files of up to 1 GB are kept in a temporary folder
-    that is gone when the command ends.
+    Only this machine can open the page, and nothing leaves this machine. Files may have up to 1 GB. They are kept in a
+    temporary folder that is removed when the command ends.
 
     Example: `harmolab app`
 
@@ -70,9 +70,10 @@ def lab(
 ) -> None:
     """Sliders for λ1, λ2, T_delay, β and lag on your own dance: a page that shows what each does to the score.
 
-    The page opens with the sentence of harmolab score on what it shows: the first minute, without --seconds. The paper
-    counts beats that are met instead: its button makes the sliders move, and a mark below each is the paper's value.
-    The page asks for no network and no Python.
+    Without --seconds the page shows the first minute of the dance. It opens with the verdict of `harmolab score` on
+    this part. The paper scores in another way: it counts the beats that are met. The button "the paper's" changes to
+    this way, in which all sliders count. A mark below a slider is the paper's value. The page needs no network and no
+    Python.
 
     Example: `harmolab lab song.mp3 dance.bvh --offset 12.4 --out lab.html`
 
@@ -104,7 +105,7 @@ def lab(
     if files.is_video:
         check_signs(files, clip, [harmolab.score_clip(clip, params)])
     if not clip.has_start:
-        note("nothing says where in the song this dance begins; here it begins with it: --offset says otherwise")
+        note("nothing says where in the song this dance begins; here it begins with the song: --offset says otherwise")
     with waiting("making the lab"):
         name = common.dance_title(files.motion, files.song)
         scoring_lab(clip, pattern=params.pattern, name=name, mode="recommended").save(out)

@@ -34,7 +34,7 @@ def perform(
     offset: Offset = None,
     fps: Fps = None,
 ) -> None:
-    """Play a recording: from the sound of a piano or a violin alone, the points of the musician, and an avatar.
+    """Show a musician who plays a recording, as points or as an avatar, from the sound of a piano or a violin alone.
 
     **The players that come with harmolab were trained on planted, synthetic players only**: a program moved their hands
     by the notes. They show what such a network can hear, not how a person plays. This is said on everything that is
@@ -54,16 +54,19 @@ def perform(
 
     Parameters
     ----------
-    instrument : What is played; a run of --weights knows it.
+    instrument : Instrument that is played; may be left out with --weights.
     out : html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: SONG_performance.html
         and .mp4 in this folder.
     weights : Folder of `harmolab train --system audio2body`, or a weights file.
     is_avatar : An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the
         avatar.
-    start : Audio time in seconds at which it begins.
-    seconds : Only so many seconds from there.
-    truth : Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown beside,
-        or with --points under, the predicted one, with the error and how well both meet the sound.
+    start : Audio time in seconds at which the performance begins.
+    seconds : Take only so many seconds from there.
+    truth : Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown beside
+        the predicted playing (with --points: under it), with the error, and how well both meet the sound.
+    offset : With --truth: audio time in seconds at which your playing begins (default: what its file or folder says,
+        else 0).
+    fps : With --truth: frame rate of your playing, where its files do not hold it.
     """
     paths = files_to_write(out, song, "performance", UNASKED)
     for path in paths:
@@ -91,7 +94,7 @@ def perform(
     )  # fmt: skip
     if not len(result.sound):
         note(f"no note is heard in these {length:.2f} s of {song}: what moves is only the player at rest")
-    say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s", result.notice)
+    say(f"{length:.2f} s from {result.start:.2f} s of {song} on, played in {took:.2f} s by {used}", result.notice)
     say(*_beside(result))
     wrote(*done)
     say_begin(result.start, *(path for path in done if path.suffix.lower() == ".bvh"))

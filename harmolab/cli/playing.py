@@ -37,8 +37,8 @@ class VideoOptions:
     marks : Video: marks that light up on beats: of the music, of the dancer, met (green), missed (red).
     verdict : Video: the verdict on the whole dance, below in the picture.
     follow : Video: keep the hips in the middle of the picture.
-    height : Video: pixels; the width is 4/3 of it, or the film's (never enlarged).
-    rate : Video: pictures a second, 30 (12.5 of a gif), or those of the film.
+    height : Video: height in pixels; the width is 4/3 of it. A film keeps its shape, and is never enlarged.
+    rate : Video: pictures a second (default: those of the film, else 30, or 12.5 in a gif).
     """
 
     over: Path | None = None
@@ -106,9 +106,9 @@ def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tu
 
 
 VIDEO = (
-    "{video}: is a video, of which no body is known to play; `harmolab data pose --install` fetches what finds it. "
-    "Without, `harmolab score {files} --why {stem}.html` makes a page about it, `harmolab play {files} --out "
-    "{stem}_marked.mp4` marks its beats"
+    "{video}: is a video, and nothing here finds its body for the page; `harmolab data pose --install` fetches what "
+    "does. Without that, `harmolab score {files} --why {stem}.html` makes a page about the video, and `harmolab play "
+    "{files} --out {stem}_marked.mp4` marks its beats"
 )
 OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "verdict", "follow", "height", "rate")
 
@@ -129,12 +129,16 @@ def play(
 ) -> None:
     """Show a motion with its music: a page with beats, slow motion and loops, a video, or a moving picture.
 
-    The ending of --out says which: .html is a page that plays anywhere; .mp4 and .webm are videos of a person on a
-    floor, or of a skeleton over the dancer's own film; .gif is for a README, without sound, 5 s unless --seconds says
-    otherwise. The verdict and the number are those of `harmolab score`, on the whole dance also where --seconds shows a
-    part: for a clip to share, `--seconds 6`. The marks are rests of the body, or hits where it hits the beats, within a
-    tenth of a second of the music. A film alone gets the marks, and a skeleton where `harmolab data pose` finds the
-    body.
+    The ending of --out says which. An .html file is a page that plays anywhere. An .mp4 or .webm file is a video of a
+    person on a floor, or of a skeleton over the dancer's own film. A .gif file, for a README, has no sound, and is 5 s
+    long unless --seconds says otherwise.
+
+    The verdict and the number are those of `harmolab score`. They are of the whole dance, even where --seconds shows a
+    part of it: `--seconds 6` makes a clip to share.
+
+    A beat of the music is marked as met where the body rests within a tenth of a second of it, or hits, where the body
+    hits the beats. A film without a file of its movement gets these marks, and also a skeleton where `harmolab data
+    pose` finds the body.
 
     Examples:
 
@@ -231,7 +235,7 @@ def demo(out: Path = Path("harmolab_demo.html"), no_open: Annotated[bool, typer.
 
         page = player_data.demo()
         page.player.save(out)
-    typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
+    typer.echo("A page that shows one dancer twice: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):
         met = f"{int((score.pairs >= 0).sum())} of {score.n_audio} beats met"
         verdict = "" if score.judgement is None else player_data.of_dance(score.judgement.verdict)

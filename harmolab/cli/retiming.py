@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from harmolab.score import HarmonyScore
 
 MEANINGS = (
-    "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of {place}, and knows nothing "
-    "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
+    "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of {place}. It does not look at "
+    "harmony above chance, the number of `harmolab score`. Local speed: seconds of the source in one second."
 )
 LOSS = 0.1  # of the number above chance, which moves by less with nothing but chance
 WORSE = "The dance goes less well with the music than before: keep it as it was (or --strength with a smaller number)."

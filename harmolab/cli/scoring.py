@@ -247,7 +247,7 @@ Mode = Literal["paper", "recommended", "both"]
 def mode_named(name: str) -> str:
     """The mode of this name; of the one that is gone the error says what took its place."""
     if name == "room":
-        refuse("--mode room is gone: the joint speed in the room gave way to the shape of the body, --mode recommended")
+        refuse("--mode room is gone; --mode recommended takes its place, and reads the shape of the body")
     if name not in get_args(Mode):
         refuse(f"--mode must be one of {', '.join(get_args(Mode))}; got {name!r}")
     return name

@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
 UNPLACED = (
-    "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or let `harmolab score --why` "
-    "find what its movement tells"
+    "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or use `harmolab score --why`, which "
+    "looks for the place by the movement"
 )
 UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
 MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
 SAME_TEMPO = 0.03
 OTHER_TEMPO = (
-    "{song} by itself goes at {own:.0f} beats a minute; a dance called {dance} has some {low:g} to {high:g}, so its "
-    "beats were sought there, and {tempo:.0f} are taken: leave the dance out, or say its beats (--beats)"
+    "{song} by itself goes at {own:.0f} beats a minute. A dance called {dance} has some {low:g} to {high:g}, so beats "
+    "were sought there, and {tempo:.0f} were taken. If that is wrong, leave the dance out, or say its beats (--beats)"
 )
 
 
@@ -232,6 +232,6 @@ def note_music(seconds: float, duration: float, song: Path) -> None:
     """A line where so many seconds of music are under a dance of a longer duration."""
     if duration - seconds > UNHEARD:
         note(
-            f"{song.name} ends {duration - seconds:.1f} s before the dance does: only its first {seconds:.1f} s have "
-            "music and are judged"
+            f"{song.name} ends {duration - seconds:.1f} s before the dance does: only the first {seconds:.1f} s of the "
+            "dance have music and are judged"
         )

@@ -54,14 +54,15 @@ def make(
     ----------
     corpus : Folder of recordings (Tang 2018 layout, or ours).
     out : Folder for the study; `ask` needs nothing else.
-    kind : pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13) rate: one dance, four
-        marks from 0 to 10 (Music2Dance)
+    kind : pick: one dance, does it fit (Fig. 8)? choice: two dances, which fits better (Fig. 13)? rate: one dance, four
+        marks from 0 to 10 (Music2Dance).
     n : Number of trials; an even one, so that the answers are balanced.
     seconds : Length of a trial's music and dances.
-    wrong : The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial).
-    against : choice, rate: a folder with another dance to the same music for each recording, under the same name (a
-        folder, NAME.npz or NAME.bvh), from where its file says that it begins in the song, else from where the
-        recording begins. No answer is right then; it is told which is preferred.
+    wrong : Without --against, the wrong dance: lagged, the same half a beat late; swapped, that of another clip (two
+        clips a trial).
+    against : For choice and rate: a folder that has another dance to the same music for each recording, under the same
+        name (a folder, NAME.npz or NAME.bvh). It begins where its file says, else where the recording begins. No answer
+        is right then; `analyse` says which dance is preferred.
     seed : Same seed, same study. Raters should not know it.
     """
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
@@ -117,7 +118,7 @@ def ask(
     from harmolab.lab.listening.answers import SIMULATED, TRIALS_FILE, answer_log, read_page, read_trials
 
     if rater.startswith(SIMULATED):
-        raise ValueError(f"--rater {rater}: names that begin with {SIMULATED!r} are for raters that are no people")
+        raise ValueError(f"--rater {rater}: names that begin with {SIMULATED!r} are not for people; choose another")
     trials = read_trials(study / TRIALS_FILE).ordered_for(rater)
     for trial in trials.trials:
         read_page(study, trial.id)  # a page that is missing must not come up half way through

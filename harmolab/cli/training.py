@@ -61,23 +61,26 @@ def train(
 ) -> None:
     """Train a system, or a part of one. Without --system: HarmoGAN, 9 adversarial epochs that correct sketches.
 
-    **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
-    training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
-    generator (with --params paper 225 epochs of pretraining and 45 after it). history.csv has every loss term and the
-    scores on the validation units, with measures of `harmolab evaluate`, epoch by epoch; so has `tensorboard --logdir
-    RUN`.
+    A *sketch* is a dance that harmolab makes of your recordings; HarmoGAN learns to fit it to the music.
+
+    **What it does.** It cuts the recordings into units: a meter, with the beats before it. It splits the units by
+    motion group into training, validation and test (split.json says how). It trains a small pose network, which the
+    feature loss needs, and then the generator (with --params paper: 225 epochs of pretraining and 45 after it).
+    history.csv has every loss term and the scores on the validation units, with measures of `harmolab evaluate`, epoch
+    by epoch. `tensorboard --logdir RUN` shows the same.
 
     **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
 
-    **With and without the harmony loss**; with --params paper, `--pretrained with` takes over the pretraining:
+    **With and without the harmony loss** (with --params paper, add `--pretrained with` to the second line: it takes
+    over the pretraining of the first):
 
         harmolab train DATA --out with
 
         harmolab train DATA --out without --harmony-weight 0
 
     **Several processes** share each batch: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`. One
-    process with `--shards 2` has the same result to the last bit; without it they differ: by rounding, which
-    grows, and in the terms that compare whole batches.
+    process with `--shards 2` has the same result to the last bit. Without --shards its result differs: by rounding,
+    which grows, and in the loss terms that compare whole batches.
 
     **Music2Dance** predicts a dance frame by frame. Phase 1 learns from recorded frames, phase 2 from its own: 1300 and
     200 epochs, about half an hour of one core for 18 minutes of recordings. Windows are 8 s long, so recordings must be
@@ -89,25 +92,25 @@ def train(
 
         harmolab train DATA --system attributes --out RUN/attributes
 
-    *feet* corrects the lower body; the paper's loss lowers the error and makes feet slide more, with
-    --velocity-weight 3 less so. Planted feet, which need no training, slide least. *attributes* tells the dance from
-    the song: a fifth of the songs of each dance is kept from training, and how many of those are right is printed.
-    Neither dances by itself.
+    *feet* corrects the lower body. The paper's loss lowers the error, but feet slide more by it; with --velocity-weight
+    3 they slide less than that. Planted feet, which need no training, slide least. *attributes* tells the dance from
+    the song: a fifth of the songs of each dance is kept from training, and it is printed how many of these it names
+    rightly. Neither dances by itself.
 
     **Audio to Body Dynamics** learns how a pianist or a violinist moves from the sound alone. DATA holds a folder for
     each performance: its sound, or a video; key points of body and hands from OpenPose, COCO-WholeBody or MediaPipe;
     and performance.json, which says `{"instrument": "piano"}` where the folder's name does not.
-    docs/pose_estimation.md says how to make one, `harmolab data check DATA` how each was read. All are of one
-    instrument, with the same points; a quarter of an hour and six pieces are the least to begin with. Whole pieces are
-    kept for testing: their error, beside that of the mean pose, which hears nothing, stands under "errors" in
-    model.json. Presets: *recommended* (125 ms of delay, semitones, 40 epochs), *tables* (the captions of Tables 1 and
-    2, 300 epochs), *section_4* (the text).
+    docs/pose_estimation.md says how to make such a folder; `harmolab data check DATA` says how each was read. All must
+    be of one instrument, with the same points. A quarter of an hour and six pieces are the least to begin with. Whole
+    pieces are kept for testing: their error stands under "errors" in model.json, beside that of the mean pose, which
+    hears nothing. Presets: *recommended* (125 ms of delay, semitones, 40 epochs), *tables* (the captions of Tables 1
+    and 2, 300 epochs), *section_4* (the text).
 
         harmolab train DATA --system audio2body --out RUN
 
         harmolab perform SONG --weights RUN
 
-    **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
+    **After the training** of a system that dances: `harmolab dance SONG --weights RUN --out dance.mp4`
 
     **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
     has. Name it in both commands: `--system package.module:Class`.
@@ -118,26 +121,26 @@ def train(
     out : Folder of the run: weights, history, split, settings.
     system : harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians);
         package.module:Class.
-    preset : Size: small (1 M parameters, a laptop) or paper (7 M); music2dance, attributes: recommended, paper;
-        audio2body: recommended, tables, section_4.
+    preset : HarmoGAN's size: small (1 M parameters, a laptop) or paper (7 M). For music2dance and attributes:
+        recommended, paper. For audio2body: recommended, tables, section_4.
     params : HarmoGAN's losses and features: paper (Sec. 5.2) or recommended.
     harmony_weight : HarmoGAN's weight of the harmony loss; 0 is the ablation.
     pretrain_epochs : HarmoGAN's epochs of pretraining.
     adversarial_epochs : Epochs after it.
     pose_epochs : Epochs of its pose network.
     pretrained : Run of HarmoGAN on the same data whose pretraining is taken over.
-    representation : Motion of music2dance and feet.
+    representation : Form in which music2dance and feet hold motion.
     phase1 : music2dance's epochs of learning from recorded frames.
     phase2 : Its epochs of learning from its own frames.
     epochs : Epochs of feet (default: 200), attributes (30), ren2020 (400), audio2body (its preset's); of lee2019's last
         two phases each (270; 1000 and 1500 in paper), after 100 of style.
-    velocity_weight : feet's weight of the speed of standing feet, positions only.
+    velocity_weight : Weight of the speed of standing feet in the loss of feet; with --representation positions only.
     step : Beats between the starts of training units.
-    seed : Of first weights, order of the units and the pose network.
-    split_seed : Of the split by motion group.
-    shards : Parts of a batch; as many as processes: the same result to the last bit.
-    resume : Go on with the run in --out; start it if none.
-    accelerator : Device that is trained on.
+    seed : Seed of the first weights, of the order of the units, and of the pose network.
+    split_seed : Seed of the split by motion group.
+    shards : Parts that each batch is cut into. With N parts, one process has the result of N processes to the last bit.
+    resume : Go on with the run in --out; start it if there is none.
+    accelerator : Device to train on.
     """
     first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
     with plain_errors(), epoch_bar() as report:
@@ -162,7 +165,7 @@ def train(
     if first and history.is_file() and len(history.read_text("utf-8").splitlines()) < 2:
         note("no epoch was trained: these are first weights, which have learnt nothing")
     if first and system in PARTS:
-        typer.echo(f"trained: {out}, a part of {PARTS[system]}, which uses it where it is RUN/{system}")
+        typer.echo(f"trained: {out}, a part of {PARTS[system]}; a run uses it where it lies in RUN/{system}")
     elif first and system in PLAYERS:
         typer.echo(f"trained: {out}; play with it: harmolab perform SONG --weights {out}")
     elif first:

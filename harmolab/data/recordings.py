@@ -266,7 +266,16 @@ _OTHER_MOTIONS = (".bvh", ".npz", ".npy", ".pkl", ".c3d")  # to be made a motion
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One folder: the clip, its annotation (None without beats.json), and the path."""
+    """One recording: a song and the motion danced to it, read from a folder.
+
+    Parameters
+    ----------
+    clip : Clip
+        With the annotated beats, where there are some.
+    annotation : BeatAnnotation or None
+        All that the folder's beats.json says (`harmolab.readers.beats`); None without this file.
+    folder : Path
+    """
 
     clip: Clip
     annotation: BeatAnnotation | None
@@ -291,16 +300,21 @@ class RecordingFolders(NamedTuple):
 
 
 def find_recordings(root: PathLike) -> RecordingFolders:
-    """The folders of recordings at or below `root`; nothing is read yet.
+    """The folders of recordings at or below a folder; nothing is read yet.
+
+    Two layouts are known: that of Tang et al. 2018 (skeletons.json, config.json and audio.mp3), and ours (motion.npz
+    and audio.wav, .flac, .ogg, .mp3 or .m4a). In both a file beats.json may stand beside them.
 
     Returns
     -------
-    RecordingFolders(folders, problems): tuples of the paths of whole recordings, and of what holds parts of one only
+    RecordingFolders
+        `folders`: paths of whole recordings. `problems`: folders that hold parts of one only, or that cannot be opened,
+        each with its reason.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        `root` does not exist or is not a folder.
+        If `root` does not exist, or is no folder.
     """
     root = Path(root)
     check_root(root, "sequences")
@@ -370,7 +384,18 @@ def recorded_files(folder: Path) -> list[Path]:
 
 
 def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
-    """The recordings at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
+    """All recordings at or below a folder, read one by one, so that only one is in memory.
+
+    Yields
+    ------
+    Recording, or in its place a Problem (`folder`, `message`) for each that cannot be read; these come first where
+    files are missing
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `find_recordings`.
+    """
     folders, problems = find_recordings(root)
     yield from problems
     for folder in folders:
@@ -383,20 +408,39 @@ def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
 def load_recording(
     folder: PathLike, *, sample_rate: float | None = 22050.0, **keywords: Unpack[SkeletonsKeywords]
 ) -> Recording:
-    """One folder: the clip with its annotated beats, and the annotation.
+    """The recording in a folder: its song, its motion, and its annotation.
+
+    The folder has the layout of Tang et al. 2018 or ours (`find_recordings`).
 
     Parameters
     ----------
     folder : str or path
     sample_rate : float or None, hertz
-        As in `load_audio`.
-    keywords : clock, points, travel, ground, splices
-        For the Tang layout only; as in `harmolab.data.recordings.load_skeletons`.
+        The sound is resampled to this rate; None keeps that of the file.
+    clock : float
+        This and what follows is for the layout of Tang et al. alone. Time stretch of the motion: 1.013 makes it 1.3 %
+        longer, since these recordings run 1 to 1.5 % fast. 1 when left out.
+    points : 23 or 21
+        All joints (when left out), or those of the harmony paper, without right forearm and left finger.
+    travel : bool
+        False leaves out the dancer's way through the room, as the paper's numbers do.
+    ground : bool
+        Whether every unit of the choreography is set on the floor, y = 0 (when left out); of no effect without travel.
+    splices : bool
+        True counts the straight lines that join units as movement. When left out they are filler (`Motion.valid`).
+
+    Returns
+    -------
+    Recording
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file.
+        Both name the file or folder. ValueError also where a motion of our layout ends long after its sound.
+
+    Examples
+    --------
+    >>> clip = load_recording("my_corpus/take_1").clip  # doctest: +SKIP
     """
     folder = Path(folder)
     if not folder.is_dir():

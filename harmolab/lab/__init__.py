@@ -1,4 +1,4 @@
-"""The laboratory around the core: comparisons, evaluation, explanations, labs, pictures, user studies, the report.
+"""Tools around the score: comparing and evaluating dances, explanations, pictures, labs, listening studies, videos.
 
 The public names stand in ``__init__.pyi`` and are resolved on first use.
 """

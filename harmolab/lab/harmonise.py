@@ -1,8 +1,8 @@
-"""A given dance brought into harmony with music: small movements of the joints put it on the beat.
+"""A dance brought into harmony with its music: small movements of the joints put it on the beat.
 
-The relaxed harmony of `soft_harmony` is raised by gradient, and the score that everyone else sees decides what is kept.
-Two things hold exactly, whatever the gradient asks for: no joint moves further than it may, and every bone keeps the
-length it has in each frame.
+The relaxed harmony of `soft_harmony` is raised by its gradient, and the usual score decides which motion is kept. Two
+things hold exactly, whatever the gradient asks for: no joint moves further than it may, and every bone keeps the length
+that it has in each frame.
 """
 
 from collections.abc import Iterable, Iterator
@@ -45,30 +45,37 @@ def harmonise(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Motion:
-    """The motion with its joints moved a little, so that it is danced to the music's beats.
+    """A dance brought onto the beat: the same motion, its joints moved a little. Needs torch.
 
-    Raised is the harmony above chance, less the squared distance of the joints from where they were and the jerk above
-    the motion's own.
+    A gradient raises the harmony above chance, while joints are held near to where they were, and more jerk than the
+    motion's own is avoided. Bones keep their lengths.
 
     Parameters
     ----------
-    motion : Motion, of which frames that are not valid stay as they are
-    beats : BeatTrack, music beats on the motion's own time line
+    motion : Motion
+        Frames that are not valid stay as they are.
+    beats : BeatTrack
+        Beats of the music on the motion's time line (`music_and_motion` makes both of a clip).
     reach : float, metres (or the motion's unit)
         The most that a joint may move in any frame.
-    params : HarmonyParams, default ``HarmonyParams.recommended(pattern)``
-        The score to raise. ``HarmonyParams.valleys()`` brings the moments at which the joints are slowest onto the
-        beats.
-    pattern : BarPattern of the dance (one of `DANCE_PATTERNS`), in place of that of `params`
-        Without one the recommended score raises what the dance is closer to: a rest on the beat, or a hit.
-    steps : int, gradient steps
-    seed : int, of the tiny random movement that the search starts from
-    progress : function(steps, label) -> steps, such as ``lambda steps, label: tqdm(steps, label)``
+    params : HarmonyParams
+        The score to raise; ``HarmonyParams.recommended()`` when left out. ``HarmonyParams.valleys()`` brings the
+        moments at which the joints are slowest onto the beats.
+    pattern : BarPattern
+        The movement that is meant, such as one of `HOW_PATTERNS`, in place of that of `params`. Without a pattern the
+        recommended score raises the one that the dance is closer to: a rest on the beat, or a hit.
+    steps : int
+        Gradient steps, at least one.
+    seed : int
+        Of the tiny random movement that the search starts from.
+    progress : function(iterable, label) -> iterable
+        Reports on the steps, such as ``lambda steps, label: tqdm(steps, label)``.
 
     Returns
     -------
-    Motion, of a higher score than `motion`; `motion` itself when there are no beats, when no score is higher, or when
-    no better motion came up.
+    Motion
+        One with a higher score than `motion`. `motion` itself where there are no beats, where its score can be no
+        higher, or where no better motion was met.
 
     Raises
     ------

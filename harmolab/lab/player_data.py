@@ -196,18 +196,20 @@ BLOCK = 65536  # samples; libsndfile's Vorbis coder overflows its stack on long 
 
 @dataclass(frozen=True, eq=False)
 class Dancer:
-    """One dancer of a player.
+    """One dancer of a `Player`.
 
     Parameters
     ----------
     name : str
-    motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
-    score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
+    motion : Motion
+        (T, J, 3) metres or (T, J, 2) image coordinates; it begins with the player's sound.
+    score : HarmonyScore
+        Of the motion with the player's music. Beats and hits that the player shows are those of this score.
     number : HarmonyScore, optional
-        Of the same dance, whole and at its own frame rate, where the motion is a part or has another: the number of
-        the page.
+        The score whose number and verdict the page prints, where `motion` is a part of a dance or has another frame
+        rate: that of the whole dance.
     instead : str
-        Words that stand in place of that number and its verdict, where these mean nothing; "" where they do.
+        Words in place of number and verdict, where these mean nothing.
     moving : Motion, optional
         The motion whose speed is drawn as a curve, such as the hands of a musician; all of `motion` when left out.
     """
@@ -221,25 +223,32 @@ class Dancer:
 
 
 class Player:
-    """A player that shows itself in a notebook and in the offline report.
+    """A player of one dance, or of two side by side, with sound, beats and hits; it plays in any browser.
 
-    `page` is one HTML page that holds sound, movement and player, and asks the network for nothing. The sound is its
-    only clock. It is cut, or filled with silence, to the length of the longest motion, and coded as Ogg Vorbis, which
-    puts no delay before the first sample.
+    It shows itself in a notebook and in the report. `Player.save` writes it as one HTML page that holds all and asks
+    the network for nothing. The sound is its clock: it is cut, or filled with silence, to the length of the longest
+    motion, and coded as Ogg Vorbis, which puts no delay before the first sample.
 
     Parameters
     ----------
-    audio : Audio that starts with the motions' first frame
-    dancers : list of one Dancer, or of two side by side
-    music : BeatTrack on the same time line; beats after the last frame are left out
+    audio : Audio
+        It begins with the first frame of the motions.
+    dancers : sequence of one or two Dancers
+        Of ten minutes at most.
+    music : BeatTrack
+        Beats of the music on the same time line; those after the last frame are left out.
     title : str
-    facts : name -> text, shown as a table
+    facts : dict
+        Name -> text, shown as a table.
     overlaid : bool
-        Two motions in one picture's coordinates over each other: the first, the truth, broad and red, the second,
-        the prediction, narrow and green.
-    words : PageWords, those of a dance when left out
-    notice : str, a sentence that stands above the picture
-    command : str, line of the shell that writes the same as a video, shown to be copied
+        Whether two motions in one picture's coordinates lie over each other: the first, the truth, broad and red, the
+        second, the prediction, narrow and green.
+    words : PageWords
+        Words of the page; those of a dance when left out.
+    notice : str
+        A sentence above the picture.
+    command : str
+        A line of the shell that writes the same as a video, shown to be copied.
 
     Raises
     ------
@@ -443,15 +452,20 @@ def _facts(dancer: Dancer) -> dict[str, str]:
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
-    """A page as of `Player` for raters: dance, sound, play and position, and nothing that gives the answer away.
+    """A player for raters of a study: dance and sound alone, and nothing that gives the answer away.
 
-    It takes neither names nor beats nor parameters, and computes no speed, beat or hit, so its source holds none. Two
-    dancers are called "left" and "right".
+    Neither names nor beats nor settings stand in the page or in its source. Two dancers are called "left" and "right".
 
     Parameters
     ----------
-    audio : Audio that starts with the motions' first frame
-    motions : list of one Motion, or of two side by side; (T, J, 3) metres or (T, J, 2) image coordinates
+    audio : Audio
+        It begins with the first frame of the motions.
+    motions : sequence of one or two Motions
+        Two stand side by side; (T, J, 3) metres or (T, J, 2) image coordinates.
+
+    Returns
+    -------
+    str, one HTML page
 
     Raises
     ------
@@ -577,9 +591,9 @@ NOTICE = (
     "later, a quarter of a beat."
 )
 FACTS = {
-    "try": "slow motion and the clicks: do the body and the beat come to rest together?",
+    "try": "slow motion and the clicks: does the body come to rest on the beat?",
     "movement": "subject 61 of mocap.cs.cmu.edu, a database created with funding from NSF EIA-0196217",
-    "chosen": "the dance was picked since it meets most beats: it shows what the words mean and is no result",
+    "chosen": "the dance was picked because it meets most beats: it shows what the words mean, and is no result",
 }
 
 

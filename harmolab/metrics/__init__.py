@@ -1,1 +1,1 @@
-"""The field's other measures: of beats against music (`beats`), of motion alone (`quality`), of sets (`frechet`)."""
+"""The field's other measures: movement against beats, movement alone, sets of dances, likeness to recorded dancers."""

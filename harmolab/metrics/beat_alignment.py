@@ -1,7 +1,7 @@
 """The field's other measures of music and motion, in seconds, each with its source and its pitfalls.
 
-They are what papers report, so a reader can compare. None of them subtracts what chance would reach: read them beside
-`chance` and `harmony_above_chance`, never alone.
+Papers report them, so they make results comparable. None of them subtracts what chance would reach: read them beside
+`chance` and `harmony_above_chance` of a `HarmonyScore`, never alone.
 """
 
 import warnings
@@ -20,29 +20,34 @@ AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps
 
 
 def kinematic_params() -> HarmonyParams:
-    """Settings of AIST++'s motion beats: minima of the joint speed smoothed by 5 frames at 60 fps, here in seconds.
+    """Settings of AIST++'s motion beats: minima of the joint speed, which is smoothed by 5 frames at 60 fps (1/12 s).
 
     Notes
     -----
-    They lie on frames, as published: `harmolab score` and `compare` take them so. `harmolab evaluate` compares systems
-    of different frame rates, and takes the same minima between frames (``replace(kinematic_params(), subframe=True)``):
-    at 30 frames a second its scores are .01 to .05 apart from these.
+    The beats lie on frames, as published: `harmolab score` and `compare` take them so. `harmolab evaluate` compares
+    systems of different frame rates, and takes the same minima between frames (``replace(kinematic_params(),
+    subframe=True)``). At 30 frames per second its scores are .01 to .05 apart from these.
     """
     return HarmonyParams(detector="valleys", fps=None, smoothing=AIST_SMOOTHING, visual_threshold=None)
 
 
 def beat_align(queries: ArrayLike, targets: ArrayLike, *, sigma: float = AIST_SIGMA) -> float:
-    """Mean of exp(-d^2 / (2 sigma^2)) over `queries`, d the distance to the nearest target (Li et al. 2021, AIST++).
+    """Beat alignment score of AIST++ (BeatAlign): how close the beats of one side are to those of the other.
+
+    It is the mean over `queries` of ``exp(-d^2 / (2 sigma^2))``, where d is the distance to the nearest of `targets`
+    (Li et al. 2021).
 
     Parameters
     ----------
-    queries, targets : (B,) arrays, seconds
-        Motion beats and music beats give "beat_align_motion"; exchanged they give "beat_align_music".
+    queries, targets : (Q,) and (B,) arrays, seconds
+        Motion beats as queries and music beats as targets give "beat_align_motion", the published way. Exchanged they
+        give "beat_align_music".
     sigma : float, seconds
+        Distance at which a beat still counts .61; the default is 3 frames at 60 frames per second.
 
     Returns
     -------
-    float in [0, 1]; 0 when either side is empty.
+    float from 0 to 1; 0 where either side is empty
 
     Raises
     ------
@@ -51,8 +56,9 @@ def beat_align(queries: ArrayLike, targets: ArrayLike, *, sigma: float = AIST_SI
 
     Notes
     -----
-    Over motion beats, one well-placed beat scores 1; over music beats, a motion that turns all the time does. Published
-    codes give sigma in frames, so their scores change with the frame rate.
+    Chance is not taken off. Over motion beats a dance with one well-placed beat scores 1; over music beats a movement
+    that turns all the time does. Published codes give sigma in frames, so that their scores change with the frame rate
+    (`harmolab.lab.PROTOCOLS` repeats them).
 
     Examples
     --------
@@ -96,21 +102,35 @@ MIR_EVAL_NAMES = ("f", "cemgil", "goto", "p_score", "cmlc", "cmlt", "amlc", "aml
 def mir_eval_scores(
     audio_times: ArrayLike, visual_times: ArrayLike, *, only: Collection[str] = MIR_EVAL_NAMES
 ) -> dict[str, float]:
-    """The beat-tracking measures of mir_eval, music beats as reference, motion beats as estimate.
+    """The beat-tracking measures of mir_eval, with music beats as the reference and motion beats as the estimate.
 
-    mir_eval drops the first five seconds by default, which of a 6 s clip leaves nothing; nothing is dropped here.
-    They were made for trackers that hear the music: a dancer who moves on every second beat is punished by most of
-    them.
+    They were made for programs that find the beats of music. A dancer who moves on every second beat gets little from
+    most of them, and chance is not taken off. mir_eval drops the first five seconds by default, which would leave
+    nothing of a clip of 6 s; here nothing is dropped.
+
+    Parameters
+    ----------
+    audio_times, visual_times : (N,) and (M,) arrays, seconds
+        Beats of the music and of the movement, rising.
+    only : collection of str
+        Measures to compute: of f, cemgil, goto, p_score, cmlc, cmlt, amlc, amlt and information_gain; all when left
+        out. mir_eval's documentation defines them.
 
     Returns
     -------
-    dict of "mir_eval_" + name for the names of `only`; all 0 with fewer than two beats on either side, or when those of
-    one side lie within a hundredth of a second, which is the finest that mir_eval can tell apart.
+    dict: "mir_eval_" + name -> number
+        All are 0 with fewer than two beats on either side, or where those of one side lie within a hundredth of a
+        second, the finest that mir_eval can tell apart.
 
     Raises
     ------
     ValueError
         If the times are no rising lists of finite numbers, or `only` names what is no measure.
+
+    Examples
+    --------
+    >>> mir_eval_scores([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], only=["f"])
+    {'mir_eval_f': 1.0}
     """
     audio_times, visual_times = checked_times(audio_times, "audio_times"), checked_times(visual_times, "visual_times")
     if any((np.diff(times) < 0).any() for times in (audio_times, visual_times)):
@@ -145,8 +165,30 @@ def mir_eval_scores(
 def other_scores(
     audio_track: BeatTrack, kinematic_track: BeatTrack, *, only: Collection[str] = MIR_EVAL_NAMES
 ) -> dict[str, float]:
-    """All measures of this module for one clip, of mir_eval's those in `only`; `kinematic_track` as found with
-    `kinematic_params`. ValueError unless a BeatTrack is passed; `beat_align` and `mir_eval_scores` take seconds.
+    """The field's other measures of two beat tracks: beat alignment, beat coverage, beat hit rate, those of mir_eval.
+
+    For a clip take `other_measures`; `beat_align` and `mir_eval_scores` take times in seconds.
+
+    Parameters
+    ----------
+    audio_track : BeatTrack
+        Beats of the music.
+    kinematic_track : BeatTrack
+        Beats of the movement, found by ``visual_beats(motion, params=kinematic_params())``; see
+        `harmolab.metrics.beat_alignment.kinematic_params`.
+    only : collection of str
+        Those of mir_eval to compute, as in `mir_eval_scores`.
+
+    Returns
+    -------
+    dict: name of the measure -> number
+        "beat_align_motion" and "beat_align_music" (`beat_align`); "beat_coverage", motion beats per music beat;
+        "beat_hit_rate", share of motion beats within .1 s of a music beat; and those of `mir_eval_scores`.
+
+    Raises
+    ------
+    ValueError
+        Unless two BeatTracks are passed.
     """
     for track in (audio_track, kinematic_track):
         check_kind(track, BeatTrack)

@@ -1,8 +1,8 @@
-"""Does a dance move like recorded dancers? Thirteen measures, each beside what recordings had: the guard of a score.
+"""Does a dance move like recorded dancers? Thirteen measures, each within limits that recordings set: the *guard*.
 
-A score of harmony asks whether movement and music agree, and a statue on a turntable may agree perfectly. So a dance is
-asked first whether it is one. Nothing here hears music, and nothing was fitted: a limit is what the recordings at hand
-had, with half as much again to spare.
+A score of harmony says whether movement and music agree, and the joint speed of a statue on a turntable may agree
+perfectly. So it is asked first whether a dance moves like dancers. Music has no part in that, and nothing was fitted:
+a limit is the least or the most that the recordings at hand had, with half as much again to spare.
 
 ======================================================  =====================  ============================
 measure                                                 limit                  of
@@ -69,7 +69,7 @@ _HANDS = ("finger", "fingers", "hand", "wrist")
 
 
 def body_measures(motion: Motion) -> dict[str, float]:
-    """The numbers of `MEASURES`, in their order and units, of one window of movement (at most 30 s are meant).
+    """The thirteen measures of one window of movement, of 30 s at most, in the order and units of `MEASURES`.
 
     =========  =======================================================================================================
     spread     distance of every joint from its mean place in the body, mean over time and joints
@@ -238,13 +238,24 @@ _TOO_MUCH = {
 
 @dataclass(frozen=True)
 class LikenessLimits:
-    """Numbers of recorded dancers: minimum, median and maximum of each measure over windows of at most 30 s.
+    """The numbers of recorded dancers that `likeness` holds a dance against.
+
+    `LikenessLimits.recorded` has those that come with harmolab, `LikenessLimits.of` makes those of your own recordings.
 
     Parameters
     ----------
-    pooled : measure -> (minimum, median, maximum), all dances
-    dances : name of a dance -> the same of that dance alone
-    windows : int, how many there were
+    pooled : dict
+        Measure -> (minimum, median, maximum) over windows of at most 30 s of all dances. The measures are those of
+        `harmolab.metrics.likeness.MEASURES`.
+    dances : dict
+        Name of a dance -> the same of this dance alone.
+    windows : int
+        Number of windows that were measured.
+
+    Raises
+    ------
+    ValueError
+        For an unknown measure, or numbers that do not rise.
     """
 
     pooled: Mapping[str, Range]
@@ -264,8 +275,10 @@ class LikenessLimits:
 
         Parameters
         ----------
-        motions : iterable of Motion, three-dimensional; those of less than 10 s are left out
-        dances : names of their dances, "" where unknown; all unknown when left out
+        motions : iterable of Motion, three-dimensional
+            Those of less than 10 s are left out.
+        dances : sequence of str
+            Names of their dances, "" where unknown; all unknown when left out.
 
         Raises
         ------
@@ -278,7 +291,7 @@ class LikenessLimits:
 
     @classmethod
     def of_windows(cls, recordings: Sequence[Sequence[Mapping[str, float]]], dances: Sequence[str]) -> "LikenessLimits":
-        """`of` recordings whose `window_measures` are known already; errors as there."""
+        """The limits of recordings whose `window_measures` are known already; otherwise as `of`."""
         if len(recordings) != len(dances):
             raise ValueError(f"there are {len(recordings)} recordings and {len(dances)} names of dances")
         windows = [(dance, window) for dance, parts in zip(dances, recordings, strict=True) for window in parts]
@@ -290,7 +303,7 @@ class LikenessLimits:
 
     @classmethod
     def recorded(cls) -> "LikenessLimits":
-        """The limits that are shipped: 46 windows of 23 recordings of cha-cha, rumba, tango and waltz."""
+        """The limits that come with harmolab, of 46 windows of 23 recordings of cha-cha, rumba, tango and waltz."""
         with reading(RECORDED, "limits of likeness"):
             return cls.from_dict(read_json(RECORDED))
 
@@ -312,22 +325,31 @@ class LikenessLimits:
         }
 
     def reference(self, measure: str, dance: str = "") -> Range | None:
-        """The recorded numbers that a measure is held against; None where there are none."""
+        """The recorded (minimum, median, maximum) that a measure is held against; None where there are none.
+
+        Amounts (spread, poorest, hands, steps, nearest, inside) are those of the dance, where it was recorded; all
+        others are those of all dances.
+        """
         ranges = self.dances.get(dance, {}) if measure in AMOUNTS else {}
         return ranges.get(measure, self.pooled.get(measure))
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """The measures of a dance beside those of recordings, and what they say.
+    """The measures of a dance beside those of recordings, and the verdict in words: the result of `likeness`.
 
     Parameters
     ----------
-    values : measure -> its number; of several windows the worst
-    least, most : measure -> the limit below or above which it fails
-    recorded : measure -> (minimum, median, maximum) that the limits come from
-    windows : int, how many windows were measured
-    cannot : str, why the dance cannot be judged at all; empty when it can
+    values : dict
+        Measure -> its number; of several windows the worst.
+    least, most : dicts
+        Measure -> the limit below which, or above which, it fails.
+    recorded : dict
+        Measure -> the recorded (minimum, median, maximum) that the limits come from.
+    windows : int
+        Number of windows that were measured.
+    cannot : str
+        The reason why the dance cannot be judged at all; "" where it can.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -344,17 +366,17 @@ class Likeness:
 
     @property
     def passed(self) -> bool | None:
-        """True where every measure that was asked is within its limits; None where the dance cannot be judged."""
+        """True where every measure is within its limits, False where one is not; None where it cannot be judged."""
         return None if self.cannot else not self.fails
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The measures that could not be asked: names of joints are missing, or recorded numbers."""
+        """The measures that could not be taken: names of joints are missing, or recorded numbers."""
         return tuple(name for name in MEASURES if name not in self.values)
 
     @property
     def count(self) -> str:
-        """The number of measures within their limits, of those asked: "13 of 13"."""
+        """Number of measures within their limits, of those taken: "13 of 13"."""
         return f"{len(self.values) - len(self.fails)} of {len(self.values)}"
 
     @property
@@ -369,7 +391,7 @@ class Likeness:
         return f"not meaningful: {faults}{more} ({self.count} measures pass{self._unasked()})"
 
     def complaint(self, measure: str) -> str:
-        """The fault that a measure finds where it fails, with its number and the recorded range."""
+        """The fault that a failing measure finds, in words, with its number and the recorded range."""
         value, (low, _, high) = self.values[measure], self.recorded[measure]
         words = _TOO_LITTLE[measure] if value < self.least.get(measure, -math.inf) else _TOO_MUCH[measure]
         return f"{words} ({value:.3g}{UNITS.get(measure, '')}, recorded {low:.3g} to {high:.3g})"
@@ -381,27 +403,42 @@ class Likeness:
 def likeness(
     motion: Motion, *, dance: str = "", limits: LikenessLimits | None = None, held: BoolArray | None = None
 ) -> Likeness:
-    """The measures of a dance beside those of recorded dancers; nothing is raised where there is nothing to judge.
+    """Likeness of a dance to recorded dancers, music aside: does the body move as theirs, by thirteen measures?
+
+    Each measure has to lie within the limits that recordings set, with half as much again to spare
+    (`harmolab.metrics.likeness` has the table). Of a dance that fails, a score of harmony means little. A dance of more
+    than 30 s is measured in windows of 30 s, and the worst window of each measure counts.
 
     Parameters
     ----------
     motion : Motion, metres, y up
-        Joints of its left and right hips (or shoulders) must be named so; without ankles, knees, hands or feet the
+        Joints of its left and right hips (or shoulders) must be named so. Without ankles, knees, hands or feet the
         measures that need them are left out, and the verdict says so.
     dance : str
-        Amounts are held against recordings of this dance; against all where it is "" or has no recordings.
+        Amounts of movement are held against recordings of this dance; against all where it is "" or was not recorded.
     limits : LikenessLimits
-        The shipped ones of four ballroom dances when left out. For other styles take those of recordings in that style,
-        with the same joints: `LikenessLimits.of`.
+        Those of four ballroom dances that come with harmolab when left out. For other styles take those of recordings
+        in that style, with the same joints: `LikenessLimits.of`.
     held : (T,) bool array
-        Frames in which a pose is held on purpose, since the music is silent. They count as filler does: nowhere.
-        ValueError for another shape.
+        Frames in which a pose is held on purpose, since the music is silent. They do not count, as filler.
+
+    Returns
+    -------
+    Likeness
+        `passed`, `verdict` in words, `values` by measure. A motion that cannot be judged (in two dimensions, shorter
+        than 10 s, or with names of neither hips nor shoulders) is no error: `passed` is None, and the verdict says why.
+
+    Raises
+    ------
+    ValueError
+        For what is no Motion, or `held` of another shape.
 
     Notes
     -----
-    Music that repeats needs no allowance of "nearest". Of 175 dances of half a minute to the same 2, 4 or 8 bars over
-    and over (three choreographers, the shipped HarmoGAN and Music2Dance) none fails by it: the least is 1.40 times its
-    limit, to the whole songs 1.51 times.
+    Music that repeats needs no allowance in the measure "nearest", which compares 2 s of movement with the most alike
+    other 2 s. Of 175 dances of half a minute to the same 2, 4 or 8 bars over and over (three choreographers, the
+    shipped HarmoGAN and Music2Dance) none fails by it: the least is 1.40 times its limit, to the whole songs 1.51
+    times.
 
     Examples
     --------

@@ -1,12 +1,12 @@
 """Naturalness of a motion, music aside: jerk, freezing, sliding feet, contact with the floor, bones, jumps.
 
-Everything is measured over steps of a fixed time, a fifteenth of a second unless told otherwise, and not from one frame
-to the next: a frame difference answers at 60 frames per second a question other than at 15, where nearly a fifth of the
-jerk of a movement at 3 Hz is gone. A motion whose rate is not a multiple of the steps is brought to the next multiple
+All is measured over *steps* of a fixed time, 1/15 s unless another is passed, and not from one frame to the next. So
+the numbers hardly depend on the frame rate. (At 15 frames per second nearly a fifth of the jerk of a movement at 3 Hz
+is gone that is there at 60.) A motion without a whole number of frames a step is brought to the next rate that has one
 by cubic splines. Nothing depends on where in the room the dancer is. Steps over frames that are not `Motion.valid` do
 not count.
 
-A single number says little: compare with the same number of recorded dance.
+A single number says little: compare it with that of recorded dancers.
 """
 
 import math
@@ -46,19 +46,20 @@ class StepSpeeds:
 
 
 def jerk(motion: Motion, *, step: float = STEP) -> float:
-    """Mean length of the third difference of the joint positions, metres per second cubed.
+    """Jerk of a body: the mean rate at which the acceleration of its joints changes, m/s³.
 
-    |p(t + 3s) - 3 p(t + 2s) + 3 p(t + s) - p(t)| / s^3, mean over time and joints, s the step.
+    It is ``|p(t + 3s) - 3 p(t + 2s) + 3 p(t + s) - p(t)| / s^3``, mean over time and joints; p are the positions, and s
+    is the step.
 
     Parameters
     ----------
-    motion : Motion, three-dimensional
+    motion : Motion, three-dimensional, metres
     step : float, seconds
-        Shorter steps find faster trembling but need the frames for it: below 1 / fps the splines answer.
+        Shorter steps find faster trembling, but need the frames for it: below 1 / fps the interpolation is measured.
 
     Returns
     -------
-    float; 0 when every joint moves with constant acceleration
+    float; 0 where every joint moves with constant acceleration
 
     Raises
     ------
@@ -128,22 +129,24 @@ def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, ste
 
 
 def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) -> float:
-    """Metres per second that a foot slides while it is on the floor.
+    """Sliding of the feet: their mean speed along the floor while they are on it, metres per second.
 
     A joint of a foot is on the floor where it is at most `height` above its own resting height (the 5th percentile of
-    its height) at both ends of a step. Of the joints of a foot that are, the slowest one counts, so turning on the ball
-    of the foot or rolling over the toes is not sliding. Dancers do slide, in ballroom dances all the time: compare with
-    recordings.
+    its heights) at both ends of a step. Of these joints of a foot the slowest counts: a turn on the ball of the
+    foot is no sliding, nor is rolling over the toes. Dancers do slide, in ballroom dances all the time: compare the
+    number with that of recordings.
 
     Parameters
     ----------
-    motion : Motion, three-dimensional, y up, floor level
+    motion : Motion, three-dimensional, y up
+        On a level floor; feet are found by the names of joints (toe, heel, ankle, foot).
     height : float, metres
     step : float, seconds
+        Time over which the speed is measured.
 
     Returns
     -------
-    float; mean over all steps of all feet on the floor, 0 when there is none
+    float; mean over all steps of all feet on the floor, 0 where there are none
 
     Raises
     ------

@@ -1,12 +1,12 @@
 """Events of playing (onsets of the sound, strikes of fingers, turns of the bow), and the harmony score of playing.
 
-The beats of a whole body say little about a musician, whose hands do the work (docs/readings_audio_to_body.md): the
-strikes of a pianist's fingers, the turns of a violinist's bow.
+The beats of a whole body say little about a musician, whose hands do the work (docs/readings_audio_to_body.md). So the
+score of `harmolab.score` is taken of the strikes of a pianist's fingers, or the turns of a violinist's bow, with the
+onsets of the sound.
 
-Does the playing meet the sound? The score of the strikes, or turns, with the onsets of the sound is that of
-`harmolab.score`. Hits and the error in pixels are two things: hands that shrink towards their mean pose win pixels and
-lose hits. Read the score of each hand with its own notes beside that of all, where a strike of the wrong hand counts as
-well. The score of the whole body, by which dances are judged, hardly sees a musician.
+How to read it: hits and the error in pixels are two things, since hands that shrink towards their mean pose win pixels
+and lose hits. In the score of all strikes a strike of the wrong hand counts as well; read the score of each hand with
+its own notes beside it. The score of the whole body, by which dances are judged, hardly sees a musician.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -53,15 +53,20 @@ MAD = 1.4826  # standard deviations of a normal distribution in a median absolut
 
 
 def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTrack:
-    """Onsets of notes; those of one chord are one.
+    """The onsets of notes as beats; the notes of a chord, which begin together, are one.
 
     Parameters
     ----------
-    notes : Notes on a time line of `duration` seconds; later ones are left out, and silent ones (loudness 0)
+    notes : Notes
+        On a time line of `duration` seconds. Notes after its end, and silent ones (loudness 0), are left out.
     duration : float, seconds
     merge : float, seconds
-        Onsets this close to the first of a group belong to it. Its time is their mean, weighted by loudness, and its
-        strength the loudness of the loudest.
+        Onsets this close to the first of a chord belong to it. The time of the chord is their mean, weighted by
+        loudness, and its strength is the loudness of the loudest.
+
+    Returns
+    -------
+    BeatTrack of `duration` seconds
 
     Examples
     --------
@@ -75,9 +80,25 @@ def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTr
 
 
 def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
-    """Onsets of a sound of which no notes are known: peaks of `note_envelope`, their height (0 to 1) is the strength.
+    """The onsets of the notes in a sound of which no notes are known; a program finds them.
 
-    All notes that can be told apart, not the beats of a metre. Soft notes under louder ones are missed.
+    They are all notes that can be told apart, not the beats of the music (`audio_beats`). Soft notes under louder ones
+    are missed.
+
+    Parameters
+    ----------
+    audio : Audio
+    merge : float, seconds
+        As in `note_beats`.
+
+    Returns
+    -------
+    BeatTrack: peaks of `harmolab.musician.sound_features.note_envelope`, with their heights, 0 to 1, as strengths
+
+    Raises
+    ------
+    ValueError
+        Unless an Audio is passed.
     """
     check_kind(audio, Audio)
     envelope, rate = note_envelope(audio)
@@ -91,28 +112,31 @@ def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
 
 
 def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None = None) -> BeatTrack:
-    """Moments at which a fingertip is lowest beside its hand; their strength is how far it stands out there.
+    """The strikes of a pianist's fingers: moments at which a fingertip is lowest, seen from its hand.
 
-    The hand is the mean of its wrist and, where they are there, of the roots of its fingers, smoothed over 0.2 s.
+    The hand is the mean of its wrist and, where the motion has them, the roots of its fingers, smoothed over 0.2 s.
 
     Parameters
     ----------
-    motion : Motion, (T, P, 2) image coordinates, y down, or (T, P, 3), y up; joints as in `readers.player_points`
+    motion : Motion
+        (T, P, 2) image coordinates, y down, or (T, P, 3), y up; joints are named as in
+        `harmolab.readers.player_points`.
     hand : "left" or "right", optional
         One hand alone; when left out, every hand that the motion has.
     prominence : float, unit of the positions, optional
-        Depth of the shallowest strike, 3 % of the palm when left out. Whatever it is, 4.5 standard deviations of the
-        fingertip's smoothed noise are asked for.
+        Depth of the shallowest strike; 3 % of the palm when left out. A strike is never shallower than 4.5 standard
+        deviations of the fingertip's smoothed noise.
 
     Returns
     -------
-    BeatTrack; strikes within 40 ms are one. Read between frames (cubic splines, then parabolas). Frames that are not
-    valid are bridged, and strikes there left out.
+    BeatTrack
+        The strength of a strike is its depth. Times lie between frames (by cubic splines, then parabolas). Strikes
+        within 40 ms are one. Frames that are not valid are bridged, and strikes there are left out.
 
     Raises
     ------
     ValueError
-        For another hand, one of which the motion has no wrist or no fingertips, or a prominence that is NaN.
+        For another hand, a hand without wrist or fingertips in the motion, or a prominence that is NaN.
 
     Notes
     -----
@@ -122,24 +146,27 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
 
 
 def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
-    """Moments at which a violinist's bow turns; their strength is the length of the shorter stroke beside it.
+    """The moments at which a violinist's bow turns from one stroke to the next.
 
-    They are the extrema of a curve: how far the bow hand (the mean of the right hand's points) is from the bridge. The
-    bridge is the point `violin_bridge` where there is one (an avatar's), else a third of the way from the left shoulder
-    to the left hand, else the one of these two that there is.
+    They are the extrema of the distance of the bow hand (the mean of the right hand's points) from the bridge. The
+    bridge is the point `violin_bridge` where there is one, as an avatar has it. Else it is a third of the way from the
+    left shoulder to the left hand, or the one of these two that the motion has.
 
     Parameters
     ----------
-    motion : Motion, (T, P, 2) or (T, P, 3); joints as in `readers.player_points`
+    motion : Motion, (T, P, 2) or (T, P, 3); joints are named as in `harmolab.readers.player_points`
     reading : "distance" or "direction"
-        The distance does not change when the bow goes over to another string. "direction" is the place along the first
-        principal component of the hand's path beside the bridge: where strings change often, that is across the bow.
+        The curve whose extrema are taken. The distance does not change when the bow goes over to another string.
+        "direction" is the place along the first principal component of the hand's path, seen from the bridge; where
+        strings change often, this lies across the bow.
     prominence : float, unit of the positions, optional
-        Length of the shortest stroke, 3 % of the curve's range when left out; noise as in `strikes`.
+        Length of the shortest stroke; 3 % of the range of the curve when left out. Noise as in `strikes`.
 
     Returns
     -------
-    BeatTrack, as from `strikes`. Slurred notes share a stroke, and a bow that stops and goes on does not turn.
+    BeatTrack
+        The strength of a turn is the length of the shorter stroke beside it; else as of `strikes`. Slurred notes share
+        a stroke, and a bow that stops and goes on does not turn.
 
     Raises
     ------
@@ -343,16 +370,21 @@ NO_LAG = Lag(float("nan"), (float("nan"), float("nan")), float("nan"), float("na
 
 @dataclass(frozen=True, eq=False)
 class PlayingScore:
-    """The score of a musician's hands, and what to read beside it.
+    """The score of a musician's hands, and the numbers to read beside it: the result of `playing_score`.
 
     Parameters
     ----------
     instrument : "piano" or "violin"
-    score : HarmonyScore of all events of the instrument with all onsets, from the first onset to the last
-    body : HarmonyScore of the valleys of the whole body's joint speed with the same onsets: the score of a dance
-    lag : Lag of the events
-    events : hand -> its BeatTrack of strikes; of a violin those of the hand that bows, its turns
-    hands : hand -> HarmonyScore of its strikes with its own notes, where the notes tell the hand; empty for a violin
+    score : HarmonyScore
+        Of all strikes, or turns of the bow, with all onsets, from the first onset to the last.
+    body : HarmonyScore
+        Of the valleys of the whole body's joint speed with the same onsets: the score that a dance would get.
+    lag : Lag
+        How much later than the onsets the strikes or turns come: `seconds` and `interval`.
+    events : dict
+        Hand ("left", "right") -> BeatTrack of its strikes; of a violin the turns of the hand that bows.
+    hands : dict
+        Hand -> HarmonyScore of its strikes with its own notes, where the notes tell the hand; empty for a violin.
     """
 
     instrument: str
@@ -364,11 +396,11 @@ class PlayingScore:
 
     @property
     def is_together(self) -> bool:
-        """True with evidence that hands and sound belong together, without any lag taken off."""
+        """True where there is evidence that hands and sound belong together: a p-value below .05, no lag taken off."""
         return self.score.p_value < CERTAIN
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers by name, ready for JSON but for NaN."""
+        """The numbers by name, ready for JSON but for NaN; names begin with "body_", "left_" or "right_" for a part."""
         scores = {"": self.score, "body_": self.body} | {f"{side}_": score for side, score in self.hands.items()}
         numbers = {prefix + name: value for prefix, score in scores.items() for name, value in _numbers(score).items()}
         lag = {"lag_s": self.lag.seconds, "lag_interval_s": list(self.lag.interval)}
@@ -391,21 +423,29 @@ def playing_score(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> PlayingScore:
-    """The score of a musician's hands with the onsets of a sound, on the motion's time line.
+    """The score of a musician's hands with the onsets of the sound: do the hands meet the notes?
 
     Parameters
     ----------
-    motion : Motion, points as in `harmolab.readers.player_points`
-    sound : Notes, or the BeatTrack of `note_beats` or `onset_beats`
-        Notes that tell the hand are also scored hand by hand.
+    motion : Motion
+        Points of the musician, named as in `harmolab.readers.player_points`.
+    sound : Notes or BeatTrack
+        The notes, or the onsets of `note_beats` or `onset_beats`, on the motion's time line. Notes that tell the hand
+        are also scored hand by hand.
     instrument : "piano" or "violin"
-    params : HarmonyParams of measure "hits", default ``HarmonyParams.playing()``
-    n_rotations, seed : as in `harmolab.score.score_harmony`; without rotations there is no lag
+        Strikes are read of a pianist (`strikes`), turns of the bow of a violinist (`bow_turns`).
+    params : HarmonyParams of measure "hits"
+        ``HarmonyParams.playing()`` when left out.
+    n_rotations, seed : as in `score_harmony`; without rotations there is no lag
+
+    Returns
+    -------
+    PlayingScore
 
     Raises
     ------
     ValueError
-        As `harmolab.musician.events.playing_events`, and for another kind of sound.
+        For another instrument or kind of sound, and where the motion lacks the points of the hands.
     """
     if not isinstance(sound, Notes | BeatTrack):
         raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")

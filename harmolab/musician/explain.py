@@ -1,4 +1,4 @@
-"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
+"""The score of a musician's hands in words: findings, the events at which hands and sound part, stretches of time.
 
 All numbers are those of `harmolab.musician.events`, so that no finding can contradict the score.
 """
@@ -119,18 +119,27 @@ class ExplainedPlaying:
 def explain_playing(
     performance: Performance, *, params: HarmonyParams | None = None, n_rotations: int = 1000, seed: int = 0
 ) -> ExplainedPlaying:
-    """A performance scored and explained, by its notes, or where there are none by the onsets of its sound.
+    """Score a musician's performance and explain the score in sentences: do the hands meet the notes?
+
+    The hands are compared with the notes of the performance, or where there are none with the onsets that a program
+    finds in its sound.
 
     Parameters
     ----------
-    performance : Performance
-    params, n_rotations, seed : as in `harmolab.musician.events.playing_score`
+    performance : `harmolab.musician.performances.Performance`
+        As `load_performance` or `load_playing` of the same module read it.
+    params, n_rotations, seed : as in `harmolab.playing_score`
+
+    Returns
+    -------
+    ExplainedPlaying
+        `score`, and the verdict and findings in words. `save_playing_page` and `playing_player` show it.
 
     Raises
     ------
     ValueError
-        It has neither notes nor sound, its motion and sound hardly meet, it lacks the points of the hands, or is no
-        `harmolab.musician.performances.Performance`.
+        If it has neither notes nor sound, its motion and sound hardly overlap, it lacks the points of the hands, or it
+        is of another kind.
     """
     if not isinstance(performance, Performance):
         raise ValueError(f"a musician's Performance is needed, got {type(performance).__name__}")
@@ -158,9 +167,20 @@ def _silence(performance: Performance) -> Audio:
 
 
 def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:
-    """The findings behind a score of a musician's hands; the lag and the worst stretch only where there is evidence.
+    """The verdict on a musician's hands in words, and the findings behind it.
 
-    `is_filmed` is False for hands that were computed from the sound, whose picture cannot begin apart from it.
+    The lag and the worst stretch of time are among them only where there is evidence.
+
+    Parameters
+    ----------
+    score : PlayingScore
+        As of `harmolab.playing_score`.
+    is_filmed : bool
+        False for hands that were computed from the sound, so that picture and sound cannot begin apart.
+
+    Returns
+    -------
+    PlayingFindings
     """
     partings = _partings(score)
     stretches = _stretches(score, partings)
@@ -212,7 +232,7 @@ def _verdict(score: PlayingScore, *, is_filmed: bool) -> str:
     if score.is_together:
         return f"The hands meet the sound: {whole.mean_share:.0%} of it, where {whole.chance:.0%} would be chance."
     if np.isfinite(score.lag.seconds):
-        doubt = ": picture and sound may begin apart" if is_filmed else ""
+        doubt = ": picture and sound may not begin together" if is_filmed else ""
         late = f"{abs(1000 * score.lag.seconds):.0f} ms {'late' if score.lag.seconds > 0 else 'early'}"
         return f"The hands meet the sound {late}{doubt}."
     return "There is no evidence that these hands play this sound."
@@ -260,7 +280,7 @@ def _lag(score: PlayingScore) -> list[Finding]:
         return []
     spread = "" if np.isnan(low) else f" ({round(1000 * low):+d} to {round(1000 * high):+d} ms)"
     sentence = (
-        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, late counted positive{spread}; "
+        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, where + is late{spread}; "
         f"at the best lag {share:.0%} are met."
     )
     return [Finding("lag", seconds, sentence, (low, high))]
@@ -277,7 +297,7 @@ def _worst(score: PlayingScore, stretches: Sequence[Stretch]) -> list[Finding]:
     if not min(p_values) < CERTAIN:
         return []
     hits = f"{worst.hits} of {worst.onsets} onsets are met"
-    sentence = f"They part most from {worst.start:.0f} to {worst.end:.0f} s: {hits}."
+    sentence = f"The hands meet least from {worst.start:.0f} to {worst.end:.0f} s: {hits}."
     return [Finding("stretch", worst.hits / worst.onsets, sentence)]
 
 

@@ -33,7 +33,16 @@ MOST_PARTINGS = 200  # rows of the list of single moments
 
 
 def save_playing_page(path: PathLike, playing: ExplainedPlaying) -> None:
-    """Write `playing_page` to a file, whole or not at all."""
+    """Write the page about a musician to a file: verdict, moments at which hands and sound part, player, numbers.
+
+    It is one HTML file, written whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path
+    playing : ExplainedPlaying
+        As `explain_playing` returns it.
+    """
     write_text(path, playing_page(playing))
 
 
@@ -66,12 +75,21 @@ def playing_page(playing: ExplainedPlaying) -> str:
 
 
 def playing_player(playing: ExplainedPlaying) -> Player:
-    """The points and the sound in a player, whose beats are the onsets and the events of the hands.
+    """The player of a musician: points and sound, with the onsets, and the strikes or turns of the bow, as its beats.
+
+    Parameters
+    ----------
+    playing : ExplainedPlaying
+        As `explain_playing` returns it.
+
+    Returns
+    -------
+    `harmolab.lab.Player`
 
     Raises
     ------
     ValueError
-        There is no sound, or more than the player holds.
+        If there is no sound, or more than the ten minutes that a player holds.
     """
     name, instrument, score = playing.performance.name, playing.performance.instrument, playing.score.score
     if playing.audio is None:
@@ -133,7 +151,7 @@ ROWS = {
     "hand": "hand by hand",
     "other hand": "wrong hand",
     "lag": "early or late",
-    "stretch": "where they part most",
+    "stretch": "where they meet least",
     "body": "the whole body",
 }
 AVATAR = (
@@ -145,18 +163,27 @@ POINTS = "the 2-D points, as a camera would see them"
 
 @dataclass(frozen=True, eq=False)
 class Performed:
-    """A performance that a network made of a sound.
+    """A performance that a network made of a sound: points of the musician, and what there is to say about them.
+
+    `performed` makes it, `save_performed` writes its page.
 
     Parameters
     ----------
     instrument : "piano" or "violin"
-    points : Motion, (T, P, 2) pixels, y down
-    audio : Audio, the part of the recording that begins with the first frame
-    start : float, seconds, audio time of the first frame in the recording
-    notice : str, on whom the network was trained: it stands on everything that is made of this
-    is_avatar : bool, what is drawn
-    truth : ExplainedPlaying, the playing that was filmed, cut to the same time; None where it is not known
-    compared : Compared, points of both in one place, and their errors; None without a truth
+    points : Motion
+        (T, P, 2) pixels, y down.
+    audio : Audio
+        The part of the recording that begins with the first frame.
+    start : float, seconds
+        Moment of the recording at which the first frame stands.
+    notice : str
+        A sentence on whom the network was trained; it stands on everything that is made of this.
+    is_avatar : bool
+        Whether an avatar is drawn, or the points.
+    truth : ExplainedPlaying or None
+        The playing that was filmed, cut to the same time, where it is known.
+    compared : Compared or None
+        The points of both in one place, and their errors; None without a truth.
     """
 
     instrument: str
@@ -180,12 +207,12 @@ class Performed:
 
     @cached_property
     def score(self) -> PlayingScore:
-        """Score of the predicted hands with that sound."""
+        """The score of the predicted hands with `sound`."""
         return playing_score(self.points, self.sound, self.instrument)
 
     @cached_property
     def words(self) -> PlayingFindings:
-        """Verdict and findings on the predicted hands."""
+        """Verdict and findings on the predicted hands in words."""
         return explain.playing_findings(self.score, is_filmed=False)
 
     @property
@@ -206,7 +233,7 @@ class Performed:
 
     @property
     def facts(self) -> dict[str, str]:
-        """Name -> text, for a table."""
+        """Facts about the performance for a table: name -> text."""
         events, whole = MANY_EVENTS[self.instrument], self.score.score
         by = "those of the notes" if isinstance(self.sound, Notes) else "found in the sound by a program"
         facts = {
@@ -236,21 +263,36 @@ def performed(
     is_avatar: bool = True,
     truth: Performance | None = None,
 ) -> Performed:
-    """A performance to a sound, by a trained system.
+    """Let a network play to a sound: the points of a musician, as `harmolab perform` has them.
 
     Parameters
     ----------
     system : Audio2Body
-    audio : Audio, the whole recording
-    start, seconds : float, seconds of it, from the frame nearest to `start` on; to the end when left out
-    is_avatar : bool, whether an avatar is drawn, or the points
-    truth : Performance, optional
-        Playing that was filmed, with `audio` as its sound. The performance is cut to its time, and made from there.
+    audio : Audio
+        The whole recording.
+    start : float, seconds
+        Where the performance begins in the recording, at the nearest frame.
+    seconds : float
+        Its length; to the end when left out.
+    is_avatar : bool
+        Whether an avatar is drawn, or the points.
+    truth : `harmolab.musician.performances.Performance`, optional
+        The playing that was filmed, with `audio` as its sound. The performance is cut to its time, and compared with
+        it.
+
+    Returns
+    -------
+    Performed
 
     Raises
     ------
     ValueError
-        As `Audio2Body.generate`; with a truth as `explain_playing` and `compared`.
+        As `Audio2Body.generate`; with a truth as `explain_playing` and `harmolab.musician.train.compared`.
+
+    Examples
+    --------
+    >>> pianist = Audio2Body.shipped("piano")  # doctest: +SKIP
+    >>> save_performed("page.html", performed(pianist, audio), title="A pianist")  # doctest: +SKIP
     """
     instrument, notice = system.network.instrument, system.trained_on
     if truth is None:
@@ -279,7 +321,7 @@ def performance_span(performance: Performance, start: float, seconds: float | No
     end = motion.n_frames if seconds is None else round((start + seconds - performance.offset) * motion.fps)
     last = min(end, motion.n_frames)
     if start < 0 or last - first < 2:
-        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound")
+        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound; choose others")
     frames = slice(first, last)
     return replace(
         performance,
@@ -290,19 +332,22 @@ def performance_span(performance: Performance, start: float, seconds: float | No
 
 
 def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:
-    """Write a page that plays a performance to a file, whole or not at all: beside a truth, or as points over it.
+    """Write a page that plays a performance that a network made; with a truth, beside it, or as points over it.
+
+    It is one HTML file, written whole or not at all.
 
     Parameters
     ----------
     path : str or path
     performed : Performed
     title : str
-    facts : name -> text, shown before those of the performance
+    facts : dict
+        Name -> text, shown before those of the performance.
 
     Raises
     ------
     ValueError
-        As `Player`.
+        As `harmolab.lab.Player`.
     """
     Player(
         performed.audio,
@@ -343,23 +388,33 @@ def avatar_player(
     notice: str = "",
     n_rotations: int = 1000,
 ) -> Player:
-    """The first seconds of one or two avatars, which hear one sound; strikes or bow turns are read from their points.
+    """A player of one or two avatars, drawn persons who play to one sound, with the onsets that their hands meet.
 
     Parameters
     ----------
     audio : Audio
-    points : name -> Motion, (T, P, 2) as in `harmolab.readers.player_points`, from audio time 0 on
-    notes : Notes of the sound
+    points : dict
+        Name -> Motion (T, P, 2) from the beginning of the audio on, its points named as in
+        `harmolab.readers.player_points`. Strikes or turns of the bow are read from these points.
+    notes : Notes
+        Of the sound.
     instrument : "piano" or "violin"
     title : str
     seconds : float
-    notice : str, a sentence above the picture, such as where the points are from
-    n_rotations : int, of the null distribution of each score
+        Length that is shown, from the beginning.
+    notice : str
+        A sentence above the picture, such as where the points are from.
+    n_rotations : int
+        Of the null distribution of each score.
+
+    Returns
+    -------
+    `harmolab.lab.Player`
 
     Raises
     ------
     ValueError
-        As `Player`, `avatar` and `playing_score`.
+        As `harmolab.lab.Player`, `harmolab.musician.avatar.avatar` and `harmolab.playing_score`.
     """
     dancers, facts = [], {}
     for name, motion in points.items():

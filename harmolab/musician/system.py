@@ -35,12 +35,17 @@ WEIGHTS = Path(__file__).parent / "weights"
 
 
 class Audio2Body(Learner):
-    """A musician who plays to any sound of the instrument.
+    """Audio to Body Dynamics: a pianist or violinist whose movement a network makes of the sound alone.
+
+    Its motions are points of the musician in a picture, from which an avatar can be drawn (`performed`). Take
+    `Audio2Body.shipped`, or train one on your own performances (`Audio2Body.train`).
 
     Parameters
     ----------
-    network : SoundToPoints, trained
-    meta : JSON-able mapping about its training, kept with the weights
+    network : SoundToPoints
+        Trained.
+    meta : JSON-able mapping
+        About its training; kept with the weights.
     """
 
     def __init__(self, network: SoundToPoints, meta: Mapping[str, Any] | None = None) -> None:
@@ -48,7 +53,7 @@ class Audio2Body(Learner):
 
     @property
     def trained_on(self) -> str:
-        """A sentence about the players that it was trained on, which goes with everything that it makes."""
+        """A sentence about the players that it was trained on; it stands on everything that the network makes."""
         source = str(self.meta.get("source", ""))
         names = f": {source[:200]}" if source != SYNTHETIC else " planted, synthetic players only"
         training = f"trained on{names}" if source else "nothing says on whom it was trained"
@@ -65,15 +70,25 @@ class Audio2Body(Learner):
         initial: Motion | None = None,
         notes: Notes | None = None,
     ) -> Motion:
-        """The points of the musician, (T, P, 2) pixels, y down (`harmolab.systems.System`).
+        """The points of the musician to a sound.
 
-        Everything follows from the sound: `beats` and `seed` change nothing, and nothing goes on from `initial`, which
-        is checked only.
+        Everything follows from the sound: `beats`, `seed` and `initial` are checked, as all systems take them, and
+        change nothing.
 
         Parameters
         ----------
-        audio, start, seconds : as `harmolab.systems.System`
-        notes : of the recording, for a network that hears them in place of the sound
+        audio : Audio
+            The whole recording.
+        start : float, seconds
+            Moment of the audio at which the first frame stands.
+        seconds : float
+            Length of the motion; to the end of the audio when left out or longer.
+        notes : Notes, optional
+            Of the recording, for a network that hears notes in place of the sound.
+
+        Returns
+        -------
+        Motion, (T, P, 2) pixels, y down
         """
         DanceRequest(audio, beats, start, seconds, seed, initial)  # an error for what is no sound, number or motion
         if initial is not None and initial.skeleton != self.network.skeleton:
@@ -82,7 +97,7 @@ class Audio2Body(Learner):
 
     @classmethod
     def files(cls, root: PathLike) -> list[Path]:
-        """The files of performances that are learnt from; those of a folder of frames one by one."""
+        """The files below a folder that a training would read; those of a folder of frames one by one."""
         files: list[Path] = []
         for folder in find_performances(root).folders:
             own = performance_files(folder)
@@ -124,12 +139,18 @@ class Audio2Body(Learner):
         split_seed: int = 0,
         **changes: Any,
     ) -> None:
-        """`train`, on folders of performances of one instrument; its own keywords:
+        """Train on folders of performances of one instrument; `train` calls it, and takes these keywords.
 
-        preset : "recommended", "tables" (under the captions of Tables 1 and 2) or "section_4"
-        instrument, fps : of performances whose folders do not say it
-        split_seed : int, of the split by piece
-        changes : other values for fields of `Audio2BodyParams`, such as ``seed``
+        Parameters
+        ----------
+        preset : "recommended", "tables" or "section_4"
+            "tables" has the settings in the captions of the paper's Tables 1 and 2, "section_4" those of its Section 4.
+        instrument, fps : "piano" or "violin", and frames per second
+            Of performances whose folders do not say it.
+        split_seed : int
+            Of the split into training, validation and test by piece.
+        **changes
+            Other values for fields of `harmolab.musician.params.Audio2BodyParams`, such as ``seed``.
         """
         from harmolab.musician.train import train_audio2body
 

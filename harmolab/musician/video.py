@@ -37,15 +37,18 @@ LINE = 1 / 110  # thickness of the outline of trunk and head, in picture heights
 def render_points(
     truth: Motion, prediction: Motion, *, height: int = 480, width: int | None = None, fps: float = 30.0
 ) -> Iterator[Frame]:
-    """Frames of the predicted points over the true ones, as long as both last.
+    """Frames for `harmolab.write_video` with predicted points over the true ones, as long as both last.
+
+    True points are broad and red, predicted ones narrow and green.
 
     Parameters
     ----------
-    truth, prediction : Motion, (T, P, 2), image coordinates of one picture, which is shown as far as the points go
+    truth, prediction : Motion, (T, P, 2)
+        Points in the coordinates of one picture, which is shown as far as they reach.
     height, width : int, pixels
-        `width` defaults to 4/3 of the height.
-    fps : float, hertz
-        Rate of the pictures; slower motions are interpolated by cubic splines.
+        `width` is 4/3 of the height when left out.
+    fps : float, frames per second
+        Of the pictures; slower motions are interpolated by cubic splines.
 
     Yields
     ------

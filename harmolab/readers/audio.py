@@ -72,29 +72,36 @@ def load_audio(
     sample_rate: float | None = 22050.0,
     max_seconds: float = 3600.0,
 ) -> Audio:
-    """The sound in a file, or a span of it, mixed to one channel.
+    """The sound in a file, or a part of it, mixed to one channel: wav, flac, ogg, mp3 or m4a.
+
+    `load_sound` also takes videos.
 
     Parameters
     ----------
     path : str or path
     start : float, seconds
+        Where the part begins.
     duration : float or None, seconds
-        None: to the end. A span that reaches behind the end stops there.
+        Length of the part. None: to the end. A part that reaches beyond the end stops there.
     sample_rate : float or None, hertz
-        Resampled to this rate (soxr, high quality). None keeps the file's rate.
+        The sound is resampled to this rate (soxr, high quality). None keeps the file's rate.
     max_seconds : float
-        More than this, or than MAX_SAMPLES, is refused before any sample is read; of an M4A while it is read, and the
-        whole of it counts.
+        A longer part, or one of more than 2^29 samples, is an error, before any sample is read. Of an M4A the whole
+        file counts, and is read for that.
 
     Returns
     -------
-    Audio with float32 samples
+    Audio in single precision
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. A file that is cut off, or holds more than it says, is an error; with `duration`, what is
-        there can still be read, but for an M4A, which is read whole.
+        Both name the file. A file that is cut off, or holds more than its header says, is an error. With `duration`,
+        what is there can still be read, but for an M4A, which is always read whole.
+
+    Examples
+    --------
+    >>> audio = load_audio("song.mp3", start=10.0, duration=30.0)  # doctest: +SKIP
     """
     if Path(path).suffix.lower() == ".m4a":
         return _span(path, start, duration, sample_rate, max_seconds)
@@ -276,7 +283,10 @@ MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
 def load_sound(
     path: PathLike, *, start: float = 0.0, duration: float | None = None, sample_rate: float | None = 22050.0
 ) -> Audio:
-    """A sound file, or the sound of a video, read whole as an M4A is; parameters and errors are as of `load_audio`."""
+    """The sound in a sound file or in a video, or a part of it, mixed to one channel.
+
+    Parameters and errors are those of `load_audio`; a video is read whole, as an M4A is.
+    """
     read = _span if is_video(path) else load_audio
     return read(path, start=start, duration=duration, sample_rate=sample_rate)
 

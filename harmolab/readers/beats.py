@@ -171,7 +171,10 @@ def _times(values: Any, name: str) -> FloatArray:
 
 
 def load_beats(path: PathLike, *, duration: float | None = None) -> BeatTrack:
-    """The beats in an annotation file.
+    """The beats in an annotation file, such as those that you tapped or that another program wrote.
+
+    ``.beats``: a line for each beat, ``seconds [place in the bar]``, 1 for the first of a bar. ``.csv`` and ``.txt``:
+    ``seconds [strength]``. ``.json``: the times as ``"beats_s"``. `harmolab.readers.beats` has the formats in full.
 
     Parameters
     ----------
@@ -179,10 +182,18 @@ def load_beats(path: PathLike, *, duration: float | None = None) -> BeatTrack:
     duration : float or None, seconds
         Length of the recording. None: one beat longer than the last beat.
 
+    Returns
+    -------
+    BeatTrack; strengths are 1 where the file has none
+
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. Beats behind `duration` are an error: they may be frames.
+        Both name the file. Beats after `duration` are an error, since they may be numbers of frames.
+
+    Examples
+    --------
+    >>> beats = load_beats("song.beats", duration=178.0)  # doctest: +SKIP
     """
     annotation = load_annotation(path)
     with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES):
@@ -212,19 +223,23 @@ def load_annotation(path: PathLike) -> BeatAnnotation:
 
 
 def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
-    """Write beats as lines ``time [place]`` of a ``.beats`` file, whole or not at all; a place of 1 begins a bar.
+    """Write beats to a ``.beats`` file, which every command takes (``--beats``) and `load_beats` reads.
+
+    It has a line for each beat, ``seconds [place in the bar]``, 1 for the first of a bar; strengths are not kept. The
+    file is written whole or not at all. Beats that are unsure (`BeatTrack.is_sure`) are marked so in a comment.
 
     Parameters
     ----------
-    path : str or path
+    path : str or path that ends in .beats
     track : BeatTrack of one beat or more
-    comment : str, a first line
+    comment : str
+        Words for the first line.
 
     Raises
     ------
     ValueError
-        For another suffix, no beats, and what `load_beats` would refuse, as beats in one tenth of a millisecond; names
-        the file.
+        For another ending, no beats, or beats that `load_beats` would refuse, such as two within a tenth of a
+        millisecond; names the file.
     """
     check_kind(track, BeatTrack)
     path = Path(path)

@@ -87,27 +87,42 @@ def load_motion(
     smpl: PathLike | None = None,
     up: str = "",
 ) -> Motion:
-    """The movement in a file (suffixes as above) or in a folder of OpenPose JSON files.
+    """The movement in a motion file, or in a folder of key points.
+
+    Read are npz, BVH and c3d; SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE, Motion-X); joints of AIST++ and
+    Bailando; the vectors of HumanML3D; key points of COCO-17, Human3.6M, OpenPose or MediaPipe; npy arrays. The content
+    tells the kind. `harmolab.readers.motion` has the formats in full, and `read_motion` there also returns notes on how
+    a file was read: body, unit, axis, rate.
 
     Parameters
     ----------
     path : str or path
     fps : float or None, frames per second
-        Needed where the file holds no rate (`.npy`, OpenPose, COCO, EDGE); elsewhere it takes the place of the file's.
+        Needed where the file holds no rate (`.npy`, OpenPose, COCO, EDGE). Elsewhere it takes the place of the file's.
     scale : float or None
-        Metres in one unit of a 3-D file. None: 1 for `.npz`, 0.01 for AIST++, see `load_bvh` for BVH; of bare joints in
-        space by the extent of the body.
-    joints : names, optional
-        Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
+        Metres in one unit of a 3-D file. None: 1 for `.npz`, 0.01 for AIST++; for BVH see
+        `harmolab.readers.bvh.load_bvh`; joints in space without a unit are scaled by the extent of the body.
+    joints : sequence of str, optional
+        Names of the joints to keep. A joint that is never seen is an error, so leave out the legs of a film that does
+        not show them.
     smpl : str or path, optional
-        The user's own SMPL body, for files of SMPL parameters (`harmolab.readers.smpl.load_body`).
+        Your own SMPL body, for files of SMPL parameters (`harmolab.readers.smpl.load_body`). When left out, they are
+        posed on the neutral skeleton that comes with harmolab.
     up : "y" or "z", optional
-        The axis of a 3-D file that points up, where it is not what the file, its kind or the body tells.
+        The axis of a 3-D file that points up, where it is not the one that the file, its kind or the body tells.
+
+    Returns
+    -------
+    Motion: in space metres, y up; in a picture its own units, y down
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
+
+    Examples
+    --------
+    >>> motion = load_motion("keypoints.npy", fps=30.0)  # doctest: +SKIP
     """
     return read_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up).motion
 
@@ -236,26 +251,27 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
 def save_motion(
     path: PathLike, motion: Motion, *, offset: float | None = None, detected: BoolArray | None = None, about: str = ""
 ) -> None:
-    """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
+    """Write a motion to an `.npz` file, or for other programs to a `.bvh` file; whole or not at all.
 
-    From an `.npz` `load_motion` gives the same numbers back, bit by bit. A `.bvh` is for other programs; see `save_bvh`
-    for what it keeps.
+    From an `.npz` `load_motion` reads the same numbers again, bit by bit. `harmolab.readers.motion` has its layout.
+    `harmolab.readers.bvh.save_bvh` says what a `.bvh` keeps.
 
     Parameters
     ----------
-    path : str or path
+    path : str or path that ends in .npz or .bvh
     motion : Motion
     offset : float, seconds, optional
-        Audio time of frame 0 in the song that the motion belongs to; an `.npz` keeps it (`load_offset`).
-    detected : (T, J) mask, optional
-        False where a joint was not detected and its place is filled in; an `.npz` keeps it (`load_detected`).
-    about : str, a sentence on where the motion comes from; an `.npz` keeps it
+        Moment of the song at which the motion begins. Only an `.npz` keeps this and what follows.
+    detected : (T, J) bool array, optional
+        False where a joint was not detected and its place is filled in.
+    about : str
+        A sentence on where the motion comes from.
 
     Raises
     ------
     ValueError
-        The name ends in neither, the motion has no skeleton that BVH can hold, the offset is no time in a song, or
-        `detected` has another shape.
+        If the name has another ending, the motion has no skeleton that BVH can hold, the offset is no time in a song,
+        or `detected` has another shape.
     """
     check_kind(motion, Motion)
     path = Path(path)

@@ -279,24 +279,30 @@ def _quarter_turns(picture: av.VideoFrame) -> int:
 def write_video(
     path: PathLike, frames: Iterable[Frame], fps: float, *, audio: Audio | None = None, title: str = ""
 ) -> None:
-    """Write frames as a video that browsers play; the file appears whole or not at all.
+    """Write frames to a video that browsers play; whole or not at all.
 
     Parameters
     ----------
     path : str or path
         Ends in `.mp4` (H.264 and AAC, plays everywhere) or `.webm` (VP9 and Opus, free codings).
     frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays, all of one shape
-        An odd height or width is made even by repeating the last row or column, since the codings need that.
-    fps : float, hertz
+        Taken one by one, so that a long video needs little memory. An odd height or width is made even by repeating
+        the last row or column, since the codings need that.
+    fps : float, frames per second
     audio : Audio, optional
         Sound that starts with the first frame.
-    title : str, which players show
+    title : str
+        Title of the file, which players show.
 
     Raises
     ------
     ValueError
-        For another ending, no frame, a frame that is no picture or of another size, an fps that cannot be, or sound
+        For another ending, no frame, a frame that is no picture or of another size, an `fps` out of range, or sound
         that is no Audio.
+
+    Examples
+    --------
+    >>> write_video("dancer.mp4", render_skeleton(motion), motion.fps, audio=audio)  # doctest: +SKIP
     """
     path = Path(path)
     coding = CODINGS.get(path.suffix.lower())

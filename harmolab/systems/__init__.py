@@ -1,4 +1,4 @@
-"""Systems that dance or play an instrument: the one door to all of them, and what it takes to train one.
+"""Systems that make dances from music: how to find one, load one, let it dance, and train one.
 
 The public names stand in ``__init__.pyi`` and are resolved on first use.
 """

@@ -1,12 +1,12 @@
-"""Systems that dance or play an instrument, and the one door to all of them.
+"""Systems that dance or play an instrument: what they have in common, how to find one, and how to load one.
 
-A system is a class that fulfils `System`. Its name is that of its module here (``harmogan`` is
-`harmolab.systems.harmogan`, class `HarmoGAN`); a class outside harmolab is called ``package.module:Class``. Weights
-name the system that made them: ``"system"`` in ``model.json``. Because of what a file says, nothing outside this
-package is imported.
+A *system* makes dances from music: a class with the methods of `System`. Its name is that of its module here
+(``harmogan`` is `harmolab.systems.harmogan`, class `HarmoGAN`); a class outside harmolab is called
+``package.module:Class``. Weights name the system that made them, as ``"system"`` in ``model.json``. What such a file
+names is never imported from outside this package unless you name it, too.
 
 A system may have parts that are trained by themselves (`PARTS`). They do not dance: the system uses them where they lie
-in its run. Nor do `PLAYERS`: their motions are a musician's points in a picture.
+in its run. `PLAYERS` do not dance either: their motions are a musician's points in a picture.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,19 +27,32 @@ PLAYERS: Mapping[str, str] = MappingProxyType({"audio2body": "harmolab.musician"
 
 
 class Trainable(Protocol):
-    """The method that systems and their parts have; it takes more keywords, and all of them have defaults."""
+    """The method that systems and their parts have: `train`. It may take more keywords, all with defaults."""
 
     @classmethod
     def train(cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, **more: Any) -> Any:
-        """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
+        """Train on corpora (folders of recordings), save the system in a folder, and return it.
 
-        Among the further keywords, ``report`` (`harmolab.systems.training.checkpoints.Report`) is called after every
-        epoch.
+        Parameters
+        ----------
+        data : sequence of str or path
+            Folders of recordings.
+        out : str or path
+            New or empty, unless `resume`, which goes on with the training there.
+        seed : int
+        resume : bool
+        **more
+            Keywords of the system. ``report`` (`harmolab.systems.training.checkpoints.Report`) is called after every
+            epoch.
         """
 
 
 class System(Trainable, Protocol):
-    """The methods that all systems have. Each may take more keywords than these; all of them have defaults."""
+    """A system that makes dances from music: the methods that all systems have, `generate`, `save`, `load` and `train`.
+
+    Each may take more keywords than these, all with defaults. A class of your own with these methods is a system, too:
+    its name is ``package.module:Class``, and harmolab's commands train it and let it dance by this name.
+    """
 
     def generate(
         self,
@@ -51,16 +64,26 @@ class System(Trainable, Protocol):
         seed: int = 0,
         initial: Motion | None = None,
     ) -> Motion:
-        """A motion to music; its frame 0 belongs to the audio time `start`.
+        """Dance to music: a motion whose first frame stands at second `start` of the music.
 
         Parameters
         ----------
-        audio : Audio, the whole recording
-        beats : BeatTrack on the audio time line; tracked when left out
-        start : float, seconds of audio time
-        seconds : float, length of the motion; to the end of the music when left out or longer
-        seed : int; the same seed gives the same motion
-        initial : Motion that the new one goes on from, in pose if not in place; drawn by `seed` when left out
+        audio : Audio
+            The whole recording.
+        beats : BeatTrack
+            Beats on the audio's time line; a program finds them when left out.
+        start : float, seconds
+            Moment of the music at which the dance begins.
+        seconds : float
+            Length of the dance; to the end of the music when left out or longer.
+        seed : int
+            The same seed gives the same dance.
+        initial : Motion
+            Movement that the dance goes on from, in pose if not in place; drawn by `seed` when left out.
+
+        Returns
+        -------
+        Motion
 
         Raises
         ------
@@ -69,10 +92,10 @@ class System(Trainable, Protocol):
         """
 
     def save(self, folder: PathLike) -> None:
-        """Write weights, and ``model.json``, to a folder; it is made if need be.
+        """Write the system to a folder, which is made if there is none: weights, and ``model.json``.
 
-        The file has ``{"format": 1, "system": "package.module:Class", "build": {}}`` at least; "build" is for what the
-        class needs to be built again.
+        The latter has ``{"format": 1, "system": "package.module:Class", "build": {}}`` at least. "build" is for all
+        that the class needs to be built again.
         """
 
     @classmethod
@@ -81,18 +104,32 @@ class System(Trainable, Protocol):
 
 
 def names() -> list[str]:
-    """Names of harmolab's own systems."""
+    """Names of the systems that come with harmolab, sorted; `find` takes them."""
     packages = (module.name for module in iter_modules([str(Path(__file__).parent)]) if module.ispkg)
     return sorted({*packages, *PLAYERS} - {"training"})
 
 
 def find(name: str) -> type[System]:
-    """The class of a system, by the name of one of harmolab's own or as "package.module:Class".
+    """The class of a system by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`, such as "harmogan", or "package.module:Class" for a system of your own, which is then imported.
+
+    Returns
+    -------
+    A class with the methods of `System`
 
     Raises
     ------
     ValueError
         If there is no such system, it is a part of one, or the class lacks a method of `System`.
+
+    Examples
+    --------
+    >>> find("choreographer").__name__
+    'Choreographer'
     """
     check_whole(name)
     module, outside, _ = str(name).partition(":")
@@ -142,18 +179,28 @@ def _class(name: str, module: str) -> Any:
 
 
 def load(folder: PathLike, *, system: str | None = None) -> System:
-    """The trained system in a folder; of the class that its weights name.
+    """The trained system in a folder, ready to dance; its weights say which system they are of.
 
     Parameters
     ----------
-    folder : of a run, or a weights file in it
+    folder : str or path
+        Of a training, or a weights file in it.
     system : str, optional
-        Name of the system, as for `find`; needed for one that is not harmolab's own.
+        Name of the system, as for `find`. Needed for one of your own, since code is not imported because a file says
+        so; else it is checked.
+
+    Returns
+    -------
+    System
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there are no weights, they are damaged, or another system made them; the message names the file or folder.
+        If there are no weights, they are damaged, or another system made them; they name the file or folder.
+
+    Examples
+    --------
+    >>> motion = load("run").generate(audio, seconds=20.0, seed=3)  # doctest: +SKIP
     """
     maker = maker_of(folder)
     check_whole(maker, f"{folder}: ")

@@ -1,9 +1,12 @@
 """Bar patterns: the usual course of movement through a cycle of beats, how it is learnt, and how well it fits.
 
-Dancers do not all stop on the beat: in recorded cha-cha the body moves fastest between the beats of one half bar, in
-waltz the whole bar has one shape. A `BarPattern` holds that shape and is learnt on other motion than it is applied to.
-One windowed fit serves all who ask how well a moment suits a pattern: the place test of the verdict, the comparison of
-corpora and the choreographer call `harmonic_fits` or `pattern_fits`; the soft score convolves the same `templates`.
+Dancers do not all stop on the beat. In recorded cha-cha the body moves fastest between the beats of one half bar; in
+waltz the whole bar has one course. A `BarPattern` holds that course, and is learnt on other motion than it is applied
+to. A *place* of a pattern is a beat of its cycle, counted from 0.
+
+How well a moment of the movement fits a place is one number, the correlation of the movement around the moment, seen
+through a Hann window of one cycle, with the pattern around that place (`pattern_fits`). The place test of the verdict,
+the comparison of corpora and the choreographer use it; the soft score convolves the same `templates`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,7 +26,14 @@ MOST_MOMENTS = 5_000_000  # a day of music on the grid
 
 @dataclass(frozen=True, eq=False)
 class PatternSums:
-    """Fourier sums of the speed over a cycle, additive over pieces of motion: the sufficient statistic of a fit."""
+    """Fourier sums of the speed of one piece of motion, from which a pattern is fitted; those of pieces add up.
+
+    Parameters
+    ----------
+    beats : int, length of the cycle
+    sums : (beats,) complex array, the sum over all frames for each harmonic of the cycle
+    count : int, number of frames
+    """
 
     beats: int
     sums: NDArray[np.complex128]
@@ -31,15 +41,24 @@ class PatternSums:
 
 
 def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
-    """Place of each time on the music's beats: 2.5 is half way between the third and the fourth beat.
+    """Beat position of each time: 2.5 is half way between the third and the fourth beat.
 
-    Counting starts at the first beat's place in its bar when that is known. Before the first and after the last beat
-    the nearest beat interval goes on.
+    The first beat has position 0, or its place in the bar where that is known. Before the first and after the last beat
+    the nearest interval of two beats is continued.
+
+    Parameters
+    ----------
+    times : array, seconds
+    track : BeatTrack of two beats or more
+
+    Returns
+    -------
+    array of the shape of `times`, beats
 
     Raises
     ------
     ValueError
-        With fewer than two beats there is no tempo.
+        With fewer than two beats, of which there is no tempo.
     """
     beats = track.times
     if beats.size < 2:
@@ -54,13 +73,13 @@ def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
 
 
 def evaluate_pattern(pattern: BarPattern, positions: FloatArray) -> FloatArray:
-    """Expected normalised speed at beat positions (any shape)."""
+    """The speed that a pattern expects at beat positions (any shape), in standard deviations from the mean."""
     angle = 2 * np.pi * np.asarray(positions)[..., None] * np.arange(1, len(pattern.cosines) + 1) / pattern.beats
     return np.cos(angle) @ np.array(pattern.cosines) + np.sin(angle) @ np.array(pattern.sines)
 
 
 def pattern_sums(positions: FloatArray, speed: FloatArray, beats: int) -> PatternSums:
-    """The sums a pattern is fitted from, for one piece of motion: harmonics up to one turn a beat.
+    """The Fourier sums from which a pattern is fitted, of one piece of motion: harmonics up to one turn a beat.
 
     Parameters
     ----------
@@ -73,7 +92,7 @@ def pattern_sums(positions: FloatArray, speed: FloatArray, beats: int) -> Patter
 
 
 def fit_pattern(pieces: Iterable[PatternSums], *, source: str = "") -> BarPattern:
-    """The pattern that the pieces share; each counts by its length.
+    """The pattern that the pieces share: the mean of their Fourier series, each weighted by its number of frames.
 
     Raises
     ------
@@ -115,10 +134,10 @@ def beat_curve(
 
 
 def beat_ranks(times: FloatArray, speed: FloatArray, track: BeatTrack, pattern: BarPattern) -> FloatArray:
-    """Rank of each beat, (B,) in (0, 1), among all moments of a motion by the fit to its place in a pattern.
+    """Rank of each beat among all moments of a motion, by the fit to its place in a pattern: (B,), between 0 and 1.
 
-    Parameters are those of `beat_curve`. Before and after the motion there is no movement; beats outside of it count at
-    its ends. Without a known bar the pattern begins on the first beat.
+    Parameters are those of `beat_curve`, and `pattern`. Before and after the motion there is no movement; beats outside
+    of it have the rank of its first or last moment. Where no bar is known the pattern begins on the first beat.
     """
     curve, first = beat_curve(times, speed, track)
     beats = np.arange(len(track)) + (0 if track.bar_places is None else first_place(track.bar_places))
@@ -129,17 +148,21 @@ def beat_ranks(times: FloatArray, speed: FloatArray, track: BeatTrack, pattern: 
 
 
 def moment_ranks(fits: FloatArray) -> FloatArray:
-    """Ranks (G,) in (0, 1) of moments by their fit; what differs by rounding only is a tie."""
+    """Ranks (G,), between 0 and 1, of moments by their fits (G,); fits that differ by rounding alone share a rank."""
     return (ranks(np.round(fits / max(np.abs(fits).max(), 1e-300), 9)) - 0.5) / fits.size
 
 
 def pattern_fits(speed: FloatArray, pattern: BarPattern, *, moments: int) -> FloatArray:
-    """Fit of a circular speed around each moment to each place of a pattern, (beats, G).
+    """Fit of the movement around each moment to each place of a pattern.
 
     Parameters
     ----------
-    speed : (G,) array, `moments` samples a beat
+    speed : (G,) array, `moments` samples a beat, taken as a circle: after the last comes the first
     pattern : BarPattern
+
+    Returns
+    -------
+    (beats, G) array: a row for each place of the pattern
     """
     harmonics = harmonic_fits(speed, pattern.beats, len(pattern.cosines), moments=moments)
     return np.array([weights @ harmonics for weights in _place_weights(pattern)])
@@ -158,14 +181,15 @@ def _place_weights(pattern: BarPattern) -> list[FloatArray]:
 
 
 def harmonic_fits(speed: FloatArray, beats: int, count: int, *, moments: int) -> FloatArray:
-    """Correlation of a circular speed around each moment with each cosine and sine of a cycle.
+    """Correlation of the movement around each moment with each cosine and sine of a cycle.
 
-    They are seen through a Hann window of one cycle, and have no mean. The fit to a pattern is a sum of these, weighted
-    by the pattern's coefficients; the fit to another of its places one with `turned` coefficients.
+    Cosines and sines are seen through a Hann window of one cycle, and their means are taken off. The fit to a pattern
+    is the sum of these correlations, weighted by the pattern's coefficients. The fit to another of its places has
+    `turned` coefficients.
 
     Parameters
     ----------
-    speed : (G,) array, `moments` samples a beat
+    speed : (G,) array, `moments` samples a beat, taken as a circle
     beats : int, length of the cycle
     count : int, H harmonics
 
@@ -191,7 +215,7 @@ def _waves(beats: int, count: int, moments: int) -> FloatArray:
 
 
 def turned(weights: FloatArray, beats: int, place: float | FloatArray) -> FloatArray:
-    """Coefficients of a pattern seen from `place` beats on, cosines and sines in turn: (..., 2 H) as those given.
+    """Coefficients of a pattern that begins `place` beats later in its cycle: cosines and sines in turn, (..., 2 H).
 
     `place` is one for all, or has the shape (..., 1).
     """
@@ -229,9 +253,9 @@ def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
 
 
 def first_place(bar_places: IntArray) -> int:
-    """Place in its bar from which the first beat is counted on, as most beats say.
+    """Place in its bar of the first beat, by the majority of all beats.
 
-    A bar of another length, or a beat that was missed, does not move the bars of the whole.
+    So a bar of another length, or a beat that was missed, does not move the bars of the whole.
 
     >>> first_place(np.array([0, 1, 0, 1, 2, 0, 1, 2]))
     1

@@ -1,22 +1,29 @@
 """The evidence behind a verdict, as numbers: a movement, its beats, the time test, the place test, the mean course.
 
-The time test: does a movement keep the tempo of these beats better than other tempi?
+**The time test asks: does the movement keep the tempo of these beats better than other tempi?** Movement that recurs
+once a beat fits beats at any moment, so moving the beats in time proves nothing. The null is another tempo.
 
-Beats turned round the end of a clip prove nothing about periodic movement: whatever recurs once a beat fits any phase.
-The null here is another tempo. For a cycle of beats the movement is cut into blocks, each block gives a Fourier vector
-a_b for every harmonic h of the cycle, and what counts is how well *different* blocks agree:
-``T = sum_h |sum_b a_bh|^2 - sum_bh |a_bh|^2``, in standard deviations of blocks with random phases. No pattern, no lag
-and no sign is assumed: rests, hits, half time and double time agree alike. The same is asked of 240 grids whose tempi
-lie between .6 and 1.67 times that of the beats.
+1. The signal of the movement (`harmolab.shape_speed`) is cut into blocks b of four beats or more.
+2. Each block gives a complex Fourier coefficient a_bh for every harmonic h of a cycle of one, two or three beats, up to
+   two movements a beat. The cycle that agrees best counts.
+3. The test number is how well *different* blocks agree, ``z = (sum_h |sum_b a_bh|^2 - sum_bh |a_bh|^2) / SD``. SD is
+   the standard deviation that the numerator has for blocks with random phases.
+4. The same is computed for 240 grids whose tempi lie between .6 and 1.67 times that of the beats. The p-value is the
+   share of grids whose z is at least as large.
 
-The place test: at which lag does a movement do on the beats what dancers do there?
+No pattern, no lag and no sign is assumed: rests, hits, half time and double time agree alike.
 
-A pattern says what is expected around a beat: the learnt curve of a dance, or that the body rests on the beat. Where it
-is longer than a beat and "one" is not known, every place at which it may begin is a reading. Every moment of the take
-is ranked by how well the next cycle of movement fits; moved by a lag u, the beats have the mean rank M_f(u), and the
-best reading T(u) = max_f M_f(u). The choice of the reading is part of the null, since every lag has it too.
+**The place test asks: at which lag does the movement do on the beats what is expected there?** The lag is how much
+later than the beats the body moves. A pattern says what is expected around a beat: the learnt course of a dance, or
+that the body rests.
 
-The mean movement through a beat is what can be seen of a place where nothing was told.
+1. Every moment of the take is ranked by how well the movement around it fits the pattern; ranks lie between 0 and 1.
+2. Beats that are moved by a lag u have the mean rank M_f(u), where f is the place at which the pattern begins.
+3. Where the pattern is longer than a beat and "one" is not known, each f is tried: T(u) = max_f M_f(u). Every lag has
+   this choice, so that chance has it, too.
+4. Harmony above chance is ``H = (T(0) - c) / (1 - c)``; c is 1/2, or the mean of T over all lags where f is chosen.
+
+**The mean course of movement through a beat** shows when the body is fastest and stillest where nothing was told.
 """
 
 import math
@@ -42,7 +49,7 @@ SLOWEST = 0.6  # ratio of the slowest grid; the fastest is 1 / SLOWEST
 N_RATIOS = 241  # log-even, the beats' own tempo in the middle
 BLOCK = 4  # beats in a block, at least
 FEWEST_BLOCKS = 3
-FEWEST_BEATS = 16  # below which nothing is judged: even a dancer in time passes in one take of six
+FEWEST_BEATS = 16  # below which nothing is judged: of recorded takes of 16 beats one in six to eight is in time
 ALPHA = 0.05
 BESIDE = 5  # grids, 2 %
 LEAST_SPREAD = 0.3  # of the mean SD of the blocks: a block that nearly stands still is not blown up
@@ -52,15 +59,21 @@ RATIOS: FloatArray = np.exp(np.linspace(np.log(SLOWEST), -np.log(SLOWEST), N_RAT
 
 @dataclass(frozen=True, eq=False)
 class TimeTest:
-    """Agreement of the movements from block to block on grids of many tempi.
+    """Agreement of the movement from block to block on grids of many tempi: the result of `time_test`.
 
     Parameters
     ----------
-    z : (241,) array, agreement on the grids of `RATIOS` times the beats' tempo; -inf where there are too few blocks
-    power : (241,) array, power of one movement a beat of each grid, agreed on by the blocks
-    p_value : float, share of the grids, the beats' own counted, that agree at least as well as the beats' own
-    rates : dict, movements a beat -> the power on which the blocks agree, on the beats' own grid
-    cycles : dict, beats after which a movement may recur -> agreement on the beats' own grid
+    z : (241,) array
+        Agreement on the grid of each tempo, in standard deviations of blocks with random phases. The tempi are `RATIOS`
+        times that of the beats, whose own is in the middle. -inf where there are too few blocks.
+    power : (241,) array
+        Power of one movement a beat on each grid, as far as the blocks agree on it.
+    p_value : float
+        Share of the 241 grids, the beats' own among them, that agree at least as well as the beats' own.
+    rates : dict
+        Movements a beat (a Fraction) -> the power on which the blocks agree, on the beats' own grid.
+    cycles : dict
+        Beats after which a movement may recur -> agreement on the beats' own grid.
     """
 
     z: FloatArray
@@ -91,10 +104,11 @@ class TimeTest:
 
     @property
     def own_ratio(self) -> float:
-        """Tempo of the movement over that of the beats, between grids by a parabola; above 1 is faster than the music.
+        """Tempo of the movement over that of the beats; above 1 it is faster than the music.
 
-        In time with the beats it is the peak beside 1. Else grids of related tempi (2 : 1, 3 : 2) agree as well as the
-        movement's own, since z does not see how large a harmonic is; the power does.
+        It lies between grids, by a parabola. For a movement in time it is the peak of z within 2 % of 1. Else it is the
+        peak of `power`: grids of related tempi (2 : 1, 3 : 2) have the same z, which does not see how large a harmonic
+        is.
         """
         heights = np.where(np.abs(np.arange(N_RATIOS) - N_RATIOS // 2) <= BESIDE, self.z, -np.inf)
         return _peak_ratio(heights if self.p_value <= ALPHA else self.power)
@@ -111,14 +125,20 @@ def _peak_ratio(heights: FloatArray) -> float:
 
 
 def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...] = (1, 2, 3)) -> TimeTest:
-    """Agreement of a movement with the tempo of its beats, and with 240 other tempi.
+    """Agreement of a movement with the tempo of its beats, and with 240 other tempi: is it in time?
 
     Parameters
     ----------
     signal : ShapeSignal over the span of the beats
-    beats : (B,) array, seconds on the signal's time line, five at least: a block of the fastest grid
+    beats : (B,) array, seconds on the signal's time line
+        At least five, which make one block.
     cycles : tuple of int
-        Beats after which movements may recur; the best counts. One beat and the bar's cycle where the meter is known.
+        Beats after which movements may recur; the one that agrees best counts. Where the meter is known: one beat, and
+        the cycle of the bar.
+
+    Returns
+    -------
+    TimeTest
     """
     stride = max(1, round(1 / (SAMPLED_AT * float(np.diff(signal.times[:2])[0]))))
     phase = np.interp(signal.times[::stride], beats, np.arange(beats.size, dtype=np.float64))
@@ -233,15 +253,19 @@ N_DRAWS = 200
 
 @dataclass(frozen=True, eq=False)
 class PlaceTest:
-    """Ranks of the beats among all moments of a take, by reading and lag.
+    """Ranks of the beats among all moments of a take, at every lag: the result of `place_test`.
 
     Parameters
     ----------
     pattern : BarPattern
-    ranks : (F, B, U) array in (0, 1)
-        Rank of each of B beats moved by u / 48 beats, for the U lags of one cycle, and F places where it may begin.
-    first : int, number of the first of these beats among the music's
-    reach : float, beats: lags up to so far on either side are told apart
+        The movement that is expected around a beat.
+    ranks : (F, B, U) array
+        Rank, between 0 and 1, of each of B beats moved by a lag of u / 48 beat: for the U lags of one cycle of the
+        pattern, and for the F places at which the pattern may begin (1 where "one" is known, or the cycle is one beat).
+    first : int
+        Number of the first of these beats among those of the music.
+    reach : float, beats
+        Largest lag on either side that can be told from the others: half a beat, or half a cycle where "one" is known.
     """
 
     pattern: BarPattern
@@ -251,45 +275,54 @@ class PlaceTest:
 
     @property
     def curve(self) -> FloatArray:
-        """T(u), (U,): mean rank of the beats moved by u, of the best reading there."""
+        """T(u), (U,): mean rank of the beats moved by u, with the pattern begun at the place that is best there."""
         return self.ranks.mean(axis=1).max(axis=0)
 
     @property
     def chance(self) -> float:
-        """Mean rank at a random lag: 1/2 for one reading, above that where the best of several is taken."""
+        """Chance c, the mean rank at a random lag: 1/2, or more where the best of several places is taken."""
         return 0.5 if len(self.ranks) == 1 else float(self.curve.mean())
 
     @property
     def harmony_above_chance(self) -> float:
-        """H = (T(0) - c) / (1 - c), in [-1, 1]: 1 when every beat is the best moment of the take."""
+        """H = (T(0) - c) / (1 - c), from -1 to 1: 1 where every beat is the best moment of the take, 0 at chance."""
         return float(_above(self.curve, len(self.ranks)))
 
     @property
     def p_value(self) -> float:
-        """Share of the lags at which the beats rank at least as high as where they are."""
+        """Share of all lags at which the beats rank at least as high as where they are, at lag 0."""
         curve = self.curve
         return float(np.mean(curve >= curve[0] - 1e-12))
 
     @property
     def lag(self) -> float:
-        """The lag (beats, late is positive) at which the beats rank highest."""
+        """The lag, in beats, at which the beats rank highest; positive where the body moves late."""
         return float(_lags(self.curve, self.reach))
 
     def shares(self, n_beats: int) -> FloatArray:
-        """Rank of each of the music's beats, (n_beats,), in the reading that fits best at lag 0."""
+        """Rank of each of the music's beats, (n_beats,), with the pattern begun at the place that is best at lag 0."""
         return self.shares_at_lags(n_beats)[:, 0]
 
     def shares_at_lags(self, n_beats: int) -> FloatArray:
-        """Rank of each of the music's beats at every lag, (n_beats, U), in the reading that fits best there."""
+        """Rank of each of the music's beats at every lag, (n_beats, U), the pattern begun at the place best there."""
         best = self.ranks.mean(axis=1).argmax(axis=0)
         beats = (np.arange(n_beats) - self.first) % self.ranks.shape[1]
         return self.ranks[best, beats[:, None], np.arange(best.size)]
 
     def spread(self, *, seed: int = 0, level: float = 0.95) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Intervals of H and of the lag (beats) from bar to bar: blocks of 4 beats or more are drawn with replacement.
+        """Intervals of H and of the lag (beats) from bar to bar: (low, high) of each.
 
-        They say how well the bars of the take tell its mean place, not how far each lies from it, nor how likely the
-        place is by luck: a take has one phase. Both are NaN with fewer than two blocks.
+        Blocks of 4 beats or more are drawn with replacement, 200 times. The intervals say how well the bars of the take
+        tell its mean place. They do not say how far single bars lie from it, nor how likely the place is by luck.
+
+        Parameters
+        ----------
+        seed : int, of the draws
+        level : float, share of the draws that lie within an interval
+
+        Returns
+        -------
+        ((low, high) of H, (low, high) of the lag); NaN with fewer than two blocks
         """
         cycle = self.pattern.beats
         starts = np.arange(0, self.ranks.shape[1], cycle * -(-PLACE_BLOCK // cycle))
@@ -308,19 +341,25 @@ class PlaceTest:
 
 
 def place_test(signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | None, pattern: BarPattern) -> PlaceTest:
-    """Ranks of the beats among all moments of a movement by their fit to a pattern, at every lag.
+    """Ranks of the beats among all moments of a movement by their fit to a pattern, at every lag: where in the beat?
 
     Parameters
     ----------
     signal : ShapeSignal over the span of the beats
     beats : (B,) array, seconds on the signal's time line
-    bar_places : (B,) array of int, or None when unknown: then every place of the bar is a reading
+    bar_places : (B,) array of int or None
+        Place of each beat in its bar. None where unknown: the pattern may then begin on any beat of its cycle.
     pattern : BarPattern
+        The movement that is expected around a beat.
+
+    Returns
+    -------
+    PlaceTest
 
     Raises
     ------
     ValueError
-        If the beats do not hold one whole cycle of the readings.
+        If the beats do not hold one whole cycle of the pattern.
     """
     cycle, places = pattern.beats, range(pattern.beats if bar_places is None else 1)
     # The first sample after a beat may lie up to a step behind it.
@@ -375,7 +414,13 @@ SMOOTHING = 4  # moments of `MOMENTS` a beat, to either side: a twelfth of a bea
 
 
 class Course(NamedTuple):
-    """Mean signal from one beat to the next, (48,), and where it is highest and lowest: beats after it, in [0, 1)."""
+    """The mean signal at 48 moments from one beat to the next, and where it is highest and lowest.
+
+    Parameters
+    ----------
+    values : (48,) array, the mean signal
+    fastest, stillest : float, beats after the beat, from 0 to below 1
+    """
 
     values: FloatArray
     fastest: float
@@ -383,7 +428,7 @@ class Course(NamedTuple):
 
 
 def beat_course(signal: ShapeSignal, beats: FloatArray) -> Course:
-    """The mean of a signal at each of 48 moments of a beat.
+    """The mean of a signal at each of 48 moments of a beat, smoothed over a twelfth of a beat to either side.
 
     Parameters
     ----------
@@ -430,16 +475,22 @@ class Evidence:
 
     Parameters
     ----------
-    level : int, 0 to 4
+    level : int
+        0 cannot tell, 1 no sign that these beats are followed, 2 in time without a steady place in the beat, 3 in time,
+        4 on the beat.
     beats : BeatTrack
-    pattern : BarPattern that was told: of the dance, or one of `HOW_PATTERNS`; None where nothing was
-    signal : ShapeSignal, None with fewer than two beats
-    time, place : TimeTest and PlaceTest, None at level 0
+        The beats of the music.
+    pattern : BarPattern or None
+        The movement that was told to be meant: the course of a dance, or one of `HOW_PATTERNS`. None where nothing was.
+    signal : ShapeSignal or None
+        The movement between the first and the last beat. None with fewer than two beats.
+    time, place : TimeTest and PlaceTest
+        The two tests; None at level 0.
     interval, lag_interval : (float, float)
-        Spread of the place test's H and of the lag (beats) from bar to bar, 95 %: how well the take's bars tell their
-        mean, no evidence against luck.
+        95 % intervals of H and of the lag (beats) from bar to bar. They say how well the bars of the take tell their
+        mean, and are no evidence against luck.
     has_start : bool
-        False where nothing tells at which moment of the song the dance begins: then no place in the beat is judged.
+        False where nothing tells at which moment of the song the dance begins. Then no place in the beat is judged.
     """
 
     level: int
@@ -454,23 +505,24 @@ class Evidence:
 
     @property
     def n_beats(self) -> int:
-        """Number of beats at which the body is seen: those in filler frames do not count."""
+        """Number of beats that count: those that fall into filler frames of the motion do not."""
         if self.signal is None or self.signal.times.size == 0:
             return len(self.beats)
         return int((np.interp(self.beats.times, self.signal.times, self.signal.valid) >= 0.5).sum())
 
     @cached_property
     def n_still(self) -> int:
-        """Number of beats in stretches of `STILL` or more without a pulse: the body stands still, or moves evenly."""
+        """Number of beats in stretches of 8 or more at which the body stands still, or moves evenly."""
         return still_beats(self.signal, self.beats.times) if self.signal and self.time else 0
 
     @cached_property
     def other_parts(self) -> list[Interval]:
         """Parts of the take, (start, end) in seconds, of which the time test says the contrary of what it says of all.
 
-        Of up to eight equal parts of 48 beats or more: where the whole is not in time, those with p <= .05 over their
-        number, each by itself; else those with a clear tempo of their own and p > .05 whose body does not stand still
-        on most beats, neighbours as one. Others are left out.
+        A take of 96 beats or more is tested in up to eight equal parts of 48 beats or more. Where the whole is not in
+        time, the parts that are in time are returned, each by itself: their p is at most .05 over the number of parts.
+        Where the whole is in time, those that move at another tempo are returned, neighbours as one: p is above .05,
+        the tempo of their own is clear, and the body does not stand still on most beats.
         """
         parts, count = list[Interval](), min(len(self.beats) // PART, MOST_PARTS)
         if self.signal is None or self.time is None or count < 2:
@@ -492,12 +544,15 @@ class Evidence:
 
     @property
     def is_placed(self) -> bool:
-        """True where the place in the beat can be judged: it was told, or the movement is on the beat by what it is."""
+        """True where the place in the beat can be judged: the pattern was told, or the movement is on the beat.
+
+        False where it is not known when the dance begins.
+        """
         return self.has_start and self.place is not None and (self.pattern is not None or self.level == 4)
 
     @property
     def harmony_above_chance(self) -> float:
-        """H of the place test, in [-1, 1]; NaN where no place can be judged."""
+        """H of the place test, from -1 to 1, 0 at chance; NaN where no place can be judged (`is_placed`)."""
         return self.place.harmony_above_chance if self.place and self.is_placed else NAN
 
     @property
@@ -507,17 +562,17 @@ class Evidence:
 
     @property
     def harmony_interval(self) -> Interval:
-        """Spread of H from bar to bar; NaN where no place can be judged."""
+        """95 % interval of H from bar to bar; NaN where no place can be judged."""
         return self.interval if self.is_placed else (NAN, NAN)
 
     @property
     def p_time(self) -> float:
-        """p-value of the time test, the one that decides whether the movement is in time."""
+        """p-value of the time test: at .05 or less the movement is in time."""
         return self.time.p_value if self.time else NAN
 
     @property
     def p_place(self) -> float:
-        """p-value of the place test."""
+        """p-value of the place test: the share of lags that do as well. Level 4 asks for a quarter at most."""
         return self.place.p_value if self.place else NAN
 
     @property
@@ -527,7 +582,7 @@ class Evidence:
 
     @property
     def p_harmony(self) -> float:
-        """The larger of both p-values, since harmony is the tempo and the place: that of `place_harmony`."""
+        """The larger of the p-values of both tests, since harmony needs tempo and place: that of `place_harmony`."""
         return max(self.p_time, self.p_place)
 
     @cached_property
@@ -542,28 +597,31 @@ class Evidence:
 
     @property
     def lag(self) -> float:
-        """Lag after the reading, beats; late is positive."""
+        """The lag in beats: how much later than expected the body moves; early is negative."""
         return self.place.lag if self.place else NAN
 
     @property
     def lag_s(self) -> float:
-        """Lag after the reading, seconds."""
+        """The lag in seconds; early is negative."""
         return self.lag * 60 / self.tempo
 
     @property
     def is_opposite(self) -> bool:
-        """True where the lag is about half a beat, and no bar says whether that is late or early."""
+        """True where the lag is about half a beat, so that late and early are the same, and no bar tells them apart."""
         return self.place is not None and self.place.reach <= 0.5 and abs(self.lag) > 0.5 - ON_THE_BEAT
 
     @property
     def moves_in_half_time(self) -> bool:
-        """True where a movement of which nothing was told recurs once in two beats only."""
+        """True where nothing was told, and the movement recurs once in two beats only (half time)."""
         in_time = self.level in (2, 3) and self.pattern is None and not self.has_own_rate
         return in_time and self.time is not None and self.time.rate == Fraction(1, 2)
 
     @property
     def reading(self) -> str:
-        """Name of what the place is measured from: a dance, "rest", "hit" or "half time"; "" at level 0."""
+        """Name of the movement that the lag is measured from; "" at level 0.
+
+        It is a dance, "rest", "hit" or "half time", or "pattern" for any other.
+        """
         if self.place is None:
             return ""
         pattern = self.place.pattern
@@ -571,23 +629,23 @@ class Evidence:
 
     @property
     def has_own_rate(self) -> bool:
-        """True where what recurs has the rate of the reading, not only another one, as of 4 movements in 3 beats."""
+        """True where the movement has the rate of the pattern, not only another one, as of 4 movements in 3 beats."""
         time, place = self.time, self.place
         return bool(time and place and (self.pattern or has_bar(time)) and has_rate(time, place.pattern))
 
     @cached_property
     def course(self) -> Course | None:
-        """The mean movement from one beat to the next; None at level 0."""
+        """The mean movement from one beat to the next (`beat_course`); None at level 0."""
         return beat_course(self.signal, self.beats.times) if self.signal and self.time else None
 
     @cached_property
     def floor(self) -> str:
-        """The reason why there is too little movement to judge; "" where there is enough, or nothing was seen."""
+        """The reason why there is too little movement to judge; "" where there is enough, or no signal."""
         return floor(self.signal) if self.signal else ""
 
     @property
     def keeps_the_beat(self) -> bool:
-        """True where the lag is steady once it is looked for within half a beat only, not in the whole bar."""
+        """True where "one" is known, and the lag is steady if it is looked for within half a beat, not in the bar."""
         if self.place is None or self.place.reach <= 0.5:
             return False
         low, high = replace(self.place, reach=0.5).spread()[1]
@@ -595,9 +653,9 @@ class Evidence:
 
     @property
     def is_hit(self) -> bool:
-        """True where the movement is in time and fastest on the beat.
+        """True where the movement is in time and fastest on the beat, to a sixteenth of a beat.
 
-        Who arrives on the beat in a tenth of a second and stands is fastest an eighth of a beat before it.
+        A body that arrives on the beat in a tenth of a second and then stands is fastest an eighth of a beat before it.
         """
         course = self.course if self.level > 2 and self.has_own_rate else None
         return course is not None and min(course.fastest, 1 - course.fastest) <= ON_THE_BEAT / 2

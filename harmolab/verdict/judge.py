@@ -1,4 +1,7 @@
-"""One verdict on a movement and its beats (five levels: floor, time test, place test), and the doors of scoring.
+"""The verdict on a movement and its beats in five levels, and the functions that score a motion or a clip.
+
+A *floor* says whether there is movement enough. Then come the time test and the place test of
+`harmolab.verdict.evidence`. The *lag* is how much later than the beats the body moves.
 
 =====  =============================================================================================================
 level  when
@@ -13,13 +16,14 @@ level  when
        the beats
 =====  =============================================================================================================
 
-A dance, or how it is danced, may be told (`pattern`): then its place is asked for. With nothing told there is one
-reading, which the movement's own metre picks: the waltz's curve where it recurs most clearly every three beats, else a
-rest on each beat. Neither half of that choice looks at the phase. Who is at rest on the beat is on it; who is fastest
-on it, or arrives on it and stands, may mean to be there, and hears what was seen.
+The dance, or what is meant on the beat, may be told (`pattern`). Then its place in the beat is asked for. Where nothing
+is told, the movement alone decides what is asked for: the waltz's course if the movement recurs most clearly every
+three beats, else a rest on each beat. Its place in the beat has no part in that choice. A body that rests on the beat
+is on the beat. One that is fastest on it, or arrives on it and stands, may mean that; the verdict then says only when
+it is fastest and stillest.
 
-The doors take a motion or a clip and give its score by the settings, with the verdict where they ask for it. The
-paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
+`score_clip` and `score_motion` return the score that the settings ask for: the paper's alone, of `harmolab.score`, or
+the recommended one, which has the verdict.
 """
 
 from collections.abc import Callable
@@ -47,32 +51,35 @@ LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on t
 
 @dataclass(frozen=True, eq=False)
 class Judgement(evidence.Evidence, Display):
-    """A verdict in words, made from its evidence."""
+    """The verdict on a dance: its level, its words, and the evidence that they are made from.
+
+    `harmolab.verdict.evidence.Evidence` has the fields and numbers.
+    """
 
     def __repr__(self) -> str:
         return f"Judgement({self.level} of 4: {shorten(self.verdict, LINE, placeholder='...')})"
 
     @property
     def verdict(self) -> str:
-        """The level in a sentence or two, and how long the body stood still."""
+        """The level in a sentence or two, and where it does not hold: parts of the take, beats without movement."""
         return sentences.verdict(self)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Three sentences at most to read below the verdict: how sure it is, how steady, what would help."""
+        """Three sentences at most to read below the verdict: how sure it is, how steady, and what would help."""
         return sentences.remarks(self)
 
     @property
     def details(self) -> tuple[str, ...]:
-        """All else there is to say: for those who want to know more."""
+        """The sentences for which `remarks` has no room."""
         return sentences.details(self)
 
     def without_start(self) -> Self:
-        """The same where nothing tells when the dance begins: "in time" at most, and no place in the beat."""
+        """The same verdict where nothing tells when the dance begins: "in time" at most, and no place in the beat."""
         return replace(self, level=min(self.level, 3), has_start=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers and sentences, for JSON; none on places in the beat where nothing tells when the dance begins."""
+        """Numbers and sentences by name; places in the beat are NaN where nothing tells when the dance begins."""
         names = ("level", "verdict", "remarks", "details", "p_time", "p_place", "lag_s", "tempo", "own_tempo")
         numbers = {name: getattr(self, name) for name in (*names, "reading", "has_start")}
         places: dict[str, Any] = {"lag_interval_s": tuple(edge * 60 / self.tempo for edge in self.lag_interval)}
@@ -84,16 +91,22 @@ class Judgement(evidence.Evidence, Display):
 
 
 def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = None, seed: int = 0) -> Judgement:
-    """The verdict on a movement and the beats it is danced to, on one time line.
+    """The verdict on a movement and the beats that it is danced to, on one time line.
 
     Parameters
     ----------
     shape : ShapeSpeed of the motion
     beats : BeatTrack
-        All count alike; only the movement between the first and the last is looked at.
-    pattern : BarPattern of the dance, one of `HOW_PATTERNS`, or None
-        None takes the reading that the movement's own metre picks.
-    seed : int, of the spread from bar to bar
+        Beats of the music. All count alike; only the movement between the first and the last is looked at.
+    pattern : BarPattern or None
+        The movement that is meant: the course of a dance, or one of `HOW_PATTERNS`. None where nothing is told
+        (`own_reading`).
+    seed : int
+        Of the draws behind the intervals from bar to bar.
+
+    Returns
+    -------
+    Judgement
     """
     if beats.times.size < 2:
         return Judgement(0, beats, pattern)
@@ -112,7 +125,7 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
 
 
 def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
-    """Beats after which a movement may recur: one, and the cycle of the dance or of the bar; up to three if unknown."""
+    """Beats after which a movement may recur: one, and the cycle of the dance or bar; 1, 2 and 3 where unknown."""
     if pattern is not None:
         return tuple(sorted({1, pattern.beats}))
     if beats.bar_places is None:
@@ -128,7 +141,7 @@ def own_reading(time: evidence.TimeTest) -> BarPattern:
 def level_of(
     time: evidence.TimeTest, place: evidence.PlaceTest, interval: evidence.Interval, lags: evidence.Interval
 ) -> int:
-    """The level of a movement above the floor."""
+    """The level, 1 to 4, of a movement above the floor; the table at the top of the module says when."""
     if not time.p_value <= evidence.ALPHA:
         return 1
     if lags[1] - lags[0] > 2 * evidence.STEADY:
@@ -148,12 +161,39 @@ def score_motion(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
+    """The score of a motion with the beats of its music, both on the motion's time line.
 
-    Cut beats and motion to what they share first (`Clip.shared` does it for a clip): of the measure "hits" all beats
-    count, of "shape" those that come while the motion lasts. `params` are ``HarmonyParams.recommended()`` when left
-    out. The measure "shape" has its p-value and spread without rotations.
-    ValueError unless a BeatTrack, a Motion and HarmonyParams are passed.
+    Cut beats and motion to the stretch that they share first, as `music_and_motion` does for a clip: in the measure
+    "hits" all beats count, also those after the end of the motion.
+
+    Parameters
+    ----------
+    audio_track : BeatTrack
+        Beats of the music, in seconds from the first frame of the motion.
+    motion : Motion
+    params : HarmonyParams
+        ``HarmonyParams.recommended()`` when left out.
+    n_rotations : int
+        For the measure "hits": rotations in time behind `p_value`, and resamplings behind `interval`; with 0 both are
+        NaN. The measure "shape" has both without.
+    seed : int
+        Of the resamplings.
+
+    Returns
+    -------
+    HarmonyScore
+
+    Raises
+    ------
+    ValueError
+        Unless a BeatTrack, a Motion and HarmonyParams are passed, and whole numbers from 0 on.
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> clip = synthetic_clip("jive", seconds=30.0, seed=3)
+    >>> score_motion(clip.beats, clip.motion, params=HarmonyParams.paper()).hit_rate > 0.9
+    True
     """
     if not (isinstance(audio_track, BeatTrack) and isinstance(motion, Motion)):
         kinds = f"{type(audio_track).__name__} and {type(motion).__name__}"
@@ -168,7 +208,7 @@ def score_motion(
 
 
 def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
-    """The score of `judge`; in the paper's terms its movements are rests, or hits where hits were told."""
+    """The score of `judge`: its visual beats are rests, or hits where hits were told."""
     shape = shape_speed(motion, smoothing=params.position_smoothing)
     check_whole(seed=seed)
     track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
@@ -199,25 +239,35 @@ def score_clip(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a clip (Eq. 1, 6), with its annotated beats or else those tracked in the whole recording.
+    """The score of a clip: is the dance in time with its music, and on the beat (Eq. 1, 6)?
 
-    Only the time that motion and music have in common counts.
+    Only the stretch that motion and music have in common counts. Beats are those of the clip, else those that a
+    program finds in the whole recording (`music_beats`). The verdict in words is ``score.judgement.verdict``.
 
     Parameters
     ----------
     clip : Clip with a motion
-    params : HarmonyParams, default ``HarmonyParams.recommended()`` with the pattern of the clip's dance, if known
+    params : HarmonyParams
+        When left out the recommended ones, with the usual course of the clip's dance where it is cha-cha, rumba or
+        waltz. ``HarmonyParams.paper()`` is the paper's score.
     tracker : function from Audio to BeatTrack
-        Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without annotated beats.
+        Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without beats of their own.
     n_rotations : int
-        Of measure "hits": rotations of the null behind `p_value`, resamplings behind `interval`; 0 leaves both NaN. The
-        measure "shape", the recommended one, has both without.
-    seed : int, of the resamplings
+        For the measure "hits" (the paper's): rotations in time behind `p_value`, and resamplings behind `interval`;
+        with 0 both are NaN. The measure "shape" (the recommended one) has both without.
+    seed : int
+        Of the resamplings.
+
+    Returns
+    -------
+    HarmonyScore
+        Where nothing tells when the dance begins (`Clip.has_start` is False) its verdict is "in time" at most, and it
+        has no number.
 
     Raises
     ------
     ValueError
-        If `clip` or `params` is none, the clip has no motion, or motion and music hardly overlap.
+        If `clip` is no Clip or `params` no HarmonyParams, the clip has no motion, or motion and music hardly overlap.
 
     Examples
     --------
@@ -239,26 +289,55 @@ def score_clip(
 
 
 def without_start(score: HarmonyScore) -> HarmonyScore:
-    """The score without a verdict or a number on places in the beat: it is not known when the dance begins."""
+    """The score where it is not known when the dance begins: no number, and no words on the place in the beat."""
     return _with_judgement(score, score.judgement.without_start()) if score.judgement else score
 
 
 def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:
-    """The field's other measures of a clip, name -> number: beat alignment, coverage, and those of mir_eval.
+    """The field's other measures of a clip: beat alignment, beat coverage, beat hit rate, and those of mir_eval.
 
-    `clock` and the errors are those of `music_and_motion`.
+    None of them subtracts chance: read them beside `score_clip`. The beats of the movement are the minima of the
+    smoothed joint speed, as AIST++ defines them.
+
+    Parameters
+    ----------
+    clip, clock : as in `music_and_motion`
+
+    Returns
+    -------
+    dict: name of the measure -> number
+
+    Raises
+    ------
+    ValueError
+        As `music_and_motion`.
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> sorted(other_measures(synthetic_clip("waltz", seconds=5.0)))[:4]
+    ['beat_align_motion', 'beat_align_music', 'beat_coverage', 'beat_hit_rate']
     """
     music, motion = music_and_motion(clip, clock=clock)
     return other_scores(music, visual_beats(replace(motion, fps=motion.fps / clock), params=kinematic_params()))
 
 
 def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:
-    """The `music_beats` of a clip and its motion, both cut to the stretch they share (`Clip.shared`).
+    """The beats of a clip's music and its motion, both cut to the stretch that they share.
+
+    Parameters
+    ----------
+    clip : Clip with a motion; its beats are those of `music_beats`
+    clock : float, seconds of music for each second of the motion (`Clip.shared`)
+
+    Returns
+    -------
+    (BeatTrack, Motion), on one time line that begins with the shared stretch
 
     Raises
     ------
     ValueError
-        If `clip` is none, it has no motion, or motion and music hardly overlap.
+        If `clip` is no Clip, it has no motion, or motion and music hardly overlap.
     """
     shared = replace(clip, beats=music_beats(clip)).shared(clock=clock)
     return cast(BeatTrack, shared.beats), cast(Motion, shared.motion)

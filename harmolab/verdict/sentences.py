@@ -1,7 +1,8 @@
-"""The words for people: the verdict in one line, three lines below it, and all else for those who ask.
+"""The sentences of a verdict: one line, three lines at most below it (`remarks`), and all others (`details`).
 
-Sentences are made from the fields of an `Evidence`. Late and early are said only against what was told: without a dance
-an arrival, a hit and a rest are places of their own, and what is said is when the body is fastest and stillest.
+Sentences are made from the fields of an `Evidence`. "Late" and "early" are said only where a dance, or what is meant on
+the beat, was told. Where nothing was told, resting on the beat, hitting it and arriving on it may each be meant, and
+the sentence says when the body is fastest and stillest.
 """
 
 from fractions import Fraction
@@ -35,13 +36,13 @@ HIT = "In time: you are fastest on the beat (a hit). If you meant to rest on it,
 
 
 def verdict(evidence: Evidence) -> str:
-    """The level in a sentence or two, where it does not hold, and how long the body rested."""
+    """The level in a sentence or two, and where it does not hold: parts of the take, beats without movement."""
     words = (_cannot_tell, _no_sign, _no_place, _in_time, _on_the_beat)[evidence.level]
     return words(evidence) + (elsewhere(evidence) + stillness(evidence) if evidence.level else "")
 
 
 def elsewhere(evidence: Evidence) -> str:
-    """A sentence where parts of the take are otherwise than the whole; minutes and seconds of what is judged."""
+    """A sentence on parts of the take that are otherwise than the whole, in minutes and seconds of the take."""
     clocks = [["{}:{:02}".format(*divmod(round(edge), 60)) for edge in part] for part in evidence.other_parts]
     if not clocks:
         return ""
@@ -52,7 +53,7 @@ def elsewhere(evidence: Evidence) -> str:
 
 
 def stillness(evidence: Evidence) -> str:
-    """A sentence where the body rests on a tenth of the beats: a pose that is held follows none, and misses none."""
+    """A sentence where the body stands still on more than a tenth of the beats, since a held pose tells nothing."""
     still, beats = evidence.n_still, len(evidence.beats)
     if 10 * still <= beats:
         return ""
@@ -141,7 +142,7 @@ def _times(rate: Fraction) -> str:
 
 
 def remarks(evidence: Evidence) -> tuple[str, ...]:
-    """Three sentences at most: how sure, how steady, what would help or what else to know."""
+    """Three sentences at most: how sure the verdict is, how steady the lag, and what would help or is to be known."""
     return tuple(line for line in (_sure(evidence), _steady(evidence), *_more(evidence)[:1]) if line)
 
 
@@ -176,16 +177,16 @@ def _steady(evidence: Evidence) -> str:
 
 
 def _more(evidence: Evidence) -> list[str]:
-    """Caveats and advice, the weightiest first."""
+    """Caveats and advice, the most important first."""
     signal, lines = evidence.signal, [*_caveats(evidence), *_advice(evidence)]
     if signal is not None and signal.dimensions == 0 and evidence.time:
         size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
-        lines.append(f"Only how fast you move was read, and no shape, which takes three points; flow has none{size}.")
+        lines.append(f"Only how fast you move was read, no shape: flow and fewer than three points have none{size}.")
     return lines
 
 
 def _caveats(evidence: Evidence) -> list[str]:
-    """Sentences on the ground of the verdict, where that is little or unusual."""
+    """Sentences on weak evidence: unsure beats, a body that mostly travels, few joints, other rates, a picture."""
     signal, time, lines = evidence.signal, evidence.time, list[str]()
     if signal is None or time is None:
         return lines
@@ -194,10 +195,10 @@ def _caveats(evidence: Evidence) -> list[str]:
     if signal.share < MOSTLY_TRAVELS:
         lines.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
     if signal.joints < FEW_JOINTS:
-        lines.append(f"Few joints move: all of it is the movement of {signal.joints:.0%} of them.")
+        lines.append(f"Few joints move: all of the movement is that of {signal.joints:.0%} of them.")
     lines += _of_rate(evidence, time.rate)
     if evidence.level == 2 and evidence.keeps_the_beat:
-        lines.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
+        lines.append("Your place in the beat is steady, but not at one beat of the bar: it goes from one to another.")
     if signal.dimensions == 2:
         hidden = "A picture hides about every fourth dancer who keeps time: a body in space shows more."
         lines.append(hidden if evidence.level == 1 else "In a picture, a turning statue cannot be told from a dancer.")
@@ -238,10 +239,10 @@ def _advice(evidence: Evidence) -> list[str]:
         lines.append("What would help: say the dance (--dance waltz), or what you mean to do on the beat (--how hit).")
     if evidence.pattern and evidence.beats.bar_places is None and evidence.pattern.beats > 1:
         lines.append(
-            'Where "one" is was not known: the place in the bar could not count (--one, or `harmolab beats --tap`).'
+            'Where "one" is was not known, so the place in the bar did not count (--one, or `harmolab beats --tap`).'
         )
     if FEWEST_BEATS <= evidence.n_beats < FEW_BEATS:
-        lines.append(f"A longer take would show more: it has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
+        lines.append(f"A longer take would show more: this one has {evidence.n_beats} beats, {FEW_BEATS} say enough.")
     if evidence.pattern is None and evidence.level in (1, 2) and not evidence.moves_in_half_time:
         hear = "hear the counted beats (`harmolab beats --clicks`), or " if evidence.beats.quality is not None else ""
         lines.append(f"What would help: {hear}say the dance, where its usual course is known (--dance).")

@@ -61,23 +61,38 @@ class BeatGrid:
 
 @dataclass(frozen=True)
 class ClipSettings:
-    """Everything that a synthetic clip follows from; equal settings give equal clips.
+    """The settings of a synthetic clip; equal settings give equal clips.
+
+    The dancer is computed, and its movements end (it rests) on the beats of the computed music, but for the liberties
+    that the settings name.
 
     Parameters
     ----------
-    dance : str, one of `params.DANCES`
+    dance : str
+        One of `DANCES`.
     seconds : float
-    fps : float, frames per second; 15 to 120 is usual
-    tempo : float or None, beats per minute, mean over the clip; None: drawn from the dance's range
-    drift : float, share of the tempo by which it rises from start to end (0.1: from 5 % below the mean to 5 % above)
-    lateness : float, seconds, constant delay of the movement ends after their beats (negative: early)
-    jitter : float, seconds, standard deviation of each movement end about its beat, Gaussian
-    omission : float, share of beats without a movement end
-    redundancy : float, share of beat-to-beat intervals with an extra movement end
-    noise : float, metres, standard deviation of white sensor noise on each joint, axis and frame
-    figures : tuple of names of `figure_names(dance)`, danced in turn; None: drawn
-    sample_rate : int, hertz, at least 8000
+    fps : float, frames per second
+        15 to 120 is usual.
+    tempo : float or None, beats per minute
+        Mean over the clip. None: drawn from the dance's range.
+    drift : float
+        Share of the tempo by which it rises from start to end; .1 goes from 5 % below the mean to 5 % above it.
+    lateness : float, seconds
+        Delay of all movement ends after their beats; negative for early ones.
+    jitter : float, seconds
+        Standard deviation of each movement end about its beat (Gaussian).
+    omission : float
+        Share of the beats without a movement end.
+    redundancy : float
+        Share of the intervals between beats with one more movement end.
+    noise : float, metres
+        Standard deviation of sensor noise on each joint, axis and frame.
+    figures : tuple of str or None
+        Names of the figures of the dance (`harmolab.data.synthetic.dancer.figure_names`), danced in turn. None: drawn.
+    sample_rate : int, hertz
+        At least 8000.
     seed : int
+        Of all that is drawn.
 
     Raises
     ------

@@ -29,17 +29,18 @@ SHORTEST_UNIT = 0.25  # seconds of a figure below which it does not count as bei
 
 @dataclass(frozen=True, eq=False)
 class PlantedClip:
-    """A clip and what was planted in it.
+    """A synthetic clip, and the truth about it: what was planted.
 
     Parameters
     ----------
     clip : Clip
         Its `beats` are the planted music beats, with the accents of the bar as strengths.
     annotation : BeatAnnotation
-        Beats, downbeats, meter, mean tempo and figures on the clip's time line.
+        Beats, first beats of the bars, meter, mean tempo and figures, on the clip's time line.
     visual_beat_times : (M,) array, seconds
-        Every movement end inside the clip.
+        Every movement end inside the clip, which is a rest of the dancer.
     settings : ClipSettings
+        The settings that it follows from.
     """
 
     clip: Clip
@@ -49,12 +50,28 @@ class PlantedClip:
 
 
 def planted_clip(settings: ClipSettings, *, name: str | None = None) -> PlantedClip:
-    """The clip that the settings describe, with the truth about it.
+    """The synthetic clip that the settings describe, with the truth about it.
+
+    Parameters
+    ----------
+    settings : ClipSettings
+    name : str
+        Name of the clip; its dance and seed when left out.
+
+    Returns
+    -------
+    PlantedClip
 
     Raises
     ------
     ValueError
         For a setting out of range; the message names it.
+
+    Examples
+    --------
+    >>> planted = planted_clip(ClipSettings("waltz", seconds=4.0, tempo=90.0, fps=30.0))
+    >>> round(planted.clip.beats.tempo), planted.annotation.meter
+    (90, 3)
     """
     music = planted_music(settings)
     danced = choreography(music.grid, settings)
@@ -87,17 +104,22 @@ def _units_inside(units: tuple[Unit, ...], beat_times: FloatArray, seconds: floa
 
 
 def synthetic_clip(dance: str = "cha-cha", **settings: Any) -> Clip:
-    """Music and a dance on its beats, both from time 0; `clip.beats` are the planted music beats.
+    """A synthetic clip: computed music, and a computed dancer who rests on its beats; to try things without recordings.
 
-    The same seed at another fps is the same dance, seen at other instants. For the planted movement ends and the
-    figures use `planted_clip`.
+    Music and dance both begin at time 0, and `Clip.beats` are the planted music beats. The same seed at another frame
+    rate is the same dance, seen at other moments. `planted_clip` also has the planted movement ends and the figures.
 
     Parameters
     ----------
-    dance : str, one of `params.DANCES`
+    dance : str
+        One of `DANCES`.
     **settings
-        seconds, fps, tempo, drift, lateness, jitter, omission, redundancy, noise, figures, sample_rate and seed, as in
-        `ClipSettings`.
+        seconds (6 when left out), fps, tempo, drift, lateness, jitter, omission, redundancy, noise, figures,
+        sample_rate and seed, as in `ClipSettings`.
+
+    Returns
+    -------
+    Clip
 
     Raises
     ------
@@ -126,28 +148,37 @@ ROTATING = {"dance", "figures"}  # settings that differ from clip to clip
 def write_corpus(
     out: PathLike, *, clips: int = 200, seed: int = 1, progress: Progress = silent, **settings: Any
 ) -> Path:
-    """Write synthetic clips, the seven dances in turn, as `OUT/clip_0001_cha-cha` and so on; returns the folder.
+    """Write a corpus of synthetic clips: a folder for each, with audio.wav, motion.npz and beats.json.
 
-    Each folder appears whole. A run that was stopped goes on where it was: folders with the settings asked for are
-    kept, those with other settings are written anew. Within a dance each clip dances two figures, and clips take them
-    in rotation, so that most clips share no figure with any other.
+    The folders are called ``clip_0001_cha-cha`` and so on; the seven dances take turns. Each clip dances two figures of
+    its dance, and clips take the figures in rotation, so that most clips share no figure with any other.
+
+    A folder appears whole. A run that was stopped goes on where it was: folders with the same settings are kept, those
+    with other settings are written anew.
 
     Parameters
     ----------
     out : str or path
         A new or empty folder, or one that an earlier run wrote.
     clips : int
-    seed : int, of the corpus; each clip's own seed follows from it and stands in its beats.json
+        Number of clips, 1 to 100,000.
+    seed : int
+        Of the corpus. Each clip has its own seed, which follows from it and stands in the clip's beats.json.
     progress : function(iterable, label) -> iterable
+        Reports on the clips, such as a progress bar.
     **settings
         seconds, fps, tempo, drift, lateness, jitter, omission, redundancy, noise and sample_rate of every clip, as in
         `ClipSettings`.
 
+    Returns
+    -------
+    Path of the folder `out`
+
     Raises
     ------
     ValueError
-        `out` holds anything else, or clips beyond those asked for (nothing is overwritten then); or a setting is out
-        of range.
+        If `out` holds anything else, or more clips than `clips`; nothing is overwritten then. Or for a setting out of
+        range.
     """
     out = Path(out)
     if isinstance(clips, bool) or not isinstance(clips, Integral) or not 1 <= clips <= 100_000:

@@ -514,21 +514,32 @@ def _with_swing(poses: FloatArray, dance: Choreography, times: FloatArray) -> Fl
 
 
 def synthetic_motion(beat_times: ArrayLike, downbeat_times: ArrayLike = (), **settings: Any) -> Motion:
-    """A dancer whose movement units end on the given beats, but for the liberties that the settings name.
+    """A computed dancer to beats of yours: each movement ends on a beat, but for the liberties that the settings name.
 
     The movement is a function of continuous time: the same seed at another frame rate is the same dance.
 
     Parameters
     ----------
-    beat_times : (B,) array, seconds, at least two; continued at the same pace to fill the clip
+    beat_times : (B,) array, seconds
+        At least two. They are continued at the same pace to fill the clip.
     downbeat_times : array, seconds
+        First beats of the bars, as far as they are known.
     **settings
         dance, seconds, fps, lateness, jitter, omission, redundancy, noise, figures and seed, as in `ClipSettings`.
+
+    Returns
+    -------
+    Motion of 21 named joints, metres
 
     Raises
     ------
     ValueError
-        For a setting out of range, or one that the beats decide; the message names it.
+        For a setting out of range, or one that the beats decide (tempo, drift, sample_rate); the message names it.
+
+    Examples
+    --------
+    >>> synthetic_motion([0.5, 1.0, 1.5], dance="jive", seconds=3.0, fps=30.0)
+    Motion(3.00 s, 90 frames at 30 fps, 21 joints in 3D)
     """
     if musical := MUSICAL & settings.keys():
         raise ValueError(f"{min(musical)} is no setting of a motion to given beats")

@@ -1,8 +1,10 @@
 """Does a score tell right music from wrong in a folder of recordings? (`harmolab evaluate compare`; cf. Fig. 8)
 
-True music is compared with the same music 0.3-0.7 beat late, or with other songs. The chance band holds 95 % of the
-AUCs of null corpora: the music of each unit of choreography, or of each recording, begins at a random phase, and all
-that is fitted is fitted anew, the discriminant in every draw, too. A window scores the mean of its clips.
+True music is compared with the same music 0.3-0.7 beat late, or with other songs. A window scores the mean of its
+clips.
+
+The chance band of an AUC holds 95 % of the AUCs of *null corpora*. In these the music of each unit of choreography, or
+of each recording, begins at a random place in the beat, and all that is fitted is fitted anew in every draw.
 """
 
 import math
@@ -32,16 +34,21 @@ Names = NDArray[np.str_]
 
 @dataclass(frozen=True, eq=False)
 class CorpusResult:
-    """Outcome of `compare`: per score the values behind its AUC, and the plain dictionary for JSON.
+    """The result of `compare`: all numbers, and for each score the values behind its AUC.
 
     Parameters
     ----------
-    summary : dict as `harmolab evaluate compare --json` prints it
-    true, wrong : dict from score name to (W,) and (W, K) arrays: each window with its own and with wrong music
+    summary : dict
+        Numbers by name, as `harmolab evaluate compare --json` prints them.
+    true, wrong : dicts
+        Name of a score -> (W,) scores of the windows with their own music, and (W, K) with wrong music, K times each.
     dances : (W,) list of str
-    sequences : (W,) list of str, their folders
-    patterns : dict from dance to the bar patterns fitted for its clips
-    lags : dict from dance to the constant peak lags fitted for its clips, in beats
+    sequences : (W,) list of str
+        Folder of the recording of each window.
+    patterns : dict
+        Dance -> the bar patterns that were learnt for its clips.
+    lags : dict
+        Dance -> the lags of the fastest moment that were learnt for its clips, in beats.
     """
 
     summary: dict[str, Any]
@@ -68,29 +75,52 @@ def compare(
     progress: Progress = silent,
     report: folders.ProblemReport = lambda problem: None,
 ) -> CorpusResult:
-    """AUC of true against wrong music for every score over a corpus, and the verdict on each recording.
+    """The AUC of every score on recordings, true against wrong music, and the verdict on each recording.
+
+    It tells which scores are to be trusted on your recordings: the AUC is the probability that a dance scores more with
+    its own music than one with wrong music (`auc`).
 
     Parameters
     ----------
-    recordings : str or path of a folder of recordings, or the recordings
-        Read one at a time; only what `RecordingScores` holds is kept.
-    corpus : str, its name in the summary; the path when left out
-    dances : names; only recordings of these, of all when empty
-    window : float, seconds; None judges whole recordings
-    null : "lagged" (the same music 0.3-0.7 beat late) or "other" (other recordings' music)
-    beats : "annotated" or "tracked"; left out, annotated unless a folder holds a recording without beats.json
-    fit_on : corpus to fit patterns and lags on; None fits inside `recordings`, on other figures
-    n_rotations : int, null corpora behind each chance band, and resamplings behind each interval; 0: neither
+    recordings : str or path of a folder, or iterable of Recording
+        Read one at a time; only scores and curves are kept.
+    corpus : str
+        Name of the corpus in the summary; the path when left out.
+    dances : sequence of str
+        Only recordings of these dances count; all when empty.
+    window : float or None, seconds
+        Length of the windows that are judged. None judges whole recordings.
+    null : "lagged" or "other"
+        Wrong music is the same music .3 to .7 beat late, or that of other recordings.
+    beats : "annotated" or "tracked"
+        Whose beats are taken. When left out: annotated ones, unless a folder holds a recording without beats.json.
+    fit_on : as `recordings`, or None
+        Corpus on which patterns and lags are learnt. None: inside `recordings`, on other figures than the judged one.
+    n_rotations : int
+        Null corpora behind each chance band, and resamplings behind each interval; with 0 there is neither.
     seed : int
-    processes : Processes that read and score the recordings of a folder, for the same result to the last bit
-    progress, report : as in `corpus_recordings`; progress also over the null corpora
-        A folder that cannot be scored, such as one without the annotated beats that are asked for, is reported, too.
+        Of all that is drawn.
+    processes : Processes
+        That read and score the recordings of a folder; the result is the same to the last bit.
+    progress : function(iterable, label) -> iterable
+        Reports on recordings and null corpora.
+    report : function(Problem)
+        Called for each recording that cannot be read, or not be scored, as one without the annotated beats.
+
+    Returns
+    -------
+    CorpusResult
+        `summary`, a dict of all numbers; the scores behind them; the patterns and lags that were learnt.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Without recordings that can be scored, for a window that is not positive, another word for `null` or `beats`,
-        and as `run_rows`.
+        If no recording can be scored, for a window that is not positive, another word for `null` or `beats`, and as
+        `harmolab.lab.run_rows`.
+
+    Examples
+    --------
+    >>> result = compare("my_corpus", window=None)  # doctest: +SKIP
     """
     beats = beats or _common_beats(recordings, fit_on)
     check_whole(n_rotations=n_rotations, seed=seed)
@@ -102,14 +132,14 @@ def compare(
     recorded = list(corpus_scores(recordings, options, processes, progress=progress, report=report))
     clips = [clip for scores in recorded for clip in scores.clips]
     if not clips:
-        raise ValueError("no sequence to compare")
+        raise ValueError("no recording to compare; `harmolab data check` says what the files lack")
     fit_clips = None
     if fit_on is not None:
         options = replace(options, other_music=False, judged=False)
         others = corpus_scores(fit_on, options, processes.below("fit_on"), progress=progress, report=report)
         fit_clips = [clip for scores in others for clip in scores.clips]
         if not fit_clips:
-            raise ValueError("no sequence to fit on")
+            raise ValueError("no recording to fit on; `harmolab data check` says what the files lack")
     usable = usable_clips(clips, fit_clips)
     learnt = learn_patterns(clips, fit_clips)
     music = scoring.other_music(clips, seed) if null == "other" else None

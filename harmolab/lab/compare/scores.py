@@ -227,7 +227,7 @@ def other_music(clips: Sequence[windows.BeatClip], seed: int) -> list[list[BeatT
     rng = np.random.default_rng(seed)
     tracks = {clip.sequence: clip.track for clip in clips}
     if len(tracks) < 2:
-        raise ValueError("other music needs at least two sequences")
+        raise ValueError("other music needs at least two recordings")
 
     def stretches(clip: windows.BeatClip) -> list[BeatTrack]:
         names = rng.choice([name for name in tracks if name != clip.sequence], N_OTHERS)

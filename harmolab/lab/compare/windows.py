@@ -388,7 +388,7 @@ def dance_patterns(
             if clip.sums is not None:
                 rows.setdefault(clip.dance, []).append(clip.sums)
     if not rows:
-        raise ValueError("no sequence with annotated beats to learn from")
+        raise ValueError("no recording has annotated beats (beats.json) to learn from")
     labels = {dance: f"{len(sums)} clips of {dance or 'unknown dance'}" for dance, sums in rows.items()}
     fits = {dance: bar_pattern.fit_pattern(sums, source=labels[dance]) for dance, sums in rows.items()}
     return {dance: replace(pattern, dance=dance) for dance, pattern in fits.items()}

@@ -28,8 +28,8 @@ PUBLISHED_MUSICAL = ("BeatAlign", "BAS")  # the same of protocols
 FEW = 100  # dances below which a distance of features says little
 ENOUGH = 12  # recorded dances from which on limits let pass nine in ten of the others, among 23 of ballroom
 _NARROW = (
-    " Those of so few are narrow: of 23 recordings of ballroom dances the limits of four let pass two thirds of the "
-    "others, those of one a tenth."
+    " Those of so few are narrow: of 23 recordings of ballroom dances, limits from four let two thirds of the others "
+    "pass, limits from one let a tenth."
 )
 KINETIC = 72  # numbers of the kinetic features of SMPL's joints
 LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
@@ -96,7 +96,7 @@ def input_notes(evaluation: Evaluation) -> Iterator[Note]:
         if dances := _counted(evaluation, row, "odd"):
             yield Note(f"Odd in {row} (dances): {dances}. The column oddities of clips.csv says where.", row)
     if evaluation.missing:
-        yield Note(f"Measured: {measured_text(evaluation)}. The others are in no number, and are named beside why.")
+        yield Note(f"Measured: {measured_text(evaluation)}. The others are in no number, and are listed with reasons.")
 
 
 def measured_text(evaluation: Evaluation) -> str:
@@ -156,10 +156,9 @@ def _distance_notes(evaluation: Evaluation) -> Iterator[Note]:
     if distances and min(one.n for one in distances) < FEW:
         yield Note(
             f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
-            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
-            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
-            "Chance stays too: below "
-            f"about {FEW} dances small differences mean nothing.",
+            "samples is estimated and taken off, but some stays below twice as many dances as features (144 dances for "
+            "kinetic features), and the more, the fewer the dances are. So systems with different numbers of dances do "
+            f"not compare. Chance stays too: below about {FEW} dances small differences mean nothing.",
             *frechet,
         )
     if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
@@ -198,8 +197,8 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
         if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
             yield Note(
                 f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
-                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab data convert "
-                "--scale`.",
+                f"{hands[RECORDED]:.1f} m: the files are probably not in metres; convert them to metres by `harmolab "
+                "data convert --scale`.",
                 row,
             )
 
@@ -236,7 +235,7 @@ def _published_notes(evaluation: Evaluation) -> Iterator[Note]:
         sizes = [one.n for (row, name), one in evaluation.sets.items() if name in distances and row != RECORDED]
         if sizes and min(sizes) < FEW:
             sides = [one for (row, name), one in evaluation.sets.items() if name in distances and row == RECORDED]
-            truth = f" Their own is between {sides[0].n} and {sides[0].n_recorded:g} of them." if sides else ""
+            truth = f" That of recorded dances is of {sides[0].n} beside {sides[0].n_recorded:g}." if sides else ""
             yield Note(
                 f"FID of {protocol} rests on {min(sizes)} dances at the least and keeps the bias of small samples, as "
                 f"published: it compares only with that of as many dances, beside as many recorded dances.{truth}",

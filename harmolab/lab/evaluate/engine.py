@@ -137,34 +137,46 @@ def run_rows(
     part_rows: int | None = None,
     progress: Progress = silent,
 ) -> Iterator[pd.DataFrame]:
-    """The table of `measure(task)` for every task, a part at a time, in the order of the tasks' keys.
+    """Measure many tasks, in several processes or on a cluster, into one table on disk that survives a stop.
 
-    Everything is measured when this returns. The table is the same to the last bit for any number of processes if
-    `measure` is a function of its task alone, and numpy has one thread here too (``OMP_NUM_THREADS=1``), as it has in
-    the workers.
+    The table has a row for each task, in the order of the tasks' keys, and stands in parts. Everything is measured when
+    this returns. The table is the same to the last bit for any number of processes if `measure` is a function of its
+    task alone, and numpy has one thread (``OMP_NUM_THREADS=1``), as it has in the workers.
 
     Parameters
     ----------
-    tasks : in the order of their keys; may be computed on access, since none is kept
-    measure : function of a module (or a `functools.partial` of one), from a task to cells: text, numbers, lists of
-        numbers. An exception becomes a row with a text in the column "error", and so does a task that kills its
-        process again and again.
-    out : folder of the run: ``run.json`` and the parts
-    jobs : int, worker processes on this machine; 0 measures in this process, without dask; None: `usual_jobs`
-    scheduler : str, address of a dask scheduler, such as ``tcp://10.0.0.5:8786``, in place of `jobs`; its workers need
-        the same packages and files
-    resume : go on with a run in `out`, or start it where there is none
-    force : begin anew where a run is, or in a folder with other files, which stay
-    settings : JSON-able; all that the rows depend on besides the tasks: a run is resumed with the same only
-    stamp : function of a module, from a task to a text that changes with its inputs; a run that
-        is resumed measures tasks anew whose text is another one, and those behind them in their part
-    part_rows : int, rows of a part in place of `PART_ROWS`, fewer where a row is long: a part is held, and written anew
-    progress : Progress over the rows that are missing
+    tasks : sequence of tasks, each with a `key`
+        In the order of their keys. They may be computed on access, since none is kept.
+    measure : function from a task to a dict of cells: text, numbers, lists of numbers
+        A function of a module, or a `functools.partial` of one. An exception becomes a row with a text in the column
+        "error", and so does a task that kills its process again and again.
+    out : str or path
+        Folder of the run: ``run.json`` and the parts.
+    jobs : int or None
+        Worker processes on this machine. 0 measures in this process, without dask. None: one for each core, or 0 for
+        few tasks.
+    scheduler : str
+        Address of a dask scheduler, such as ``tcp://10.0.0.5:8786``, in place of `jobs`. Its workers need the same
+        packages and files.
+    resume : bool
+        Go on with a run in `out`, or start it where there is none.
+    force : bool
+        Begin anew where a run is, or in a folder with other files, which stay.
+    settings : JSON-able mapping
+        All that the rows depend on besides the tasks. A run is resumed with the same settings only.
+    stamp : function of a module, from a task to a text that changes with its inputs
+        A run that is resumed measures tasks anew whose text is another one, and those after them in their part.
+    part_rows : int
+        Rows of a part, 1,024 when left out. Take fewer where rows are long: a part is held in memory, and written anew
+        as it grows.
+    progress : function(iterable, label) -> iterable
+        Reports on the rows that are missing, such as a progress bar.
 
     Returns
     -------
     iterator of DataFrame
-        As `harmolab.lab.evaluate.engine.read_rows`.
+        A part at a time. The first column is "key", the second "error": "" where all went well, else the reason, and
+        the other columns are missing then.
 
     Raises
     ------
@@ -172,7 +184,7 @@ def run_rows(
         For tasks out of order or none, negative jobs, a folder that may not be written to, a run with other settings,
         tasks or versions, and without dask where it is needed.
     ConnectionError
-        When the scheduler does not answer, or not any more, or a process cannot start; what was measured is kept.
+        If the scheduler does not answer, or not any more, or a process cannot start; what was measured is kept.
     """
     check_engine_installed(jobs, scheduler)
     if jobs is not None and jobs < 0:

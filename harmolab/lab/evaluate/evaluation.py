@@ -1,4 +1,4 @@
-"""The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
+"""The evaluation of systems that dance: from folders of motions and songs to a table of how well each does."""
 
 import itertools
 import os
@@ -31,22 +31,43 @@ from harmolab.readers.smpl import load_body
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """Settings of an evaluation.
+    """Settings of an evaluation: the folders that are read, and how.
+
+    Paths may be text or Path.
 
     Parameters
     ----------
-    systems : name -> folder of its dances (str or path, as all that follow; they are kept as Paths)
-    music : folder of songs
-    reference : folder of recorded dances, or file of a `Reference`, or "synthetic" for the one that comes with harmolab
-    pairs : file of a list of pairs, or None
-    protocols : names of protocols (`harmolab.lab.PROTOCOLS`)
-    fps : as in `RowOptions`; of all files, or by the name of a system
-    scale, smpl, up : as in `RowOptions`
-    pose_net : weights of a pose network, or None for the shipped one
-    resamples, seed : of the intervals
-    slice_stride : seconds between two slices of a song, for dances that are named by their slice, or None
-    seed_frames : frames at the start of each dance that its system was given, and that are left out; of all systems, or
-        by the name of a system
+    systems : dict
+        Name of a system -> folder of its dances.
+    music : path
+        Folder of the songs. A dance goes with the song of the same name, or whose name stands in its own as a word
+        (`harmolab.lab.evaluate.pairing` has all rules).
+    reference : path
+        Recorded dances: a folder, a file that an evaluation has saved (`harmolab evaluate --save-reference`), or
+        "synthetic", the file that comes with harmolab.
+    pairs : path or None
+        File of a list that says which dance goes with which song: a table with the columns motion and music, and
+        optionally system, seed and offset (seconds into the song).
+    protocols : sequence of str
+        Names of published evaluation codes whose numbers are added (`PROTOCOLS`).
+    fps : float, or dict by the name of a system
+        Frame rate of motion files that hold none.
+    scale, smpl, up : as in `harmolab.load_motion`
+    pose_net : path or None
+        Weights of a pose network for its Fréchet distance; None takes the one that comes with harmolab.
+    resamples : int
+        Resamplings behind each interval over songs.
+    seed : int
+        Of the resamplings.
+    slice_stride : float or None, seconds
+        Time from one slice of a song to the next, for dances that are named by their slice.
+    seed_frames : int, or dict by the name of a system
+        Frames at the start of each dance that its system was given; they are left out.
+
+    Raises
+    ------
+    ValueError
+        If there are no systems, one has the name of a row that every table has, or a protocol or axis is unknown.
     """
 
     systems: Mapping[str, PathLike]
@@ -79,11 +100,11 @@ class EvaluationSettings:
             protocol_of(name)
 
     def seed_frames_of(self, system: str) -> int:
-        """The frames at the start of a system's dances that are left out."""
+        """Number of frames at the start of a system's dances that are left out."""
         return self.seed_frames if isinstance(self.seed_frames, int) else self.seed_frames.get(system, 0)
 
     def fps_of(self, system: str) -> float | None:
-        """The frame rate of a system's files that hold none; None where it was not passed."""
+        """Frame rate of a system's files that hold none; None where it was not passed."""
         return self.fps.get(system) if isinstance(self.fps, Mapping) else self.fps
 
     @property
@@ -134,24 +155,40 @@ class Extreme(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The table of an evaluation and what stands behind it.
+    """The result of `evaluate_dances`: the table of an evaluation, and the numbers behind it.
+
+    `write_evaluation` writes it as a page and in other formats.
 
     Parameters
     ----------
     settings : EvaluationSettings
-    options : RowOptions of the measurement of each dance
-    systems : names of the systems, in the order of the table; the controls come after them
-    controls : names of the controls that there are
-    songs : DataFrame by system and song, means of every measure over dances and seeds; by group of songs where there
-        are more than `MOST_SONGS`
-    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them; the means of the
-        columns of a protocol are those of `dance_means`, its sets those of `protocol_sets`
-    ranks : measure -> system -> its rank; systems without one are left out
-    counts : system -> how many dances, songs and seeds were measured
-    facts : system -> each of `harmolab.lab.evaluate.sets.FACTS` -> how many dances have which value
-    extremes : system -> (worst, best)
-    unpaired : files that have no part in the table, with the reason
-    errors : dances that could not be measured, with the reason
+    options : RowOptions
+        Settings of the measurement of each dance.
+    systems : tuple of str
+        Names of the systems, in the order of the table.
+    controls : tuple of str
+        Names of the rows that come after them for comparison, such as the recorded dances and a held pose.
+    songs : DataFrame
+        By system and song, the mean of every measure over dances and seeds; by group of songs where there are more than
+        5,000 songs.
+    means : dict
+        (system, measure) -> its mean over songs, with an interval. Columns of a protocol have means over dances.
+    differences : list
+        The differences of two systems in each measure, paired by song, with an interval.
+    sets : dict
+        (system, measure) -> number of the system's dances as a set: Fréchet distance, diversity, multimodality.
+    ranks : dict
+        Measure -> system -> its rank; systems without one are left out.
+    counts : dict
+        System -> numbers of dances, songs and seeds that were measured.
+    facts : dict
+        System -> fact, such as "fps" -> number of dances that have each value.
+    extremes : dict
+        System -> (its worst dance, its best), by harmony.
+    unpaired : tuple
+        Files that have no part in the table, with the reason.
+    errors : tuple
+        Dances that could not be measured, with the reason.
     """
 
     settings: EvaluationSettings
@@ -175,7 +212,7 @@ class Evaluation:
         return (*self.systems, *self.controls)
 
     def over_songs(self, system: str) -> str:
-        """Words behind a share of a system's dances, which is a mean over songs; "" where each song has one dance."""
+        """Words to stand behind a share of a system's dances: ", in the mean over songs", or "" with one a song."""
         return "" if self.counts[system].dances == self.counts[system].songs else ", in the mean over songs"
 
     @property
@@ -208,21 +245,37 @@ def evaluate_dances(
     force: bool = False,
     progress: Progress = silent,
 ) -> Evaluation:
-    """Every dance measured, and every system compared with the others, with recorded dances and with a held pose.
+    """Evaluate systems that dance: measure every dance, and compare the systems with each other.
+
+    Recorded dances, a held pose and other controls stand beside them. `harmolab evaluate` is this function and
+    `write_evaluation`; for dances in memory take `measure_dances` or `harmolab.evaluate`.
 
     Parameters
     ----------
     settings : EvaluationSettings
-    out : folder; it gets the settings and clips.csv, a row a dance, and holds what was measured so far
+    out : str or path
+        Folder that gets the settings and clips.csv, which has a row for each dance. It also keeps what was measured so
+        far, so that a run that was stopped can be resumed.
     jobs, scheduler, resume : as in `run_rows`
-    force : write into a folder that no evaluation wrote, where its files stay; begin a run anew that was cut off
+    force : bool
+        Write into a folder that no evaluation wrote, whose files stay; or begin a run anew that was cut off.
     progress : function(iterable, label) -> iterable
+        Reports on the dances, such as a progress bar.
+
+    Returns
+    -------
+    Evaluation
 
     Raises
     ------
     FileNotFoundError, ValueError
-        A folder is missing or nothing in it goes with a song, no dance of a system can be measured, or `out` must not
-        be written to; names the folder or file.
+        If a folder is missing or nothing in it goes with a song, if no dance of a system can be measured, or if `out`
+        must not be written to. Both name the folder or file.
+
+    Examples
+    --------
+    >>> settings = EvaluationSettings({"ours": "ours"}, music="songs", reference="recorded")  # doctest: +SKIP
+    >>> write_evaluation("table", evaluate_dances(settings, "table"))  # doctest: +SKIP
     """
     engine.check_engine_installed(jobs, scheduler)
     out = Path(out)
@@ -413,7 +466,7 @@ def evaluation_pairs(settings: EvaluationSettings, *, keep: Keep = lambda pair: 
     listed = {system for part in parts for system in part.systems}
     _check_names(settings, {*settings.systems, *listed})
     if taken := listed & set(CONTROLS):
-        raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
+        raise ValueError(f"{settings.pairs}: {min(taken)!r} is a row of every table; call the system otherwise")
     if settings.pairs is not None and (unlisted := [name for name in settings.systems if name not in listed]):
         raise ValueError(f"{settings.pairs}: names no dance of {unlisted[0]!r}, whose folder was passed; leave it out")
     unpaired = tuple(one for part in parts for one in part.unpaired)

@@ -67,7 +67,7 @@ def _relation(evaluation: Evaluation, system: str) -> str:
     songs = 0 if one is None else one.songs
     if one is None or control is None or songs < FEWEST_SONGS:
         reason = (
-            f"{songs} common song{' is' if songs == 1 else 's are'} too few" if songs else "they are to other songs"
+            f"{songs} common song{' is' if songs == 1 else 's are'} too few" if songs else "these are to other songs"
         )
         return f"cannot be compared with the recorded dances: {reason}"
     if one.is_clear:

@@ -1,8 +1,8 @@
 """Numbers of dances from any source, in one long table: a line for each system, song, seed and measure.
 
 Every table of dances is made of these: `harmolab evaluate` for files, `measure_dances` for motions in memory. A measure
-is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation. The
-plainest number of a dance is whether the body comes to rest on the beats, beside that of half a beat later.
+is a function of one dance in this module. Those that stand in the table of an evaluation have their words in
+`MEASURES`. The simplest number of a dance says whether the body comes to rest on the beats (`rests_on_beat`).
 `dance_scores` is for a table beside one generated dance: harmony, beats, jerk, skating, likeness to recorded dancers.
 """
 
@@ -49,17 +49,24 @@ else:  # half a second, which no worker needs to wait for
 def rests_on_beat(
     motion: Motion, music: BeatTrack, *, late: float = 0.0, frame: Literal["body", "room"] = "body"
 ) -> float:
-    """Harmony above chance of the moments at which the joints are slowest in the body (`HarmonyParams.valleys`).
+    """Harmony above chance of the moments at which the joints are slowest: does the body come to rest on the beats?
 
-    The body's way through the room and its turns are taken out before. 0 is what chance reaches, 1 a rest on every
-    beat; NaN where nothing moves in the body. Recorded ballroom dancers have about .06: they do not dance that plainly.
+    It is the score of `HarmonyParams.valleys`. The way of the body through the room and its turns are taken out before.
+    Recorded ballroom dancers have about .06, since they do not rest on every beat.
 
     Parameters
     ----------
     motion : Motion
-    music : BeatTrack on its time line
-    late : float, beats by which the music is taken to be later: at .5 a dancer who rests on the beat is below chance
-    frame : "body", or "room" to leave the way and the turns in, which alone may come to rest
+    music : BeatTrack
+        Beats of the music on the motion's time line.
+    late : float, beats
+        The music is taken to be so much later. Compare 0 with .5: there a dancer who rests on the beat is below chance.
+    frame : "body" or "room"
+        "room" leaves the way and the turns in, which alone may come to rest.
+
+    Returns
+    -------
+    float: 0 at chance, 1 for a rest on every beat; NaN where nothing moves in the body, or with fewer than two beats
 
     Raises
     ------
@@ -107,17 +114,24 @@ BODY = ("hands", "steps", "turns", "nearest")  # measures of likeness that are c
 
 
 class Dance(NamedTuple):
-    """One dance to one song, ready to be measured.
+    """One dance to one song, ready to be measured by `measure_dances`.
 
     Parameters
     ----------
-    system, song : str
+    system : str
+        Name of the system that made it; "recorded" for a recorded dance.
+    song : str
     motion : Motion
-    music : BeatTrack on its time line
-    seed : str or int, of the draw or the training
-    dance : str, such as "waltz", "" where unknown
-    limits : LikenessLimits of the recorded dancers; the shipped ones when left out
-    silent : (T,) bool array, frames in which the music is silent, which the guard leaves out
+    music : BeatTrack
+        Beats of the music on the motion's time line.
+    seed : str or int
+        Of the draw, or of the training.
+    dance : str
+        Such as "waltz"; "" where unknown.
+    limits : LikenessLimits
+        Of recorded dancers; those that come with harmolab when left out.
+    silent : (T,) bool array
+        Frames in which the music is silent; the measures of likeness leave them out.
     """
 
     system: str
@@ -193,28 +207,40 @@ def measure_dances(
     pose_net: Path | None = None,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """The long table of some dances, which `harmolab.lab.evaluate.summary.summary` sums up.
+    """Numbers of many dances in one long table, which `summary` sums up: a line for each dance and measure.
 
     Parameters
     ----------
-    dances : Dances; pieces of a dance may stand for it
-    measures : names in `SOURCES`, of single dances, in `RATIOS`, in multiples of the mean of the system "recorded", and
-        of sets of dances: "fid_", "diversity_" or "multimodality_" with "kinetic", "geometric" or "pose" behind
-        (`harmolab.lab.evaluate.sets.set_numbers`: from the recorded dances, the bias of small samples taken off)
-    others : name -> function of a Dance to a number, for measures of one's own
-    of_sets : name -> function of the dances of a system and seed, and of all recorded ones, to a number
-    pose_net : Path of the weights that "pose" needs
-    seed : int, of the splits behind the correction of distances
+    dances : iterable of Dance
+        Pieces of a dance may stand for it. Recorded dances have the system "recorded".
+    measures : sequence of str
+        Names of three kinds.
+
+        * Of single dances, in `harmolab.lab.evaluate.measured.SOURCES`: "harmony", "beat_align_motion", "jerk",
+          "foot_skating", "likeness" and others.
+        * In multiples of the mean of the recorded dances: "jerk_ratio", "skating_ratio", "speed_ratio".
+        * Of sets of dances: "fid", "diversity" or "multimodality", then "_kinetic", "_geometric" or "_pose". The "fid"
+          of a system is its Fréchet distance from the recorded dances; what small samples add is taken off.
+    others : dict
+        Name -> function of a Dance to a number: measures of your own.
+    of_sets : dict
+        Name -> function to a number of two lists of Dances: those of a system and seed, and all recorded ones.
+    pose_net : Path
+        Weights that the "pose" measures need.
+    seed : int
+        Of the splits behind the correction of distances.
 
     Returns
     -------
-    DataFrame with the columns system, song, seed, measure, value, dance by dance; of a set of dances the song is "",
-    and the seed too where all of a system are one set. What cannot be measured is NaN, of a set it is left out.
+    DataFrame
+        Columns system, song, seed, measure and value, dance by dance. Lines of sets of dances have the song "", and the
+        seed "" where all dances of a system are one set. What cannot be measured of a dance is NaN; of a set the line
+        is left out.
 
     Raises
     ------
     ValueError
-        For another name of a measure, what is no Dance, and without recorded dances, where a measure needs them.
+        For an unknown measure, what is no Dance, and without recorded dances where a measure needs them.
 
     Examples
     --------

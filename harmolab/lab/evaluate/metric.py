@@ -1,4 +1,4 @@
-"""The evaluation in memory: dances of a training loop in, the numbers of `harmolab evaluate` out."""
+"""The evaluation in memory: from the dances of a training loop to the numbers of `harmolab evaluate`."""
 
 import json
 import math
@@ -48,33 +48,47 @@ def evaluate(
     dances: Sequence[str] | None = None,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """The numbers of some dances, as `harmolab evaluate` has them for a system.
+    """Numbers of generated dances in memory: harmony, beats, jerk, sliding, likeness, Fréchet distances.
+
+    They are those that `harmolab evaluate` has for one system. In a training loop take `DanceMetric`, batch by batch.
 
     Parameters
     ----------
-    motions : N Motions, or (T, J, 3) arrays or tensors of joint positions, metres, y up: a batch (N, T, J, 3) will do
-    beats : N BeatTracks on the time line of each motion, or arrays of the seconds of the music's beats, which count
-        alike then: paper_harmony, which weighs them by their strengths, is another number with tracked beats
-    reference : recorded dances, for Fréchet distances and likeness: a list of motions, a file that `harmolab evaluate`
-        has saved (--save-reference), or "synthetic", the file that comes with harmolab; None leaves these out
-    fps : float, frames per second; arrays need it
-    skeleton : Skeleton of arrays; those of 17, 22 and 24 joints are taken for COCO and SMPL without one
-    songs : N names; dances to one song are averaged first. Each its own when left out
+    motions : N dances
+        Motions, or (T, J, 3) arrays or tensors of joint positions, metres, y up. One array (N, T, J, 3) will do.
+    beats : N times the beats of the music
+        BeatTracks on the time line of each motion, or arrays of seconds. Beats of an array count alike, so that
+        "paper_harmony", which weighs them by their strengths, is another number than with tracked beats.
+    reference : recorded dances, or None
+        For Fréchet distances, diversity and the limits of likeness: a list of motions, a file that `harmolab evaluate`
+        has saved (--save-reference), or "synthetic", the file that comes with harmolab. With None there are neither
+        distances nor diversity, and likeness has the limits that come with harmolab (`LikenessLimits.recorded`).
+    fps : float, frames per second
+        Needed for arrays.
+    skeleton : Skeleton
+        Of arrays. Without one, 17 joints are taken for COCO, 22 and 24 for SMPL.
+    songs : N names
+        Dances to one song are averaged first. When left out, each dance has a song of its own.
     seeds : N names of the draws or trainings
-    dances : N names of dances such as "waltz", for harmony by the bar pattern of the dance
-    seed : int, of the splits behind the correction of distances
+    dances : N names of dances
+        Such as "waltz", for harmony by the bar pattern of the dance.
+    seed : int
+        Of the splits behind the correction of distances.
 
     Returns
     -------
-    dict : name of a measure -> float, NaN where it cannot be measured; "remarks" -> list of the reasons, in sentences
+    dict
+        Name of a measure -> its mean over songs, or its number for the set; NaN where it cannot be measured. "remarks"
+        -> list of the reasons, in sentences.
 
     Raises
     ------
     FileNotFoundError
-        There is no file of that name for `reference`.
+        If there is no file of the name that `reference` has.
     ValueError
-        A motion has a gradient, no frame rate, a wrong shape, or no two frames at 15 a second, or beats are not on its
-        time line; names which. Or `reference` holds no recorded dances, or `seed` is no whole number from 0 on.
+        If a motion has a gradient, no frame rate, a wrong shape, or no two frames at 15 a second, or its beats are not
+        on its time line; the message names which. If `reference` holds no recorded dances, or `seed` is no whole number
+        from 0 on.
 
     Examples
     --------
@@ -92,15 +106,24 @@ def evaluate(
 
 
 class DanceMetric:
-    """The numbers of `harmolab evaluate`, dance by dance: `update` after each batch, `compute` once, then `reset`.
+    """The numbers of `evaluate` in a training loop: `update` with each batch, `compute` at the end, then `reset`.
 
-    Measured on the CPU, in double precision and without gradients; as a loss take `soft_harmony`. `merge_state` joins
-    what other processes measured, in any order: the numbers are those of one process. `torchmetrics` gives the same as
-    a `torchmetrics.Metric`, which does that by itself.
+    Dances are measured on the CPU, in double precision and without gradients; as a loss take `soft_harmony`.
+    `merge_state` joins what other processes measured, in any order: the numbers are those of one process.
+    `DanceMetric.torchmetrics` makes a `torchmetrics.Metric`, which joins processes by itself.
 
     Parameters
     ----------
     reference, fps, skeleton, seed : as in `evaluate`
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> clip = synthetic_clip("jive", seconds=5.0, seed=1)
+    >>> metric = DanceMetric()
+    >>> metric.update([clip.motion], [clip.beats])
+    >>> metric.compute()["beat_align_motion"] > 0.6
+    True
     """
 
     def __init__(
@@ -135,7 +158,7 @@ class DanceMetric:
         seeds: Sequence[str | int] | None = None,
         dances: Sequence[str] | None = None,
     ) -> None:
-        """Measure the dances of a batch; parameters and errors as `evaluate`."""
+        """Measure the dances of a batch. Parameters and errors are those of `evaluate`; a batch counts whole or not."""
         bodies = _motions(motions, self.fps, self.skeleton)
         tracks = _tracks(beats, bodies)
         named: dict[str, list[str]] = {}
@@ -167,7 +190,7 @@ class DanceMetric:
         Raises
         ------
         ValueError
-            Nothing was measured yet.
+            If nothing was measured yet.
         """
         collected = self._collected()
         means = collected.song_means.mean()
@@ -191,9 +214,9 @@ class DanceMetric:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on dances whose numbers mean little, as a body on its side, and on what is NaN or missing.
+        """Sentences on dances whose numbers mean little, such as a body on its side, and on what is NaN or missing.
 
-        Of the numbers of single dances harmony, likeness and foot_skating are named.
+        Of the numbers of single dances they name harmony, likeness and foot_skating.
         """
         return tuple(_remarks(self.rows, self.reference))
 
@@ -207,7 +230,7 @@ class DanceMetric:
         Raises
         ------
         ValueError
-            It is neither, as a list of metrics is.
+            For anything else, such as a list of metrics.
         """
         rows = list(other.rows if isinstance(other, DanceMetric) else other)
         if not all(isinstance(row, dict) for row in rows):
@@ -215,12 +238,12 @@ class DanceMetric:
         self.rows = [*self.rows, *rows]
 
     def torchmetrics(self) -> "Metric":
-        """The same as a `torchmetrics.Metric` of its own, which gathers the dances of all processes in `compute`.
+        """A `torchmetrics.Metric` of the same settings, which gathers the dances of all processes in `compute`.
 
         Raises
         ------
         ValueError
-            torchmetrics is not installed.
+            If torchmetrics is not installed.
         """
         try:
             from harmolab.lab.evaluate.torch_metric import TorchDanceMetric

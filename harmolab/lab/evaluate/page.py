@@ -34,16 +34,25 @@ class Shown(NamedTuple):
 
 
 def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
-    """Write index.html, methods.txt, table.csv, .json and .tex into a folder, each whole; nothing unless all are made.
+    """Write an evaluation as a page to read, a table in three formats, and a paragraph for the methods of a paper.
+
+    The files are index.html, table.csv, table.json, table.tex and methods.txt. Nothing is written unless all can be
+    made.
+
+    Parameters
+    ----------
+    out : str or path
+        Folder, usually that of `evaluate_dances`.
+    evaluation : Evaluation
 
     Returns
     -------
-    name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
+    dict: name -> path of each file, and of clips.csv, which `evaluate_dances` wrote
 
     Raises
     ------
     ValueError
-        `evaluation` is none.
+        Unless an Evaluation is passed.
     """
     if not isinstance(evaluation, Evaluation):
         raise ValueError(f"an evaluation of evaluate_dances is needed, got {type(evaluation).__name__}")

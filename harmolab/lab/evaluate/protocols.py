@@ -1,8 +1,8 @@
-"""Named presets of published evaluation codes: their measures, music beats and conventions, faults included.
+"""Protocols: the measures, music beats and conventions of published evaluation codes, faults included.
 
-They put a number beside one that a paper printed, and both side by side. The measures are written from the definitions,
-in frames, whatever the frame rate; the music beats are librosa's, on the frames of the motion. `harmolab.metrics` has
-the same measures in seconds and without the faults. Published codes compute partly in single precision; all here is
+They make a number that can stand beside one that a paper printed. The measures are written from their definitions and
+count frames, whatever the frame rate. The music beats are librosa's, on the frames of the motion. `harmolab.metrics`
+has the same measures in seconds and without the faults. Published codes compute partly in single precision; here all is
 double.
 """
 
@@ -351,26 +351,32 @@ SAME_RATE = 1e-3  # relative; a rate nearer to the published one than this is th
 
 @dataclass(frozen=True)
 class Protocol:
-    """The conventions by which a published code evaluates dances.
+    """The way in which a published code evaluates dances: one of `PROTOCOLS` ("aist++", "edge" and "bailando").
 
     Parameters
     ----------
     source : str
         The paper and its code.
-    fps : float, hertz
-        The rate that its numbers of frames are meant for. Motions of other rates are not resampled, as they are not
-        there: `remarks` says so.
+    fps : float, frames per second
+        The rate that its numbers of frames are meant for. Motions of other rates are not resampled, as the code does
+        not do it; `remarks` says so.
     notes : tuple of str
         Conventions and known faults, a sentence each.
     missing : str
         A sentence on numbers that the paper prints and that cannot be reproduced; "" where there are none.
-    clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
-    music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
-        takes none
-    features : Motion -> "kinetic" and "geometric" -> array of one dance, all that `sets` needs of it
-    sets : (features, reference), arrays of one row a dance -> FID_k, FID_g, Div_k, Div_g
-        `clip` and `features` raise ValueError that names the joints where a skeleton lacks some that the published code
-        takes. Dicts are empty where the code has no such measure.
+    clip : function (Motion, BeatTrack on its time line) -> dict
+        Numbers of one dance by name.
+    music_beats : function (Audio, name of the song) -> BeatTrack, or None
+        Beats of the music, of sound with 512 samples for each frame of the motion. None where the code takes none.
+    features : function Motion -> dict
+        "kinetic" and "geometric" -> array of one dance: all that `sets` needs of it.
+    sets : function (features, reference) -> dict
+        FID_k, FID_g, Div_k and Div_g of arrays with a row for each dance.
+
+    Notes
+    -----
+    `clip` and `features` raise ValueError, which names the joints, where a skeleton lacks some that the published code
+    takes. Dicts are empty where the code has no such measure.
 
     Examples
     --------

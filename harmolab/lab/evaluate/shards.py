@@ -167,4 +167,4 @@ def _same(tasks: Iterable[Pair], rows: Iterator[Row]) -> Iterator[Row]:
             )
         yield row
     if next(rows, None) is not None:
-        raise ValueError("the dances or songs have changed since the shards were measured")
+        raise ValueError("the dances or songs have changed since the shards were measured; measure the shards anew")

@@ -124,7 +124,7 @@ def submission_of(table: PathLike) -> Submission:
     with reading(table / CLIPS, "the dances of an evaluation") as path:
         clips = _dances(path.read_bytes())
     if failed := _failed(table, clips):
-        raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
+        raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets: mend them")
     _check_unchanged(table, clips)
     dances = clips[[name for name in (*NAMES, *MEASURES, *_published(clips)) if name in clips]]
     annotations = [beats for music in set(clips["music"]) if (beats := annotation_of(Path(music))) is not None]

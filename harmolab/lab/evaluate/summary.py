@@ -59,29 +59,41 @@ def summary(
     interval: Interval = song_interval,
     fewest: int = FEWEST_SONGS,
 ) -> pd.DataFrame:
-    """Means, intervals, differences and ranks of the rows of a long table.
+    """Sum up a long table of dances: means with 95 % intervals, paired differences, and ranks of systems.
 
     Parameters
     ----------
-    table : DataFrame with the columns `row`, `by`, `over`, `within`, measure and value, as `measure_dances` returns it
-    row : column whose values are compared: a system, a variant, a trick
-    by : columns whose values are kept apart, such as corpus or dance; of these, and of `within`, one name will do
-    over : column of what the interval is over, "song" or "training"
-    within : columns of which the mean is taken before, the last one first: first over what one of it has several of
-    base : value of `row` with which the others are compared
-    interval : function of (n,) values to (low, high): `song_interval`, `training_interval`, or another of the mean
-    fewest : number of songs (or trainings) in common below which no rank is given
+    table : DataFrame
+        As `measure_dances` returns it: with the columns `row`, `by`, `over` and `within`, "measure" and "value".
+    row : str
+        Column whose values are compared, such as "system".
+    by : str or sequence of str
+        Columns whose values are kept apart, such as a corpus or a dance.
+    over : str
+        Column of the things that the interval is over: "song", or "training".
+    within : str or sequence of str
+        Columns over which the mean is taken before: of a song danced with several seeds, the mean over the seeds is one
+        value. Of several columns the last is averaged first.
+    base : str
+        Value of `row` with which the others are compared; no differences when left out.
+    interval : function of (n,) values to (low, high)
+        `harmolab.lab.evaluate.summary.song_interval` (resamples songs), `training_interval` (Student's t), or another.
+    fewest : int
+        Number of songs (or trainings) in common below which no rank is given; 6 when left out.
 
     Returns
     -------
-    DataFrame with the columns of `by`, `row`, measure, mean, low, high, n (songs or trainings); with a base difference,
-    difference_low, difference_high and common, paired by song or training; rank: one more than the number of rows that
-    are better beyond luck (`ranks`), missing where none is, and for measures without a direction (`measure_of`)
+    DataFrame
+        Columns of `by`, then `row`, "measure", "mean", "low", "high" and "n" (songs or trainings). With a base also
+        "difference", "difference_low", "difference_high" and "common", paired by song or training. "rank" is one more
+        than the number of rows that are better beyond luck, which means that the interval of the paired difference
+        excludes 0. It is missing for a row that differs from no other in this way, and for measures without a better
+        side.
 
     Raises
     ------
     ValueError
-        `table` is no DataFrame, or has no such columns, or nothing is called `base`.
+        If `table` is no DataFrame, or has no such columns, or no value of `row` is called `base`.
 
     Examples
     --------

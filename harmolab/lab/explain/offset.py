@@ -1,16 +1,16 @@
-"""The offset of a motion or a recording in its music, the audio time of its first frame: from movement or from sound.
+"""The offset of a motion or a video in its music: the moment of the music at which its first frame stands.
 
-Dancers slow down on the beat. So the motion's speed curve is slid along the music, and its slowness at the music's
-beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
-the result names these alternatives.
+**From the movement.** Dancers slow down on the beat. So the speed curve of the motion is slid along the music, and the
+evidence at each lag is its slowness at the music's beats. Beats repeat: an offset that is wrong by a whole beat fits as
+well, and the result names these alternatives.
 
-A video becomes a motion first: one point that travels as fast as the picture moves, all pixels together. Visual beats
-and the offset read that speed as they read that of joints: the beats of a video are the moments of rest, as those of a
-skeleton are, and not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of a second before them.
-
-From the sound of a recording and of a song the offset is exact, and not modulo the beat. A phone that films a dancer
+**From the sound** of a video and of a song the offset is exact, and not modulo the beat. A phone that films a dancer
 also records the music. Its sound is fainter, coloured by the room and full of steps, but the moments at which each band
 of the spectrum sets in are those of the song. They are compared at every lag by fast correlation.
+
+A video without a body becomes a motion first: one point that travels as fast as the picture moves, all pixels together.
+Its speed is read as that of joints is. So the beats of a video are the moments of rest, as those of a skeleton are, and
+not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of a second before them.
 """
 
 from collections.abc import Callable, Iterable
@@ -46,7 +46,7 @@ PICTURE = Skeleton(("picture",), (-1,))
 
 @dataclass(frozen=True, eq=False)
 class Offset:
-    """The audio time of motion frame 0, as far as beats can tell it.
+    """The moment of the music at which a motion begins, as far as beats can tell it: the result of `find_offset`.
 
     Parameters
     ----------
@@ -81,26 +81,38 @@ def find_offset(
     search: float = 2.0,
     params: HarmonyParams | None = None,
 ) -> Offset:
-    """The audio time of motion frame 0, modulo the beat.
+    """The moment of the music at which a motion begins, found from the movement alone: known up to whole beats.
+
+    It takes for granted that the dancer is slow on the beats, so a score on this offset proves nothing about the place
+    in the beat.
 
     Parameters
     ----------
     audio : Audio
+        The song.
     motion : Motion
     music : BeatTrack, optional
-        Beats on the audio's time line. Left out, they are tracked and moved to the attacks (`attack_beats`). Where a
-        tracker follows every second beat only, `period` is two beats.
+        Beats on the audio's time line. When left out, a program finds them, and they are moved to the attacks of the
+        sound. If it follows every second beat only, `Offset.period` is two beats.
     guess : float, seconds
+        Moment of the music around which is sought.
     search : float, seconds
-        Largest distance from the guess, to either side.
-    params : HarmonyParams, default ``HarmonyParams.recommended()``
-        Its smoothing and its `lag` (the delay of a dancer's rest after the beat) are used.
+        Largest distance from the guess, to either side; 600 at most.
+    params : HarmonyParams
+        Its smoothing and its `lag` (the delay of a dancer's rest after the beat) are used; the recommended ones when
+        left out.
+
+    Returns
+    -------
+    Offset
+        `seconds`, the place nearest to the guess; `period` and `alternatives`, whole beats away; `confidence`, of which
+        less than .95 says that the motion may not keep to these beats at all; and the curve of evidence.
 
     Raises
     ------
     ValueError
-        When nothing moves, fewer than four music beats fall into the motion, `search` is not positive, or `motion`,
-        `music` or `params` is none.
+        If nothing moves, fewer than four music beats fall into the motion, `guess` or `search` is out of range, or an
+        argument is of another kind.
 
     Examples
     --------

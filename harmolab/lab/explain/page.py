@@ -33,12 +33,22 @@ class Still(NamedTuple):
 
 
 def dance_player(dance: OwnDance) -> Player:
-    """The dance and its song in a player.
+    """The player of a dance and its song.
+
+    Parameters
+    ----------
+    dance : OwnDance
+        As `explain_performance` returns it.
+
+    Returns
+    -------
+    Player, which shows itself in a notebook, and writes its page by `Player.save`
 
     Raises
     ------
     ValueError
-        It is a video, of which no skeleton is known, or longer than the player shows, or no `OwnDance`.
+        If the dance is a video of which no body is known, it is longer than the player shows (ten minutes), or it is
+        of another kind.
     """
     _check_explained(dance)
     if not dance.performance.has_body:
@@ -48,7 +58,16 @@ def dance_player(dance: OwnDance) -> Player:
 
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
-    """Write `dance_page` to a file, whole or not at all."""
+    """Write the page about a dance to a file: verdict, words, picture of every beat, player, numbers, doubts.
+
+    It is one HTML file that plays anywhere, written whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path
+    dance : OwnDance
+        As `explain_performance` returns it.
+    """
     write_text(path, dance_page(dance))
 
 
@@ -115,7 +134,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
     judgement, score = dance.judgement, dance.score
     numbers = {"Level": f"{dance.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
     numbers["p in place"] = f"{judgement.p_place:.3f}" if judgement.is_placed else "nan"
-    numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
+    numbers["Harmony above chance (0: chance, 1: all)"] = f"{score.harmony_above_chance:.2f}"
     numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
     numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
     numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"

@@ -1,18 +1,16 @@
 """One person's dance beside its song: read, placed by its offset, scored and explained in findings.
 
-Findings behind a verdict are the number, the tempo, the lag and its change, and the beats met. Each of them is one
-sentence.
+*Findings* are sentences behind a verdict: on the number, the tempo, the lag and its change, and the beats met. All
+their numbers are those of the judgement, so that none can contradict the verdict. "Early", "late" and milliseconds are
+said only where the judgement places the movement in the beat (levels 3 and 4). Intervals are from bar to bar: they say
+how well a take's mean is known, and are no evidence that its place in the beat is more than luck.
 
-All numbers are those of the judgement, so that no finding can contradict the headline. Early, late and milliseconds
-are spoken of only where the judgement places the movement in the beat (levels 3 and 4), and not at all where the
-dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how well a take's mean is
-known, and are no evidence that its place in the beat is more than luck.
+The *offset* is the moment of the song at which the dance begins. It comes from the surest of four sources: the user,
+the file or folder of the recording, the sound of the video (`find_sound_offset`), or the movement, up to whole beats
+(`find_offset`). An offset from the movement is no evidence of a place in the beat. Then there is neither a number nor a
+sentence about the place, and the verdict is "in time" at best.
 
-The offset comes from the surest of four sources: the user, the file or folder of the recording, the sound of the video
-(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). An offset fitted to the movement is no evidence
-of a place in the beat: then there is neither a number nor a sentence about it, and the verdict is "in time" at best.
-
-A film can be read in both ways: by the body of the dancer, and by the flow of the picture.
+A film can be read in two ways: by the body of the dancer, and by the flow of the picture.
 """
 
 from contextlib import suppress
@@ -141,8 +139,7 @@ def _score(judgement: Judgement) -> list[Finding]:
     value, (low, high) = judgement.harmony_above_chance, judgement.interval
     spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} by its bars"
     sentence = (
-        f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
-        f"{spread})."
+        f"Harmony above chance is {value:.2f} (0 is chance, 1 the best moment of the take on every beat{spread})."
     )
     return [Finding("score", value, sentence, judgement.interval)]
 
@@ -167,7 +164,7 @@ def _lag(judgement: Judgement) -> list[Finding]:
         return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
     spread = "" if np.isnan(low) else f" (its mean is within {1000 * low:+z.0f} to {1000 * high:+z.0f} ms)"
-    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+z.0f} ms{spread}."
+    sentence = f"Your lag is {1000 * judgement.lag_s:+z.0f} ms, where + is late{spread}."
     if judgement.is_opposite:
         sentence = f"You are {1000 * abs(judgement.lag_s):.0f} ms off, about half a beat: neither late nor early."
     return [Finding("lag", judgement.lag_s, sentence, (low, high))]
@@ -302,8 +299,8 @@ class Placement:
             "given": ", as you said.",
             "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
-            "movement": f", or whole beats of {period} from there: found from your movement, as if you rested on the "
-            "beat; which beat is not known.",
+            "movement": f", or whole beats of {period} earlier or later (found from your movement, as if you rested "
+            "on the beat; which beat is not known).",
         }[self.source]
         weak = "" if self.is_sure else " The evidence for this place is weak."
         doubt = f" {REPEATS}" if self.repeats else weak
@@ -320,15 +317,25 @@ def load_performance(
     progress: Progress = silent,
     **reading: Unpack[ReadingKeywords],
 ) -> Performance:
-    """A motion file, a folder, or a video (by its suffix) with its sound.
+    """Read one person's dance from a motion file, a folder, or a video with its sound; `explain_performance` scores it.
 
     Parameters
     ----------
     path : str or path
-    by_flow : see `harmolab.lab.explain.filmed.filmed_motion`
-    report : function(path, MotionFile), called with how a motion file was read
+        A video is known by its ending.
+    by_flow : bool
+        Of a video: take the movement of the whole picture, and do not look for the body.
+    report : function(path, MotionFile)
+        Called with how a motion file was read.
     progress : function(iterable, label) -> iterable
-    reading : fps, scale, joints, smpl, up; see `harmolab.readers.motion.load_motion`; not for a video
+        Reports on the frames of a video, such as a progress bar.
+    **reading
+        fps, scale, joints, smpl and up, as in `harmolab.load_motion`; not for a video.
+
+    Returns
+    -------
+    Performance
+        `motion`, and where they are known `sound` (of a video) and `start`, the moment of the song at which it begins.
 
     Raises
     ------
@@ -479,18 +486,32 @@ def explain_performance(
     params: HarmonyParams | None = None,
     seed: int = 0,
 ) -> OwnDance:
-    """A performance beside a song: placed, scored and explained.
+    """Place a dance in its song, score it, and explain the score in sentences.
 
     Parameters
     ----------
-    song : str or path, a sound file or a video (the performance itself, where the song plays in it)
+    song : str or path
+        A sound file or a video; the film of the dance itself, where the song plays in it.
     performance : Performance
+        As `load_performance` returns it.
     offset : float, seconds, optional
-        Song time of the first frame; default that of `place_performance`.
-    guess, search : see `place_performance`
-    beats, one, dance : as in `harmolab.clips.load_clip`
-    params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
-    seed : int, of the resamplings behind the spread
+        Moment of the song at which the dance begins. When left out it comes from the dance's file or folder, else from
+        its sound, else from its movement.
+    guess : float, seconds, optional
+        Moment around which the movement is placed; the sound is compared everywhere.
+    search : float, seconds
+        Largest distance from the guess, to either side.
+    beats, one, dance : as in `harmolab.load_clip`
+    params : HarmonyParams of measure "shape"
+        When left out the recommended ones, with the usual course of the dance where it is known.
+    seed : int
+        Of the draws behind the intervals from bar to bar.
+
+    Returns
+    -------
+    OwnDance
+        `score`, `words` (verdict and findings), `placement`, and the parts of song and motion that they share.
+        `save_page` and `dance_player` show it.
 
     Raises
     ------
@@ -527,17 +548,20 @@ ABSENT = "not read: what finds bodies is not there (`harmolab data pose --instal
 
 
 def film_readings(song: PathLike, film: PathLike, **settings: Any) -> pd.DataFrame:
-    """The verdict on a film by the body of the dancer and by the flow of the picture.
+    """The verdict on a film, read in two ways: by the body of the dancer, and by the flow of the picture.
 
     Parameters
     ----------
     song : str or path
     film : str or path of a video
-    **settings : as of `explain_performance`
+    **settings
+        As of `explain_performance`.
 
     Returns
     -------
-    DataFrame, a row for `BODY` and `FLOW`: "verdict" (or the reason why there is none), "how sure", "offset".
+    DataFrame
+        A row for each way, with the columns "verdict" (or the reason why there is none), "how sure" and "offset". The
+        body needs the pose environment (`harmolab data pose --install`).
     """
     by_body = _reading(song, film, by_flow=False, **settings) if pose_environment() else {"verdict": ABSENT}
     rows = {BODY: by_body, FLOW: _reading(song, film, by_flow=True, **settings)}

@@ -1,7 +1,8 @@
 """Pictures of beats and scores: the curves beats are read from, hits and misses, the level of chance, and timing.
 
-Every function draws on the axes it is given and returns them. Music is blue and points up, the dance is orange and
-points down; a hit is a green circle, a miss a red cross.
+Functions named ``draw_...`` draw on the axes that they are given and return them; those named ``..._figure`` return a
+figure of their own. Music is blue and points up, the dance is orange and points down. A hit is a green circle, a miss a
+red cross.
 """
 
 import base64
@@ -43,14 +44,21 @@ ROOM = 1.3  # a unit stem ends at 1; the marks need some space beyond
 def draw_curve(
     ax: Axes, times: ArrayLike, curve: ArrayLike, track: BeatTrack | None = None, *, kind: str = "visual"
 ) -> Axes:
-    """A curve over time, and a line with a mark at each beat that was read from it.
+    """Draw a curve over time, and a line with a mark at each beat that was read from it.
 
     Parameters
     ----------
     ax : Axes
-    times, curve : (T,) arrays, seconds and any unit
+    times : (T,) array, seconds
+    curve : (T,) array, such as of `onset_envelope` or `motion_curve`
     track : BeatTrack, optional
-    kind : "audio" or "visual", which gives colour and mark
+        The beats to mark.
+    kind : "audio" or "visual"
+        Gives colour and mark: music is blue, movement orange.
+
+    Returns
+    -------
+    The Axes
     """
     colour = COLOURS[kind]
     seconds, values = np.asarray(times, np.float64), np.asarray(curve, np.float64)
@@ -115,22 +123,37 @@ def draw_stems(ax: Axes, track: BeatTrack, *, kind: str, heights: ArrayLike | No
 def draw_hits(
     ax: Axes, audio_track: BeatTrack, visual_track: BeatTrack, pairs: ArrayLike, *, delay: float, lag: float = 0.0
 ) -> Axes:
-    """Music beats upwards, visual beats downwards, the tolerance fields, hits and misses (Figs. 1, 3b, 5b).
+    """Draw the beats of both sides with hits and misses: music upwards, movement downwards (Figs. 1, 3b, 5b).
+
+    Around each music beat lies its tolerance field, the time within which a visual beat hits it. A green circle is a
+    hit, a red cross a miss.
 
     Parameters
     ----------
     ax : Axes
-    audio_track, visual_track : BeatTrack, the N and M beats that are compared
-    pairs : (N,) int array
-        The visual beat that hits each music beat, -1 for none, as in a `HarmonyScore`. Visual beats that
-        it does not name are redundant: no error, a small grey dot.
-    delay : float, seconds, T_delay
-    lag : float, seconds from the music's beats to the expected visual ones; the fields are drawn that much later
+    audio_track, visual_track : BeatTrack
+        The N beats of the music and the M of the movement that are compared.
+    pairs : (N,) array of int
+        Number of the visual beat that hits each music beat, -1 for none: `HarmonyScore.pairs`, or of `hit_pairs`.
+        Visual beats that hit nothing are no error, and drawn as small grey dots.
+    delay : float, seconds
+        T_delay, half the width of a field.
+    lag : float, seconds
+        Time by which movements are expected later than the music's beats; the fields are drawn so much later.
+
+    Returns
+    -------
+    The Axes
 
     Raises
     ------
     ValueError
-        Unless BeatTracks are passed, and a whole number for each music beat; a score's `hits` are none.
+        Unless BeatTracks are passed, and in `pairs` a number for each music beat (True and False, as the hits of a
+        score, are none).
+
+    Examples
+    --------
+    >>> draw_hits(ax, score.music, score.visual, score.pairs, delay=score.params.reaction_delay)  # doctest: +SKIP
     """
     check_kind(audio_track, BeatTrack)
     check_kind(visual_track, BeatTrack)
@@ -162,14 +185,21 @@ def name_heights(ax: Axes, names: Mapping[float, str], *, length: float = 0) -> 
 def draw_marks(
     ax: Axes, times: ArrayLike, heights: ArrayLike, good: ArrayLike, *, labels: tuple[str, str] = ("hit", "missed")
 ) -> Axes:
-    """Green circles for what is good, red crosses for the rest.
+    """Draw green circles for hits and red crosses for misses.
 
     Parameters
     ----------
     ax : Axes
-    times, heights : (B,) arrays, places of the marks
+    times, heights : (B,) arrays
+        Places of the marks on the x and the y axis.
     good : (B,) bool array
-    labels : names of circles and crosses in the legend
+        True for a circle, False for a cross.
+    labels : (str, str)
+        Names of circles and crosses in the legend.
+
+    Returns
+    -------
+    The Axes
     """
     x, y, mask = np.asarray(times, np.float64), np.asarray(heights, np.float64), np.asarray(good, bool)
     for members, kind, label in zip((mask, ~mask), ("hit", "miss"), labels, strict=True):
@@ -217,20 +247,33 @@ def beat_strip(track: BeatTrack, *, longest: float = np.inf) -> Figure:
 
 
 def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest: float = np.inf) -> Figure:
-    """Rows of 15 s for each mode: hits and misses with tolerance fields, or ranks where the mode is a pattern's.
+    """The picture of a score, or of several scores of one dance: every music beat, and whether it was met.
 
-    Above the rows of each mode stands its verdict in words, with its number.
+    A score by hits shows hits and misses with their tolerance fields, the recommended score the rank of each beat's
+    moment among all moments of the take. Time runs in rows of 15 s. Above the rows of each score stands its verdict in
+    words, with its number.
 
     Parameters
     ----------
-    scores : mode -> the score of one motion with its music
-    title : str, above the first row
-    longest : float, seconds that are drawn at most
+    scores : dict
+        Name of the settings, such as "recommended" -> the HarmonyScore of the dance by them.
+    title : str
+        Words above the first row.
+    longest : float, seconds
+        Time that is drawn at most.
+
+    Returns
+    -------
+    Figure
 
     Raises
     ------
     ValueError
-        There are no scores, or one without its mode.
+        If there are no scores, or one is passed without its name.
+
+    Examples
+    --------
+    >>> score_figure({"recommended": score}).savefig("score.png")  # doctest: +SKIP
     """
     if not isinstance(scores, Mapping) or {type(score) for score in scores.values()} != {HarmonyScore}:
         raise ValueError(f'scores by their modes are needed, such as {{"recommended": score}}, got {scores!r:.80}')
@@ -304,12 +347,20 @@ FAR = "none within half a beat"
 
 
 def offset_figure(lags: FloatArray, curve: FloatArray, *, best: float, others: Sequence[float] = ()) -> Figure:
-    """Fit of a motion to its music by the place of its first frame; the best place and its rivals are named.
+    """The picture of `find_offset`: how well a dance fits its music by the moment at which it begins.
 
     Parameters
     ----------
-    lags, curve : (L,) arrays, seconds and evidence, as in `harmolab.lab.explain.offset.Offset`
-    best, others : seconds, the place that fits best and those that fit nearly as well
+    lags, curve : (L,) arrays
+        Moments of the music (seconds) and the evidence for each: `Offset.lags` and `Offset.curve`.
+    best : float, seconds
+        The moment that fits best: `Offset.seconds`.
+    others : sequence of float, seconds
+        Those that fit nearly as well: `Offset.alternatives`.
+
+    Returns
+    -------
+    Figure
     """
     with styled_axes((9.0, 3.2)) as (figure, (ax,)):
         ax.plot(lags, curve, color=COLOURS["visual"])
@@ -404,15 +455,25 @@ def timing_figure(
     event: str = "",
     size: tuple[float, float] = (9.0, 3.6),
 ) -> Figure:
-    """`draw_timing` and `draw_means` as one picture with a legend.
+    """The picture of the timing of a dance: how many milliseconds before or after each music beat a movement comes.
+
+    A green circle is a visual beat that hits the music beat, a red cross the nearest one of a miss. A diamond at the
+    edge stands for a music beat that has none within half the time between beats. A movement before the beat is not yet
+    a dancer who is early: that is for the verdict.
 
     Parameters
     ----------
     score : HarmonyScore
-    means : as in `draw_means`, such as the halves of an explanation
+    means : sequence of (start, end, mean, (low, high)), seconds
+        Lags of stretches of the dance, drawn as lines with a field for their interval.
     title : str
-    event : str, as in `draw_timing`
+    event : str
+        Name of the visual beats, such as "rest"; that of the score when left out.
     size : (float, float), inches
+
+    Returns
+    -------
+    Figure
     """
     with styled_axes(size) as (figure, (ax,)):
         draw_means(draw_timing(ax, score, event=event), means)

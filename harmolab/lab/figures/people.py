@@ -88,21 +88,32 @@ def draw_poses(
     turn: float = 0.0,
     colour: str | None = None,
 ) -> Axes:
-    """A person at each time, with grey ghosts of the poses just before.
+    """Draw the dancer on a time axis: a person at each time, with grey ghosts of the poses just before.
 
-    A figure in motion is smeared by its ghosts; one at rest covers them. The figures keep their proportions whatever
-    the axes are, and are centred on the dancer.
+    The ghosts of a figure in motion stand beside it; one at rest covers them. The figures keep their proportions
+    whatever the axes are.
 
     Parameters
     ----------
-    ax : Axes with time in seconds on the x axis
-    motion : Motion; a skeleton without bones is drawn as dots
+    ax : Axes
+        With time in seconds on the x axis.
+    motion : Motion
+        A skeleton without bones is drawn as dots.
     times : (P,) array, seconds of the motion
-    y : float or (P,) array, where the figures stand on the y axis (their middle)
-    height : float, points, of a picture as high as the dancer stretches anywhere in the motion
-    trail : seconds from each ghost to the figure, oldest first; empty for none
-    turn : float, degrees that the camera stands farther to the dancer's left than in all other pictures
-    colour : of trunk and head, in place of their own
+    y : float or (P,) array
+        Places of the middles of the figures on the y axis.
+    height : float, points
+        Height of a figure that is as high as the dancer ever stretches in the motion.
+    trail : sequence of float, seconds
+        Time from each ghost to the figure, oldest first; empty for none.
+    turn : float, degrees
+        So much farther to the dancer's left the camera stands than in all other pictures.
+    colour : str
+        Of trunk and head, in place of their own.
+
+    Returns
+    -------
+    The Axes
 
     Raises
     ------

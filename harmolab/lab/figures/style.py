@@ -56,7 +56,7 @@ STYLE: Mapping[Any, Any] = {
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Matplotlib settings of this project, for the length of a ``with`` block.
+    """The look of harmolab's figures for your own: its settings of matplotlib, within a ``with`` block.
 
     >>> with figure_style():
     ...     mpl.rcParams["axes.spines.top"]

@@ -101,14 +101,22 @@ def _late(track: BeatTrack, seconds: float) -> BeatTrack:
 
 
 def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> live.LiveLab:
-    """Sliders for the score's settings above the scores of a whole corpus, with the AUC of true against wrong music.
+    """A lab in the browser: sliders for a score's settings, and the scores of many clips with true and wrong music.
+
+    The picture has the AUC, which is how well the score tells true from wrong music at these settings.
 
     Parameters
     ----------
-    clips : clips with motion, or a Corpus of their beats
-        In JupyterLab a button opens the chosen clip in a player under the picture; that of a Corpus cannot be played.
+    clips : sequence of Clip with motion, or a `harmolab.lab.labs.corpus.Corpus` of their beats
+        In JupyterLab a button opens the chosen clip in a player under the picture, unless it is of a Corpus.
     **values
-        Where controls start instead of at the first mode's settings: ``delay=0.1``; a mode brings its own.
+        Values at which controls start, such as ``delay=0.1``, in place of those of the first mode.
+
+    Returns
+    -------
+    LiveLab
+        It shows itself in JupyterLab and in the report. `numbers`, `sentence` and `params` say what it shows, `set`
+        moves controls, and `save` writes it as a page.
 
     Raises
     ------

@@ -64,15 +64,22 @@ class Song:
 
 
 def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> live.LiveLab:
-    """Controls for the input of Eq. 22 - which beats, from which on, how well measured - below strong beats and units.
+    """A lab in the browser: strong beats, and the meter units that they make, while their input changes (Eq. 22).
+
+    Controls say which beats are taken, from which one on, and how well their strengths are measured.
 
     Parameters
     ----------
-    clip : Clip; its own beats, else those tracked in its audio
+    clip : Clip
+        Its own beats are taken, else those that a program finds in its audio.
     annotated : BeatTrack, optional
-        Beats with their places in the bar: downbeats are marked, and both tracks can be compared.
+        Beats with their places in the bar. First beats of bars are then marked, and both tracks can be compared.
     **values
-        Where controls start: ``lambda1=1.0``.
+        Values at which controls start, such as ``lambda1=1.0``.
+
+    Returns
+    -------
+    LiveLab, as of `corpus_lab`
 
     Raises
     ------

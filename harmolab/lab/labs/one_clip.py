@@ -39,9 +39,10 @@ DANCES = ".npz,.npy,.pkl,.csv,.json,.bvh,.c3d,.zip,video/*"
 
 
 class OwnFiles(ipywidgets.VBox):
-    """Two rows, a song and a dance: a button that uploads a file, and a line for the path of one that is large.
+    """Pick a song and a dance of your own in JupyterLab: for each a button to upload a file, and a line for its path.
 
-    An uploaded file is written into a temporary folder under a name of ours; of its own name only the ending is kept.
+    Take the line for large files. An uploaded file is written into a temporary folder; of its own name only the ending
+    is kept.
 
     Examples
     --------
@@ -95,19 +96,26 @@ N_ROTATIONS = 200  # as fine as the eye can tell
 
 
 def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, name: str = "", **values: Any) -> live.LiveLab:
-    """Sliders for λ1, λ2, T_delay, β and lag, menus for mode, detector and matching, below a picture of the score.
+    """A lab in the browser: the score of one dance while its settings change, λ1, λ2, T_delay, β, lag and others.
 
-    Choosing a mode sets the other controls to its own values; each can be moved away from there.
+    Menus choose mode (paper, recommended, valleys), detector and matching. A mode sets all other controls to its own
+    values; each can be moved away from there.
 
     Parameters
     ----------
-    clip : Clip with a motion; a few seconds are best
+    clip : Clip with a motion
+        A few seconds are best.
     pattern : BarPattern, optional
-        Movement that the recommended mode expects; when left out, a waltz where the movement recurs every three beats,
-        else a rest on each.
-    name : str, of the dance and its song, for the title of the page
+        The movement that the recommended mode expects. When left out: a waltz where the movement recurs every three
+        beats, else a rest on each beat.
+    name : str
+        Of the dance and its song, for the title of the page.
     **values
-        Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
+        Values at which controls start, such as ``delay=0.1``, in place of those of the paper mode.
+
+    Returns
+    -------
+    LiveLab, as of `corpus_lab`
 
     Raises
     ------
@@ -274,13 +282,18 @@ LAMBDAS = np.linspace(0.0, 15.0, 151)
 
 
 def saliency_lab(clip: Clip, **values: Any) -> live.LiveLab:
-    """Sliders for λ1 and λ2 and menus for the readings of Eq. 10-13, below the beats that are kept and dropped.
+    """A lab in the browser: the beats that are kept and dropped as λ1, λ2 and the readings of Eq. 10-13 change.
 
     Parameters
     ----------
-    clip : Clip with a motion; a few seconds are best
+    clip : Clip with a motion
+        A few seconds are best.
     **values
-        Where controls start instead of at the paper mode: ``lambda2=2.0``.
+        Values at which controls start, such as ``lambda2=2.0``, in place of those of the paper mode.
+
+    Returns
+    -------
+    LiveLab, as of `corpus_lab`
 
     Raises
     ------
@@ -345,15 +358,20 @@ NEAR = 0.05  # seconds: a planted beat with a detected one this close is a detec
 
 
 def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> live.LiveLab:
-    """Menus for detector, frame rate and plateau and controls for both smoothings, below the curve and its beats.
+    """A lab in the browser: the speed curve and its visual beats as detector, frame rate, plateau and smoothing change.
 
     Parameters
     ----------
-    clip : Clip with a motion; a few seconds are best
+    clip : Clip with a motion
+        A few seconds are best.
     planted : (P,) array, seconds on the audio's time line, optional
-        Where movements truly end, if that is known: circles mark the detected ones, crosses the others.
+        The true ends of movements, as of `PlantedClip`: circles mark those that were detected, crosses the others.
     **values
-        Where controls start instead of at the paper mode: ``detector="valleys"``.
+        Values at which controls start, such as ``detector="valleys"``, in place of those of the paper mode.
+
+    Returns
+    -------
+    LiveLab, as of `corpus_lab`
 
     Raises
     ------

@@ -18,15 +18,16 @@ N_CLIPS = 42
 
 
 def write_lab_pages(folder: Path) -> list[Path]:
-    """Pages of all labs, scoring_lab.html and so on, in `folder`, each one self-contained file.
+    """Write the five labs as pages of synthetic dances: scoring_lab.html and so on, each one self-contained file.
 
     Parameters
     ----------
-    folder : folder to write to, made if there is none
+    folder : str or path
+        Made if there is none.
 
     Returns
     -------
-    list of the five paths
+    list of the paths of the five pages
 
     Examples
     --------

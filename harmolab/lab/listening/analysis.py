@@ -61,9 +61,28 @@ def _answer_table(answers: Answers, key: Key, value_of: Callable[[str], Any], *s
 
 
 def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
-    """A row for each system and side of a dance, the weighted mark last: mean, SD over dances, 95 % interval.
+    """The marks of a study of kind "rate": a row for each system and side of a dance, their weighted mean last.
 
-    The interval is a bootstrap over dances of their means over raters. The paper prints means and SDs alone.
+    The sides are naturalness, richness, music and sliding, each from 0 to 10.
+
+    Parameters
+    ----------
+    answers : Answers
+    key : Key of the study
+    seed : int
+        Of the resamplings behind the intervals.
+
+    Returns
+    -------
+    list of dict
+        "version" (the system), "side", "n" (dances), "raters" (their number), "rate" (mean), "sd" over dances, "low"
+        and "high" (95 % interval by a bootstrap over dances of their means over raters), "simulated". The paper prints
+        means and SDs alone.
+
+    Raises
+    ------
+    ValueError
+        As `answer_grid`.
     """
     sides = side_marks(answers, key)
     versions = [entry.versions[0] for entry in key.trials.values()]
@@ -163,7 +182,16 @@ class Grid:
 
 
 def answer_grid(answers: Answers, key: Key) -> Grid:
-    """The answers in a table, checked against the key.
+    """The answers of a study of kind "pick" or "choice" as a table of raters and trials, checked against the key.
+
+    Parameters
+    ----------
+    answers : Answers
+    key : Key of the study
+
+    Returns
+    -------
+    Grid, which `rater_rows`, `version_rows`, `agreement_row` and `score_rows` take
 
     Raises
     ------
@@ -251,7 +279,17 @@ def _cluster_variance(residual: FloatArray, answered: BoolArray, axis: int) -> f
 
 
 def rater_rows(grid: Grid) -> list[Row]:
-    """Right answers: a row for each rater (Wilson's interval), and one for all of them (`pooled_rate`).
+    """The share of right answers: a row for each rater, and one for all of them.
+
+    Parameters
+    ----------
+    grid : Grid of `answer_grid`
+
+    Returns
+    -------
+    list of dict
+        "rater", the rate and its 95 % interval: Wilson's for one rater; that of "all" holds for other raters and other
+        trials of their kind.
 
     Raises
     ------
@@ -267,8 +305,17 @@ def rater_rows(grid: Grid) -> list[Row]:
 
 
 def version_rows(grid: Grid) -> list[Row]:
-    """Rate at which each condition was called inharmonious ("pick"), or the first of each pair of models was preferred
-    ("choice").
+    """The answers by version: how often each was called inharmonious ("pick"), or preferred to another ("choice").
+
+    Parameters
+    ----------
+    grid : Grid of `answer_grid`
+
+    Returns
+    -------
+    list of dict
+        "version" (the condition, or "A over B" for a pair of models), the rate and its 95 % interval, which holds for
+        other raters and other trials of their kind.
     """
     pairs = [grid.key.trials[trial].versions for trial in grid.trials]
     rows = []
@@ -296,9 +343,21 @@ def cohen_kappa(first: FloatArray, second: FloatArray) -> float:
 
 
 def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
-    """Agreement of the raters beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
+    """Agreement of the raters beyond chance: Cohen's kappa of two raters, Krippendorff's alpha of more.
 
-    The interval is a bootstrap over trials.
+    0 is chance, 1 full agreement.
+
+    Parameters
+    ----------
+    grid : Grid of `answer_grid`
+    seed : int
+        Of the resamplings behind the interval.
+
+    Returns
+    -------
+    dict
+        "rate" (the number), "measure" (its name), "raters" and "n" (numbers of raters, and of trials that two share at
+        least), "low" and "high" (95 % interval by a bootstrap over trials), "simulated"
 
     Raises
     ------
@@ -313,19 +372,23 @@ def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
 
 
 def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
-    """Correlation of the answers with every score; the interval of both correlations is a bootstrap over trials.
+    """Correlation of the answers with every score: which scores agree with the raters?
 
     Parameters
     ----------
-    grid : Grid
-    scores : mapping from the name of a score to its value for every source; higher means more harmonious
+    grid : Grid of `answer_grid`
+    scores : dict
+        Name of a score -> its value for every source (`Item.versions`); higher means more harmonious.
     seed : int
+        Of the resamplings behind the intervals, a bootstrap over trials.
 
     Returns
     -------
-    A row for each score, with Spearman's correlation between the score and the share of raters who found the clip
-    harmonious ("rank", "low", "high"; for "choice": the score of the dance on the right less that of the left one, and
-    the share who chose it), the same for single answers ("point_biserial", "pb_low", "pb_high"), and the AUC.
+    list of dict, a row for each score
+        "rank", "low" and "high": Spearman's correlation of the score with the share of raters who called the clip
+        harmonious, and its 95 % interval. For "choice" it is that of the score of the dance on the right, less that of
+        the left one, with the share who chose the right one. "point_biserial", "pb_low" and "pb_high": the same for
+        single answers. And the AUC.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Answers of raters on disk, the folder of a study that holds them, and simulated raters.
 
-Answers are one line each, written through at once, so that a killed program loses none. The file is only ever appended
-to. A program that dies while it writes leaves at most one half line; the next answer starts a line of its own, and
-reading leaves the half line out and says so.
+An answer is a line of a file. It is written at once, so that a killed program loses none, and nothing in the file is
+ever changed. A program that dies while it writes leaves at most one half line. The next answer starts a line of its
+own, and reading leaves the half line out and says so.
 
-A study is a folder that needs no corpus any more:
+A study is a folder that needs the recordings no more:
 
 =====================  ============================================================
 trials.json            the blind trials
@@ -93,12 +93,14 @@ class Answer:
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers, and notes on the lines that were left out on the way.
+    """The answers of a study, as `merge` reads them.
 
     Parameters
     ----------
-    answers : tuple of Answer, one per rater and trial, all of one study
+    answers : tuple of Answer
+        One for each rater and trial, all of one study.
     notes : tuple of str
+        Sentences on the lines of files that were left out.
     """
 
     answers: tuple[Answer, ...]
@@ -111,7 +113,7 @@ class Answers:
 
     @property
     def raters(self) -> tuple[str, ...]:
-        """Names, sorted."""
+        """Names of the raters, sorted."""
         return tuple(sorted({answer.rater for answer in self.answers}))
 
     def of(self, raters: str) -> "Answers":
@@ -204,15 +206,25 @@ class AnswerLog:
 
 
 def merge(paths: Sequence[PathLike]) -> Answers:
-    """The answers of all files; half lines are left out and noted.
+    """Read the answers of several files, such as one for each rater, into one record.
 
-    Of two answers of a rater to a trial the first in time counts, and a note names the other.
+    Of two answers of a rater to one trial the first in time counts, and a note names the other. Half lines are left out
+    and noted.
+
+    Parameters
+    ----------
+    paths : sequence of str or path
+        As of `answer_files`.
+
+    Returns
+    -------
+    Answers
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Naming the file and the line, if a file is missing or is not an answer file, or the answers are of different
-        studies; also if there are no files, or one path in place of a list.
+        If a file is missing or holds no answers, or the answers are of different studies; they name file and line.
+        Also if there are no files, or one path is passed in place of a list.
     """
     if not paths or isinstance(paths, str | os.PathLike):
         raise ValueError(f"answer files are needed, in a list as answer_files returns it; got {str(paths)!r}")
@@ -292,12 +304,25 @@ PAGES, ANSWERS = "pages", "answers"
 
 
 def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
-    """The folder, with the blind ``trials.json`` and, not to be shown to a rater, ``key.json``.
+    """Write a study into a folder: the blind ``trials.json``, and ``key.json``, which no rater may see.
+
+    Parameters
+    ----------
+    folder : str or path
+        Made if there is none.
+    trials : TrialSet
+        As of `make_trials`.
+    key : Key
+        As of `make_key` with the same arguments.
+
+    Returns
+    -------
+    Path of the folder
 
     Raises
     ------
     ValueError
-        If the key is of another study, or stands in the place of the trials.
+        If the key is of another study, or an argument is of another kind.
     """
     if not (isinstance(trials, TrialSet) and isinstance(key, Key)):
         raise ValueError(f"trials and their key are needed, got {type(trials).__name__} and {type(key).__name__}")
@@ -361,14 +386,34 @@ def _page_path(folder: PathLike, trial: str) -> Path:
 
 
 def answer_log(folder: PathLike, rater: str) -> AnswerLog:
-    """The log of one rater, in a file named after them."""
+    """The log of one rater's answers, a file of the study that is named after the rater.
+
+    Parameters
+    ----------
+    folder : str or path
+        Of the study (`write_study`).
+    rater : str
+
+    Returns
+    -------
+    AnswerLog, which `StudyServer` writes to
+    """
     answers = Path(folder) / ANSWERS
     answers.mkdir(exist_ok=True)
     return AnswerLog(answers / f"{quote(rater, safe=' ')[:200]}.jsonl")
 
 
 def answer_files(folder: PathLike) -> list[Path]:
-    """The answer files of all raters.
+    """The answer files of all raters of a study, for `merge`.
+
+    Parameters
+    ----------
+    folder : str or path
+        Of the study.
+
+    Returns
+    -------
+    list of Path, sorted
 
     Raises
     ------
@@ -427,15 +472,17 @@ def _texts(content: Any) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class SimulatedRater:
-    """A rater that is right with a known probability.
+    """A simulated rater, who is right with a known probability; to test a study and its analysis before people come.
 
     Parameters
     ----------
-    skill : float in [0, 1], probability of a right answer; 0.5 is guessing
+    skill : float from 0 to 1
+        Probability of a right answer; .5 is guessing.
     seed : int
+        Of the answers; it also names the rater.
     prefers : str, optional
-        The version that it takes for right in trials whose key knows no right answer (two models). Marks of its dances
-        are higher, the more so the more skill.
+        The version that is taken for right in trials that have no right answer, as between two models. Marks of its
+        dances are higher, the more so the more skill.
 
     Examples
     --------
@@ -454,11 +501,11 @@ class SimulatedRater:
 
     @property
     def name(self) -> str:
-        """The rater's name, for `make_trials` too."""
+        """Name of the rater, to be passed to `make_trials`."""
         return f"{SIMULATED}{self.seed}"
 
     def answers(self, trials: TrialSet, key: Key) -> tuple[Answer, ...]:
-        """An answer to every trial; unlike a person, it looks at the key.
+        """An answer to every trial; unlike a person, a simulated rater looks at the key.
 
         Raises
         ------

@@ -1,8 +1,8 @@
-"""The stimuli of a study, cut from a corpus: pieces of music, and for each the dances that may be shown to it.
+"""The pieces of a listening study, cut from a corpus: music, and for each piece the dances that may be shown to it.
 
-The music of a piece stays and the dance is exchanged: its own ("true"), its own half a beat late ("lagged"), another
-clip's of the same kind ("swapped"), or another model's. Against its dance the music is wrong all the same, and the
-sound is one and the same whatever the answer, so neither its beginning nor its end nor its loudness can tell.
+The music of a piece stays, and the dance is exchanged: its own ("true"), its own half a beat late ("lagged"), another
+clip's of the same kind ("swapped"), or another model's. So the sound is the same whatever the answer, and neither its
+beginning nor its end nor its loudness gives the answer away.
 """
 
 import math
@@ -101,19 +101,27 @@ class Pieces:
 
 
 def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:
-    """A piece of each clip, with its dance "true" and "lagged": every movement half a beat late.
+    """Pieces for a study of true and wrong music: of each clip one, with its dance "true", and "lagged" by half a beat.
 
     Parameters
     ----------
-    clips : iterable of Clip with a motion, each with a name of its own; taken one at a time
-    seconds : float, length of every piece
+    clips : iterable of Clip with a motion
+        Each with a name of its own; taken one at a time.
+    seconds : float
+        Length of every piece, 2 to 60.
     seed : int
         Decides the beginning of each piece: any moment from which both dances last and the music sounds.
+
+    Returns
+    -------
+    Pieces
+        `pieces` have the audio and the motions; `items` are those for `make_trials`; `left_out` names clips that gave
+        no piece, with the reason.
 
     Raises
     ------
     ValueError
-        If `seconds` is not between 2 and 60, or the seed negative. A clip that gives no piece is left out and noted.
+        If `seconds` is out of range, or the seed negative.
 
     Examples
     --------
@@ -205,7 +213,7 @@ def study_pieces(
     for text in pieces.left_out:
         report(Problem(Path(corpus), text))
     if not pieces.pieces:
-        raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
+        raise ValueError(f"{corpus}: no recording gives a trial of {seconds:g} s; try fewer --seconds")
     return pieces
 
 

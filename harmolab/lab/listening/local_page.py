@@ -1,6 +1,6 @@
-"""Local pages for a browser of this machine alone: an address that holds a secret, requests, replies.
+"""Pages that only a browser of this machine can open: their address holds a secret.
 
-One asks the trials of a study; one plays a song and takes a person's taps.
+One asks the trials of a study; another plays a song and takes a person's taps.
 """
 
 import io
@@ -233,15 +233,18 @@ def _page(**values: Any) -> str:
 
 
 class StudyServer(LocalPage):
-    """Asks the trials of one rater in a browser on this machine.
+    """A page that asks one rater the trials of a study, in a browser on this machine.
 
     Parameters
     ----------
     trials : TrialSet
+        As of `make_trials`.
     log : AnswerLog
-        An answer is written through before the next page is sent.
-    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
-    port : int, 0 for any free one
+        As of `answer_log`. An answer is written to it before the next page is sent.
+    show : function from a Trial to its page
+        Such as one that calls `blind_page`; the page stands in a frame of this one.
+    port : int
+        0 for any free one.
 
     Notes
     -----
@@ -258,7 +261,8 @@ class StudyServer(LocalPage):
 
     Attributes
     ----------
-    finished : threading.Event, set when the page of thanks was sent
+    finished : threading.Event
+        Set when all trials are answered, and the page of thanks was sent.
     """
 
     def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
@@ -268,14 +272,14 @@ class StudyServer(LocalPage):
         self._answering = threading.Lock()
 
     def get(self, name: str) -> Reply | None:
-        """The page that asks, or thanks."""
+        """The page that asks the next trial, or the page of thanks; None for any other address."""
         if name:
             return None
         waiting, page = self.turn()
         return Reply(page, is_last=not waiting)
 
     def post(self, body: str) -> Reply:
-        """Writes the answer of a form, and leads back to the page."""
+        """Write the answer of a form, and lead back to the page."""
         form = parse_qs(body)
         try:
             marks = " ".join(form.get(name, [""])[0] for name in MARKED)
@@ -286,11 +290,11 @@ class StudyServer(LocalPage):
         return Reply("", HTTPStatus.SEE_OTHER, location=self.path)
 
     def refusal(self, error: Exception) -> Reply:
-        """A page with the fault."""
+        """A page that shows an error."""
         return Reply(_page(text=str(error)))
 
     def turn(self) -> tuple[tuple[Trial, ...], str]:
-        """The trials without an answer, and the page that asks the first of them."""
+        """The trials that have no answer yet, and the page that asks the first of them."""
         self._since = time.monotonic()
         trials, waiting = self._trials, self._log.resume(self._trials)
         if not waiting:
@@ -302,7 +306,7 @@ class StudyServer(LocalPage):
         return framed(self.turn()[1], title=TITLE, height=FRAME_HEIGHT)
 
     def answer(self, trial: str, choice: str) -> None:
-        """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
+        """Write an answer; one to a trial that has an answer, as from a page that was sent twice, changes nothing."""
         with self._answering:
             if trial in {one.id for one in self._log.resume(self._trials)}:
                 self._log.record(self._trials, trial, choice, seconds=round(time.monotonic() - self._since, 3))

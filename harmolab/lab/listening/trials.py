@@ -1,8 +1,15 @@
-"""Balanced, seeded, blind trials: the questions of a rater, and apart from them the key that holds the truth.
+"""The trials of a listening study: the questions that a rater gets, and apart from them the key that holds the truth.
 
-Three kinds, after the papers' studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
-harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better? "rate" (Music2Dance,
-Table 3): one dance of some system; four marks from 0 to 10.
+Trials are *blind*: their ids tell nothing. They are drawn by a seed and balanced. There are three kinds, after the
+studies of the papers:
+
+========  ==========================================  =======================  ======================
+kind      a trial shows                               it asks                  as in
+========  ==========================================  =======================  ======================
+"pick"    one clip, with its own or with wrong music  is it harmonious?        harmony paper, Fig. 8
+"choice"  two dances to the same music, side by side  which fits better?       harmony paper, Fig. 13
+"rate"    one dance of some system                    four marks from 0 to 10  Music2Dance, Table 3
+========  ==========================================  =======================  ======================
 
 All raters of a study get the same trials, each in an order of their own, so that they can be compared trial by trial.
 """
@@ -55,14 +62,20 @@ MOST_TRIALS = 10_000
 
 @dataclass(frozen=True)
 class Item:
-    """One clip, or one piece of music, and the versions of it that may be shown.
+    """One clip, or one piece of music, and the versions of it that a study may show.
 
     Parameters
     ----------
     name : str
-    versions : mapping from condition or model to source
-        For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; else the
-        models. A source is a text that leads the caller to the stimulus: a file, a clip's name.
+    versions : dict
+        Condition or model -> source. For the kind "pick" the conditions are "true" and one or more wrong ones, such as
+        ``{"true": ..., "lagged": ...}``; else they are models. A source is a text by which you find what is to be
+        shown, such as the name of a file.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two versions, or for what is no text.
     """
 
     name: str
@@ -181,19 +194,29 @@ class Key:
 
 
 def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: str, truth: str = "true") -> TrialSet:
-    """The blind trials of one rater; equal arguments give equal trials.
+    """The blind trials of one rater of a listening study; equal arguments give equal trials.
 
     Parameters
     ----------
-    items : sequence of Item, all with the same versions
+    items : sequence of Item
+        All with the same versions.
     kind : "pick", "choice" or "rate"
-        "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
-        twice. "choice": every pair of versions comes equally often, each of the two equally often on the left. "rate":
-        every version comes equally often, and no dance twice.
-    n : int, number of trials; the balance has to come out even
-    seed : int, of the choice of trials; with it and the items the answers can be worked out
-    rater : str, decides the order
-    truth : str, the version that is right; models have none, and then no answer is wrong
+        "pick", is this clip harmonious? Half of the trials are true, the other half is shared equally by the wrong
+        conditions, and no clip comes twice. "choice", which of two dances fits better? Every pair of versions comes
+        equally often, each of the two equally often on the left. "rate", four marks for a dance. Every version comes
+        equally often, and no dance twice.
+    n : int
+        Number of trials; the balance has to come out even.
+    seed : int
+        Of the draw of trials. Keep it from raters: with the items it gives the answers away.
+    rater : str
+        Name of the rater, which decides the order.
+    truth : str
+        The version that is right. Models have none, and then no answer is wrong.
+
+    Returns
+    -------
+    TrialSet
 
     Raises
     ------
@@ -213,7 +236,10 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
 
 
 def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:
-    """The key to the trials of `make_trials` with the same arguments."""
+    """The key to the trials of a study: which version each of them shows, and which answer is right.
+
+    It is the same for all raters. Arguments and errors are those of `make_trials`.
+    """
     _n_stimuli(kind)  # checks the kind
     versions = _common_versions(items)
     rng = _rng(seed, 0)
@@ -285,7 +311,7 @@ def _check_count(n: int, multiple: int, most: int, what: str) -> None:
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 or n % multiple:
         raise ValueError(f"n must be a multiple of {multiple} above 0, so all conditions come equally often; got {n!r}")
     if n > min(most, MOST_TRIALS):
-        raise ValueError(f"n = {n} trials, but there are only {most} {what} and none comes twice; give more items")
+        raise ValueError(f"n = {n} trials, but there are only {most} {what} and none comes twice; choose a smaller n")
 
 
 def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:

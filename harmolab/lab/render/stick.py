@@ -77,10 +77,11 @@ def picture_width(height: int, width: int | None, *, least: int) -> int:
 def render_skeleton(
     motion: Motion, *, height: int = 240, width: int | None = None, fps: float | None = None, colour: bool = False
 ) -> Iterator[Frame]:
-    """Frames of a stick figure that dances `motion` before a plain background.
+    """Frames of a grey stick figure that dances a motion before a plain background: a video without a recording.
 
-    The camera stands still, far away on the positive z side (orthographic: x to the right, y up), framed once so that
-    the whole motion stays in the picture. Limbs are striped, so that optical flow also sees movement along a limb.
+    The camera stands still, far away on the positive z side (orthographic: x to the right, y up). It is placed once, so
+    that the whole motion stays in the picture. Limbs are striped, so that optical flow also sees movement along a limb.
+    For a drawn person with sound and marks of beats take `write_dance`.
 
     Parameters
     ----------
@@ -88,11 +89,11 @@ def render_skeleton(
         (T, J, 3) metres with y up, or (T, J, 2) image coordinates with y down. A skeleton without bones is drawn as
         dots.
     height, width : int, pixels
-        `width` defaults to 4/3 of the height.
-    fps : float, hertz, optional
-        Frame rate of the pictures, by linear interpolation of the positions. The motion's own when left out.
+        `width` is 4/3 of the height when left out.
+    fps : float, frames per second, optional
+        Of the pictures; positions are interpolated linearly. The motion's own when left out.
     colour : bool
-        (H, W, 3) RGB frames in place of (H, W) grey ones; the figure stays grey.
+        Whether frames are (H, W, 3) RGB in place of (H, W) grey ones; the figure stays grey.
 
     Yields
     ------
@@ -101,7 +102,13 @@ def render_skeleton(
     Raises
     ------
     ValueError
-        If the picture would be smaller than 16 pixels, fps is not positive, or `motion` is none.
+        If the picture would be smaller than 16 pixels, `fps` is not positive, or `motion` is no Motion.
+
+    Examples
+    --------
+    >>> motion = Motion(np.zeros((30, 1, 3)), 30.0, Skeleton.unnamed(1))
+    >>> next(render_skeleton(motion, height=48)).shape
+    (48, 64)
     """
     check_kind(motion, Motion)
     width = picture_width(height, width, least=16)

@@ -1,4 +1,4 @@
-"""From a song and a dance to a video: drawn on a floor, laid over the dancer's own video, or bent in time before."""
+"""From a song and a dance to a video: drawn on a floor, or laid over the dancer's own video."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -170,29 +170,45 @@ def write_dance(
     params: HarmonyParams | None = None,
     progress: Progress = silent,
 ) -> None:
-    """Write the motion of a clip with its part of the sound as a video, a person on a floor or lines over a video.
+    """Write a dance with its music as a video: a drawn person on a floor, or lines over the dancer's own film.
 
     Parameters
     ----------
-    out : str or path that ends in .mp4, .webm or .gif, which has no sound
+    out : str or path
+        Ends in .mp4, .webm or .gif, which has no sound.
     clip : Clip with a motion
-    over : str or path of the video in which the points of the motion were found, to draw them over it
-        Of a `picture_motion` the marks alone are drawn.
-    points : Motion (T, J, 2), the points in that video where the motion of the clip is another, in space
-    marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
-    rate : float, pictures a second, 30 when left out; a video keeps its own
+        The video shows the whole motion, with the part of the sound that belongs to it.
+    over : str or path, optional
+        The film in which the points of the motion were found; they are drawn over it. Where the motion is that of a
+        whole picture, marks of beats alone are drawn.
+    points : Motion, (T, J, 2), optional
+        The points in that film, where the motion of the clip is in space.
+    marks : bool
+        Whether marks light up on beats of the music, on those of the dancer, and where they meet.
+    rate : float, pictures a second
+        30 when left out; a film keeps its own.
     height : int, pixels
-    follow : bool, whether the hips stay in the middle of the picture
+    follow : bool
+        Whether the camera follows, so that the hips stay in the middle of the picture.
     score : HarmonyScore, optional
-        Of the motion with its music, whose beats and hits the marks show; that by `params` when left out.
-    begin : float, seconds of the score's time line at the first frame, where the clip is a part of what was scored
-    verdict : str, words to stand below in the picture
-    params : HarmonyParams, default the recommended ones with the pattern of the clip's dance, if known
+        Of the motion with its music; the marks show its beats and hits. That by `params` when left out.
+    begin : float, seconds
+        Place of the first frame on the score's time line, where the clip is a part of what was scored.
+    verdict : str
+        Words at the lower edge of the picture.
+    params : HarmonyParams
+        When left out the recommended ones, with the usual course of the clip's dance where it is known.
+    progress : function(iterable, label) -> iterable
+        Reports on the pictures, such as a progress bar.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file.
+        Both name the file. ValueError for `rate` or `follow` over a film, too.
+
+    Examples
+    --------
+    >>> write_dance("dance.mp4", clip)  # doctest: +SKIP
     """
     motion = _motion(clip)
     if over is None:

@@ -1,4 +1,4 @@
-"""Dances made of recorded beats: the contract of `harmolab.systems`, and all that there is to say about a dance."""
+"""The choreographer: dances that are made of beats of recorded movement, and an account of what each is made of."""
 
 import hashlib
 import shutil
@@ -45,15 +45,20 @@ TOO_LITTLE = "too little motion for this song"
 
 @dataclass(frozen=True)
 class Piece:
-    """Beats of one recording that are danced in a row.
+    """Beats of one recording that are danced in a row: a part of a `Choreography`.
 
     Parameters
     ----------
-    recording : str, its name
-    first_beat, last_beat : beats of the recording, its first counted as 0; it is danced from one to the other
-    source_start, source_end : seconds of them in the recording's motion
-    seam_cm : size of the seam it begins with; 0 for the first
-    start : seconds in the dance; negative where the first beat lies before it
+    recording : str
+        Name of the recording.
+    first_beat, last_beat : int
+        It is danced from the one beat of the recording to the other; the first beat is 0.
+    source_start, source_end : float, seconds
+        Their times in the recording's motion.
+    seam_cm : float, centimetres
+        Size of the seam with which it begins, a distance of the joints; 0 for the first piece.
+    start : float, seconds
+        When it begins in the dance; negative where its first beat lies before the dance.
     """
 
     recording: str
@@ -67,24 +72,38 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Choreography:
-    """A dance, and what it is made of.
+    """A dance of the choreographer, and what it is made of.
+
+    A *seam* is where the dance goes over from one recording to another. Its size is the distance of the joints there,
+    after the best turn and shift, in centimetres.
 
     Parameters
     ----------
-    motion : Motion; frame 0 belongs to the audio time `start`
+    motion : Motion
+        Its first frame stands at second `start` of the music.
     start : float, seconds
     pieces : tuple of Piece
-    mean_seam_cm, worst_seam_cm : float
-        Seams below 1.5 cm, to the same figure in another recording, are left out of the mean; 0 without seams.
-    distinct_minutes : float, minutes of the corpus without beats that look like earlier ones
-    longest_stretch : int, beats in a row that one recording also has
-    seen_before : float in [0, 1], share of the beats that look like an earlier beat of this dance
-        What looks like the mirror image of an earlier beat is another movement, and does not count.
-    shares : share of the beats that each recording gave, by its name, largest first
-    stretch : float, mean |log| of the tempo changes: .03 is 3 %
-    warnings : sentences that its maker should read
-    form : the quiet, loud and silent parts of the music, in words; "" where it has none
-    held : (T,) bool array, frames in which the pose is held, since the music is silent or the dance at its end
+        The beats of recordings that it is made of, in order.
+    mean_seam_cm, worst_seam_cm : float, centimetres
+        Mean and largest seam. Seams below 1.5 cm, to the same figure in another recording, are left out of the mean. 0
+        without seams.
+    distinct_minutes : float, minutes
+        Movement of the recordings, without beats that look like earlier ones.
+    longest_stretch : int
+        Most beats in a row that one recording also has.
+    seen_before : float from 0 to 1
+        Share of the beats that look like an earlier beat of this dance. The mirror image of an earlier beat does not
+        count: it is another movement.
+    shares : dict
+        Name of a recording -> share of the beats that it gave, largest first.
+    stretch : float
+        How much the tempo of the recordings was changed: mean |log| of the change; .03 is 3 %.
+    warnings : tuple of str
+        Sentences to be read by whoever makes the dance.
+    form : str
+        The quiet, loud and silent parts of the music, in words; "" where it has none.
+    held : (T,) bool array
+        Frames in which the pose is held, since the music is silent or the dance at its end.
     """
 
     motion: Motion
@@ -165,7 +184,7 @@ def warnings_of(
         lines.append("no beats are heard in this music: the dance keeps a tempo of its own")
     if worst > VISIBLE_SEAM or minutes < LEAST_MINUTES:
         reason = f"{minutes:.1f} distinct minutes" if minutes < LEAST_MINUTES else f"a seam of {worst:.0f} cm shows"
-        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance do, {LEAST_MINUTES:g} is the least"
+        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance are enough, {LEAST_MINUTES:g} is the least"
         lines.append(f"{TOO_LITTLE} ({reason}){rule if minutes < ENOUGH_MINUTES else ''}")
     ratio = float(np.median(moves.lengths)) / music.period
     if not is_own_pulse and has_beats and abs(ratio - 1) > OTHER_TEMPO:
@@ -205,19 +224,33 @@ def _is_choreographer(folder: PathLike) -> bool:
 
 
 class Choreographer(DanceSystem):
-    """Dances to any music, of recorded beats.
+    """A system that dances to any music with recorded movement: it lays recorded beats on the beats of the music.
+
+    Make one with `Choreographer.of` (recordings, clips or motions), `Choreographer.read` (folders or files),
+    `Choreographer.load`, or take the movement that comes with harmolab (`shipped_bank`). `generate` is that of all
+    systems (`System`), with two more keywords: ``dance``, the one to take from recordings of several, and
+    ``plant_feet``, whether feet that carry are kept from sliding. `choreograph` also says what a dance is made of.
 
     Parameters
     ----------
-    takes : recordings of one skeleton
+    takes : sequence of Take
+        Recordings of one skeleton.
     params : ChoreographerParams, optional
-    notes : lines about recordings that could not be read
-    limits : LikenessLimits of the recordings; computed when they are asked for and were not given
+        What a seam, another tempo or a repetition costs.
+    notes : iterable of str
+        Lines about recordings that could not be read.
+    limits : LikenessLimits
+        Of the recordings; computed when they are needed and were not passed.
 
     Raises
     ------
     ValueError
-        There is no recording, or there are two skeletons.
+        If there is no recording, or two have other joints.
+
+    Examples
+    --------
+    >>> dancer = Choreographer.read(["my_recordings"])  # doctest: +SKIP
+    >>> motion = dancer.generate(audio, seconds=20.0, seed=3)  # doctest: +SKIP
     """
 
     def __init__(
@@ -237,21 +270,26 @@ class Choreographer(DanceSystem):
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
-        """A choreographer of recordings, clips or motions, of one skeleton.
+        """A choreographer with recordings, clips or motions in memory, all of one skeleton.
 
         Where all beats of a recording are known (`Recording`, `Clip.beats`) it is cut at them; a motion is cut at its
-        own rests. Motions are kept to the millimetre.
+        own rests. Positions are rounded to the millimetre.
+
+        Parameters
+        ----------
+        items : iterable of Recording, Clip or Motion, three-dimensional
+        params : ChoreographerParams, optional
 
         Raises
         ------
         ValueError
-            One has no motion in three dimensions, or there are none, or two skeletons.
+            If one has no motion in three dimensions, there are none, or two have other joints.
         """
         return cls([take_of(item, number) for number, item in enumerate(items, 1)], params=params)
 
     @classmethod
     def load(cls, folder: PathLike, *, params: ChoreographerParams | None = None) -> Self:
-        """The choreographer that was saved in a folder; or one of the recordings or motion files there.
+        """The choreographer that was saved in a folder; else one with the recordings or motion files there.
 
         Raises
         ------
@@ -272,16 +310,29 @@ class Choreographer(DanceSystem):
         scale: float | None = None,
         progress: Progress = silent,
     ) -> Self:
-        """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
+        """A choreographer with the movement of files: folders of recordings, folders of motion files, or such files.
 
-        The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
-        metres in one unit of the files, if they do not say (`harmolab.readers.motion.load_motion`).
+        The music of recordings is not read: one without annotated beats is cut at its own rests.
+
+        Parameters
+        ----------
+        data : iterable of str or path
+        params : ChoreographerParams, optional
+        scale : float
+            Metres in one unit of the files, where they do not say it (`harmolab.load_motion`).
+        progress : function(iterable, label) -> iterable
+            Reports on the files, such as a progress bar.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            Both name the file or folder.
         """
         corpus = read_takes(corpora(data), scale=scale, progress=progress)
         return cls(corpus.takes, params=params, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:
-        """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
+        """Write the recorded movement, not the music, and its `limits` to a folder, which is made if there is none."""
         save_takes(folder, Kept(self.takes, self.notes, self.limits))
 
     @classmethod
@@ -295,14 +346,21 @@ class Choreographer(DanceSystem):
         progress: Progress = silent,
         **more: Any,
     ) -> Self:
-        """The choreographer of corpora, saved in `out`: there is nothing to train, so `seed` and `resume` do nothing.
+        """A choreographer with the movement of corpora, saved in a folder, as all systems are trained.
 
-        Of the further keywords of other systems none has a meaning here.
+        There is nothing to train, so that `seed` and `resume` do nothing.
+
+        Parameters
+        ----------
+        data : sequence of str or path
+            Folders of recordings.
+        out : str or path
+            New or empty, or of an earlier choreographer.
 
         Raises
         ------
         ValueError
-            A corpus cannot be used, `out` holds something else, or for an unknown keyword.
+            If a corpus cannot be used, `out` holds something else, or for an unknown keyword.
         """
         if unknown := sorted(more.keys() - {"report", "notice"}):
             raise ValueError(f"a choreographer has no setting {unknown[0]!r}: it learns nothing but bar patterns")
@@ -330,20 +388,27 @@ class Choreographer(DanceSystem):
         return tuple(sorted({take.dance for take in self.takes} - {""}))
 
     def respond(self, request: DanceRequest) -> Motion:
-        """The motion of `composed`."""
+        """The motion of `choreograph`, for a request (`harmolab.systems.training.requests.DanceRequest`)."""
         return self.composed(request).motion
 
     def choreograph(self, audio: Audio, beats: BeatTrack | None = None, **options: Any) -> Choreography:
-        """A dance to music, and what it is made of; its frame 0 belongs to the audio time `start`.
+        """Dance to music, and say what the dance is made of.
 
         Parameters
         ----------
-        audio : Audio, the whole recording
-        beats : BeatTrack on the audio time line; tracked when left out, with the tempo of `dance` as prior
-            Where it knows "one" (`bar_places`), recorded bars are laid on its bars.
-        options : ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet`` and ``progress``
-            As of `generate`. With the beats the seed draws what else would be as good: another seed, or song, another
-            dance. ``dance`` is the one to take from a corpus of several.
+        audio : Audio
+            The whole recording.
+        beats : BeatTrack
+            Beats on the audio's time line. When left out a program finds them, among the tempi of `dance` where it is
+            told. Where bars are known (`BeatTrack.bar_places`), recorded bars are laid on them.
+        **options
+            ``start``, ``seconds``, ``seed`` and ``initial`` as in `System.generate`. Another seed gives another dance
+            that is about as good. ``dance`` is the one to take from recordings of several; ``plant_feet=False`` leaves
+            feet that carry as they are; ``progress`` reports on the beats.
+
+        Returns
+        -------
+        Choreography
 
         Raises
         ------
@@ -354,7 +419,7 @@ class Choreographer(DanceSystem):
         return self.composed(DanceRequest(audio, beats, **options))
 
     def composed(self, request: DanceRequest) -> Choreography:
-        """`choreograph` of a request."""
+        """`choreograph` for a request (`harmolab.systems.training.requests.DanceRequest`)."""
         start, initial, dance = request.start, request.initial, request.dance or ""
         frames = request.n_frames(self.fps)
         if initial is not None:
@@ -406,7 +471,7 @@ class Choreographer(DanceSystem):
         if not takes:
             takes = self.takes
             names = ", ".join(self.dances) or "what is there"
-            notes.append(f"there is no {dance} among these recordings: danced is {names}")
+            notes.append(f"there is no {dance} among these recordings, so {names} is danced")
         if len(mixed := sorted({take.dance for take in takes} - {""})) > 1:
             notes.append(f"recordings of {', '.join(mixed)} are mixed; name one of them (--dance) to keep to it")
         timed = tuple(take for take in takes if take.beats.size)
@@ -414,7 +479,7 @@ class Choreographer(DanceSystem):
         used = timed if sum(take.seconds for take in timed) >= sum(take.seconds for take in bare) else bare
         if timed and bare:
             left = len(takes) - len(used)
-            notes.append(f"{left} of {len(takes)} recordings are left out: beats are known of some only")
+            notes.append(f"{left} of {len(takes)} recordings are left out: those with and without beats do not mix")
         return used, notes
 
     def _moves_of(self, takes: tuple[Take, ...], period: float, seconds: float = 0.0) -> Moves:

@@ -1,11 +1,11 @@
-"""Recorded beats as things that can be danced: costs, their pulse, how far apart they are, where in the bar they stand.
+"""Recorded beats as moves that can be danced: their costs, how far apart they are, and where in the bar they stand.
 
-Costs say how much a seam, another tempo, a beat out of place and a repetition weigh. A motion without beats has a
-pulse: its own rests, chosen so that they come about as often as a song's beats.
+*Costs* say how much a seam, another tempo, a beat out of place and a repetition weigh. A motion without beats has a
+*pulse*: its own rests, picked so that they come about as often as a song's beats.
 
-A node is one beat of one recording, [k, k + 1). Its borders are the beats k and k + 1. Around every border and every
-middle of a beat lies a cloud: the joints at some moments from half a beat before to half a beat after. The distance of
-two clouds is what is left after the best turn about the vertical and the best shift on the floor:
+A *node* is one beat of one recording, [k, k + 1). Its borders are the beats k and k + 1. Around every border and every
+middle of a beat lies a *cloud*: the joints at some moments from half a beat before to half a beat after. The distance
+of two clouds is what is left after the best turn about the vertical and the best shift on the floor:
 
 ``D^2 = sum w |a|^2 + sum w |b|^2 - 2 |sum w a conj(b)| + sum w (height of a - height of b)^2``
 
@@ -41,31 +41,54 @@ USUAL_METER = 4  # beats in a bar where none is known
 
 @dataclass(frozen=True)
 class ChoreographerParams:
-    """Costs are in centimetres: what a seam of that size costs.
+    """Settings of the choreographer: the costs by which it picks recorded beats, in centimetres.
+
+    A cost of 3 weighs as much as 3 cm more in a seam, where the dance goes over from one recording to another. Of all
+    rows of recorded beats the cheapest is danced.
 
     Parameters
     ----------
-    seam : float, for any seam beside its size D
-    wide, wider : float, centimetres from which a seam may show, and what each further one costs beside itself
-    energy : float, for a beat whose rank of speed is the farthest from the one that is aimed at
+    seam : float
+        Cost of any seam, beside its size D.
+    wide, wider : float
+        Size (centimetres) from which a seam may show, and the cost of each further centimetre, beside the size itself.
+    energy : float
+        Cost of a beat whose speed, as a rank, is the farthest from the one that is aimed at.
     tempo : float
-        For |log(interval of the music / interval of the recorded beat)|, divided by the beats in a bar.
-    harmony : float, for a beat that fits the bar pattern of its dance worst
-    variety : float, for a beat that looks like the one just danced, divided by the beats in a bar
-    alike : float, centimetres; beats this far apart look alike by 1 / e
-    forgetting : float, beats after which a repetition costs 1 / e
-    winding : float, in each beat, for each turn that the dancer has turned to one side more than to the other
+        Cost for |log(interval of the music / interval of the recorded beat)|, divided by the beats in a bar.
+    harmony : float
+        Cost of a beat that fits the bar pattern of its dance worst.
+    variety : float
+        Cost of a beat that looks like the one just danced, divided by the beats in a bar.
+    alike : float, centimetres
+        At this distance two beats look alike by 1 / e.
+    forgetting : float, beats
+        After so many a repetition costs 1 / e of what it costs at once.
+    winding : float
+        Cost in each beat for each turn that the dancer has turned to one side more than to the other.
     noise : float
-        How much the seed has to say: each recorded beat costs .3 times this, times a Gumbel number, less.
-    longest_run : int, beats that are taken from one recording in a row
-    unplaced_run : int, shortest run where bars are unknown; else it is one bar
-    twin : float, centimetres; a seam below is none: the same figure in another recording
-    edge : float, for a seam that reaches beyond the end of a recording, or into frames that are filler
-    foot_weight : float, of ankles, heels and toes in a seam; other joints weigh 1
-    samples : int, in the beat around a seam
-    dense : int, nodes up to which all distances are kept; of more, only those to the `nearest`
-    nearest : int
-    paths : int, the best of which are followed from beat to beat
+        Weight of the seed: each recorded beat costs less by .3 times this, times a random number (Gumbel).
+    longest_run : int, beats
+        Most beats that are taken from one recording in a row.
+    unplaced_run : int, beats
+        Fewest beats of a run where bars are unknown; else it is one bar.
+    twin : float, centimetres
+        A seam below this is none: it goes to the same figure in another recording.
+    edge : float
+        Cost of a seam that reaches beyond the end of a recording, or into frames that are filler.
+    foot_weight : float
+        Weight of ankles, heels and toes in a seam; other joints weigh 1.
+    samples : int
+        Moments that are compared in the beat around a seam.
+    dense, nearest : int
+        Up to `dense` recorded beats all distances are kept; of more, those to the `nearest` only.
+    paths : int
+        Rows of beats that are followed from beat to beat: so many of the best.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind; the message names the field.
     """
 
     seam: float = 3.0

@@ -60,25 +60,27 @@ class GeneratorOutput(NamedTuple):
 
 
 class Generator(DancerNetwork):
-    """G(A_f, V_f) = V' (Sec. 4.2, Fig. 7c): music and initial poses in, motion out, all frames of a unit at once.
+    """HarmoGAN's generator, a network: G(A_f, V_f) = V', from music and initial poses to motion (Sec. 4.2, Fig. 7c).
 
-    A GRU encodes the music; the features of the initial poses are concatenated with it; a GRU decodes both into poses.
-    Skip connections concatenate the audio-visual features once more in front of every head. One head gives 2-D poses
-    (x, y), a second lifts them to 3-D, a third moves the root. Where the paper is silent, we chose:
+    A_f(t) are the features of the music, V_f(t) the initial poses, V'(t) is the motion; all frames of a unit are made
+    at once. A GRU encodes the music. The features of the initial poses are concatenated with it, and a GRU decodes both
+    into poses. Skip connections concatenate the audio-visual features once more in front of every head. One head gives
+    2-D poses (x, y), a second lifts them to 3-D, a third moves the root. Where the paper is silent, we took:
 
     * Heads give corrections to the initial poses V_f, in standard deviations, not poses. Training starts from V_f.
     * A convolution over 0.7 s around each moment precedes the encoder, so that movement can be prepared.
     * Bones are set to their reference lengths at the end (`fix_bones`).
     * No noise: other initial poses give another dance.
 
-    Where initial poses are a movement (`ModelParams.bounded`), corrections keep within a few centimetres of it.
-
+    Where the initial poses are a movement (`ModelParams.bounded`), corrections keep within a few centimetres of it.
     Music and initial poses that are padded with their last frame give the same motion as without padding.
+
+    To dance with trained weights take `HarmoGAN` or `load`.
 
     Parameters
     ----------
     params : ModelParams
-    n_audio, skeleton, bone_lengths, fps, features : as of `DancerNetwork`
+    n_audio, skeleton, bone_lengths, fps, features : as of `harmolab.systems.training.song_to_dance.DancerNetwork`
     """
 
     system, settings = "harmogan", "model"
@@ -98,7 +100,7 @@ class Generator(DancerNetwork):
         self.path_head = layers.perceptron(joined, channels, layers.PATH_CHANNELS, first=_FIRST_CORRECTION)
 
     def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
-        """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
+        """The motion to music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
         return self.corrected(initial, self.corrections(audio, initial))
 
     def corrections(self, audio: Tensor, initial: Tensor) -> Tensor:

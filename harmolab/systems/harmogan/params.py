@@ -7,20 +7,21 @@ from harmolab.systems.training.features import check_settings
 
 @dataclass(frozen=True)
 class ModelParams:
-    """Sizes of the generator and its discriminators.
+    """Sizes of HarmoGAN's networks, the generator and its discriminators: take ``small()`` or ``paper()``.
 
     Parameters
     ----------
     hidden : int
         Units of every recurrent layer.
     layers : int
-        Recurrent layers of the audio encoder and of the pose decoder, each.
+        Recurrent layers of the audio encoder, and of the pose decoder.
     pose_features : int
         Channels of the initial poses' features that are concatenated with the encoded audio, and of the heads.
     discriminator : int
-        Channels of the discriminators' first layer.
+        Channels of the first layer of the discriminators.
     bounded : bool
-        Whether the generator corrects V_f within bounds, as a movement needs it; else freely, as the paper's.
+        Whether the generator corrects the initial poses V_f within bounds, as it should where they are a movement; else
+        freely, as the paper's.
     """
 
     hidden: int
@@ -45,48 +46,69 @@ class ModelParams:
 
 @dataclass(frozen=True)
 class TrainParams:
-    """Schedules and weights of the hybrid loss (Eq. 32, Sec. 5.2). An ablation: ``replace(paper, harmony_weight=0.0)``.
+    """Settings of HarmoGAN's training: schedules, and weights of its hybrid loss (Eq. 32, Sec. 5.2).
+
+    The defaults are the paper's; ``recommended()`` is what we advise. For an ablation change a field, as in
+    ``dataclasses.replace(TrainParams.paper(), harmony_weight=0.0)``. The losses are L_kl, L_mse and L_feat (Eq. 24-26:
+    pose divergence, poses, features of poses), L_harmo (Eq. 27, harmony) and L_gan (Eq. 31).
 
     Parameters
     ----------
     pretrain_epochs, adversarial_epochs : int
+        Epochs of the pretraining, and with discriminators after it.
     patience : int or None
-        Pretraining ends earlier when the error on the validation units has not fallen for so many epochs, and goes back
-        to the best one. None: all epochs, and the last one, whatever the validation units say.
+        Pretraining ends earlier if the error on the validation units has not fallen for so many epochs, and goes back
+        to the best one. None: all epochs are trained, and the last one is kept.
     batch_size : int
-        Over all processes together.
+        Units of a batch, over all processes together.
     shards : int
-        Parts that each batch is computed in, one after the other or by several processes; at least as many as there are
-        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch.
+        Parts in which each batch is computed, one after the other or by several processes; at least as many as there
+        are processes. Equal shards give equal results to the last bit. Others round otherwise, and the difference grows
+        from epoch to epoch.
     pretrain_rate, adversarial_rate : float
         Initial learning rates of Adam.
-    pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
-    adversarial_drops : factors in turn, one after every `adversarial_drop_epochs` epochs
-    generator_decay, discriminator_decay : float, weight decay
-    pretrain_kl_weight : float, L_pretrain = this * L_kl + L_mse
+    pretrain_drops, pretrain_drop_epochs : tuple of float, and int
+        Factors of the learning rate, one after every so many epochs; the last one stays.
+    adversarial_drops, adversarial_drop_epochs : tuple of float, and int
+        Factors that take turns, one after every so many epochs.
+    generator_decay, discriminator_decay : float
+        Weight decay.
+    pretrain_kl_weight : float
+        Weight of L_kl in the pretraining: L_pretrain = this * L_kl + L_mse.
     kl_weight, mse_weight, feature_weight, harmony_weight, gan_weight : float
-        The lambdas of Eq. 32.
+        The weights lambda of the five losses in Eq. 32.
     cross_domain_weight : float
         Weight of the cross-domain discriminator inside L_gan (Eq. 31). It learns from recorded pairs of music and
         movement: where the recorded dancers do not rest on the beat, it teaches the generator not to, against the
         harmony loss. 0 leaves the judgement of movement to the spatial-temporal discriminator.
     smoothness_weight, foot_weight, energy_weight, moved_weight : float
-        Terms the paper does not have: more jerk than the sketch, feet that slide more, more or less movement, and the
-        squared way from the sketch; 0 in paper mode (`harmolab.systems.harmogan.losses`).
+        Weights of losses that the paper does not have: more jerk than the sketch, feet that slide more, more or less
+        movement, and the squared way from the sketch; 0 in paper mode (`harmolab.systems.harmogan.losses`).
     sketches : int
-        Dances of each song that the generator learns to correct (`harmolab.systems.harmogan.sketches`); 0: V_f is that
-        of Eq. 23.
-    shifted : float in [0, 1], share of the sketches that lie beside their music by up to half a beat
-    critic_share : float, learning rate of the discriminators in that of the generator
-    clip : float or None, largest norm of a gradient
+        Sketches of each song: dances of a choreographer that the generator learns to correct
+        (`harmolab.systems.harmogan.sketches`). With 0 the initial poses V_f are those of Eq. 23.
+    shifted : float from 0 to 1
+        Share of the sketches that lie beside their music by up to half a beat.
+    critic_share : float
+        Learning rate of the discriminators over that of the generator.
+    clip : float or None
+        Largest norm of a gradient.
     count_weight : float
-        Weight of the count term inside the harmony loss.
+        Weight of the term inside the harmony loss that keeps the number of visual beats near that of music beats.
     tau_start, tau_end : float
-        Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
-    epsilon : float, of the Charbonnier losses (Eq. 25-26)
+        Softness of the harmony loss (`harmolab.soft_harmony`) in the first and the last adversarial epoch; geometric in
+        between.
+    epsilon : float
+        Of the Charbonnier losses (Eq. 25-26).
     pose_epochs : int
-        Of the pose network behind the feature loss (256 units each), before everything else.
+        Epochs (of 256 units) of the pose network behind the feature loss, which is trained first.
     seed : int
+        Of weights, batches and draws.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind; the message names the field.
     """
 
     pretrain_epochs: int = 225
@@ -135,12 +157,15 @@ class TrainParams:
 
     @classmethod
     def paper(cls) -> "TrainParams":
-        """Section 5.2, number by number; `patience` is our reading of where its pretraining ends."""
+        """The paper's settings, Section 5.2 number by number; `patience` is our reading of where pretraining ends."""
         return cls()
 
     @classmethod
     def recommended(cls) -> "TrainParams":
-        """Corrections of a movement: harmony of the body with the music, near the sketch and as natural as that."""
+        """The settings that we advise: sketches are corrected towards harmony, near to them and as natural as they are.
+
+        There is no pretraining.
+        """
         return cls(
             pretrain_epochs=0,
             adversarial_epochs=9,

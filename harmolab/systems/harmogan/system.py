@@ -33,15 +33,26 @@ LEAST_SHARE = 1e-6  # weight of a unit's corrections where it has none: another 
 
 
 class HarmoGAN(NetworkSystem):
-    """A trained generator that dances: it corrects a choreographer's dance, or in paper mode goes on from a movement.
+    """HarmoGAN, the system of the harmony paper: a trained network that dances to music.
+
+    As recommended it corrects a *sketch*, the dance of a choreographer. In paper mode it goes on from a movement.
+    Train one by `HarmoGAN.train` (keywords: `learn`), or read one by `HarmoGAN.load`. `generate` is that of all systems
+    (`System`), with the keywords ``dance`` and ``plant_feet`` of `Choreographer`.
 
     Parameters
     ----------
-    generator : Generator that knows its audio features
+    generator : Generator
+        That knows its audio features.
     poses : PoseBank, optional
-        Movements to start from in paper mode. Without: the mean pose at rest, the same dance for every seed.
-    meta : JSON-able mapping about its training, kept with the weights
-    sketches : Choreographer of the dances that a bounded generator corrects
+        Movements to start from in paper mode. Without them: the mean pose at rest, and the same dance for every seed.
+    meta : JSON-able mapping
+        About its training; kept with the weights.
+    sketches : Choreographer, optional
+        Of the dances that a bounded generator corrects.
+
+    Examples
+    --------
+    >>> motion = HarmoGAN.load("run").generate(audio, seconds=20.0, seed=3)  # doctest: +SKIP
     """
 
     network = Generator
@@ -55,12 +66,12 @@ class HarmoGAN(NetworkSystem):
 
     @property
     def dances(self) -> tuple[str, ...]:
-        """Dances that it was trained on."""
+        """Names of the dances that it was trained on."""
         return super().dances if self.sketches is None else self.sketches.dances
 
     @property
     def limits(self) -> LikenessLimits | None:
-        """Measures of likeness of the movement that it corrects; None in paper mode."""
+        """Limits of likeness of the movement that it corrects; None in paper mode."""
         return None if self.sketches is None else self.sketches.limits
 
     @property
@@ -75,23 +86,21 @@ class HarmoGAN(NetworkSystem):
         return (f"a network corrects {REMARKS[style]}",) if style in STYLES else ()
 
     def respond(self, request: DanceRequest) -> Motion:
-        """The dance that is asked for: by another seed from another sketch, or movement to start from."""
+        """The dance for a request; another seed has another sketch, or another movement to start from."""
         if self.sketches is None:
             return super().respond(request)
         return self.composed(request).motion
 
     def choreograph(self, audio: Audio, beats: BeatTrack | None = None, **options: Any) -> Choreography:
-        """A corrected dance and what its sketch is made of (`Choreographer.choreograph`, whose options it takes).
+        """Dance to music, and say what the sketch of the dance is made of.
 
-        Raises
-        ------
-        ValueError
-            As there; in paper mode, where there is no sketch.
+        Parameters, result and errors are those of `Choreographer.choreograph`. ValueError also in paper mode, where
+        there is no sketch.
         """
         return self.composed(DanceRequest(audio, beats, **options))
 
     def composed(self, request: DanceRequest) -> Choreography:
-        """`choreograph` of a request."""
+        """`choreograph` for a request (`harmolab.systems.training.requests.DanceRequest`)."""
         if self.sketches is None:
             raise ValueError("this generator corrects no sketch: its dances are not made of recordings")
         request = replace(request, beats=request.track())
@@ -99,7 +108,7 @@ class HarmoGAN(NetworkSystem):
         return replace(sketch, motion=corrected(self.generator, sketch.motion, request))
 
     def save(self, folder: PathLike) -> None:
-        """Write weights, and what its dances start from, to a folder; it is made unless it exists."""
+        """Write weights, and what its dances start from, to a folder, which is made if there is none."""
         super().save(folder)
         if self.sketches is not None:
             self.sketches.save(Path(folder) / SKETCHES)
@@ -128,14 +137,24 @@ class HarmoGAN(NetworkSystem):
         pretrained: PathLike | None = None,
         **changes: Any,
     ) -> None:
-        """`train` (`harmolab.systems.harmogan.train` says what is in the folder); its own keywords:
+        """Train on corpora; `train` calls it, and takes these keywords.
 
-        preset : "small" or "paper", sizes of the networks
-        params : "recommended" or "paper", losses and audio features
-        step : int, beats between the starts of training units
-        split_seed : int, of the split by motion group
-        pretrained : folder of another run on the same data, whose pretraining is taken over
-        changes : other values for fields of `TrainParams`, such as ``seed`` and ``harmony_weight``
+        `harmolab.systems.harmogan.train` says what is in the folder of a training.
+
+        Parameters
+        ----------
+        preset : "small" or "paper"
+            Sizes of the networks (`ModelParams`).
+        params : "recommended" or "paper"
+            Losses (`TrainParams`) and audio features (`FeatureParams`).
+        step : int, beats
+            From the start of one training unit to that of the next.
+        split_seed : int
+            Of the split into training, validation and test by motion group.
+        pretrained : str or path, optional
+            Folder of another run on the same data, whose pretraining is taken over.
+        **changes
+            Other values for fields of `TrainParams`, such as ``seed`` and ``harmony_weight``.
         """
         from harmolab.systems.harmogan.train import train_harmogan
 

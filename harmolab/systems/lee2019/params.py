@@ -14,53 +14,74 @@ Beats = Literal["kinematic", "music"]
 
 @dataclass(frozen=True)
 class LeeParams:
-    """Sizes, schedules and weights; the defaults are as released. A latent is the code of a movement or of a dance.
+    """Settings of Lee et al. 2019: sizes, schedules and weights; the defaults are as released.
+
+    The system codes units of four beats of movement, and composes a dance of them. Its codes (latents) are z_init of
+    the first pose of a unit, z_move of its movement, and z_dance of a dance.
 
     Parameters
     ----------
     hidden : int
         Units of the recurrent layers of movement and dance.
     latent : int
-        Numbers of z_move and of z_dance.
+        Numbers in z_move, and in z_dance.
     pose_latent, pose_hidden : int
-        Numbers of z_init, and units of the layers between a pose and it.
-    style, noise : int
-        Numbers of the style of the music, the units of its recurrent layer; and of the noise beside it.
-    style_layers, regressor_layers : ints
+        Numbers in z_init, and units of the layers between a pose and it.
+    style : int
+        Numbers in the style of the music, which are the units of its recurrent layer.
+    noise : int
+        Numbers in the noise beside it.
+    style_layers, regressor_layers : tuples of int
         Units of the layers from style to z_dance, and back.
-    critic_layers : ints
-        Units of the critics' layers; the last size is that of their audio branch too.
+    critic_layers : tuple of int
+        Units of the critics' layers; the last is also that of their audio branch.
     sequence : int
-        Units of a training sequence. Our 8-beat units give 2; released: 3.
+        Units in a training sequence: 2, as our units of 8 beats have it; released: 3.
     style_epochs, unit_epochs, composition_epochs : int
-        Of the music classifier, of the coder of units, of the composition of units.
-    batch_size : int, units of four beats, over all processes together
-    shards : int, as in `harmolab.systems.harmogan.params.TrainParams`
-    style_rate, rate : float, of Adam: of the music classifier, of everything else
+        Epochs of the three phases: music classifier, coder of units, composition of units.
+    batch_size : int
+        Units of four beats, over all processes together.
+    shards : int
+        As in `TrainParams`.
+    style_rate, rate : float
+        Learning rates of Adam: of the music classifier, and of all else.
     decoder_share : float
-        Share of `rate` at which composing goes on teaching the unit decoder.
-    clip : float, largest norm of a gradient
+        Share of `rate` at which the unit decoder goes on learning in the composition.
+    clip : float
+        Largest norm of a gradient.
     kl_weight : float
-        Weight of the divergences, at the end of its ramp and while composing.
+        Weight of the divergences at the end of its ramp, and in the composition.
     ramp_midpoint, ramp_width : float
-        Of the logistic ramp of the units' `kl_weight`, as shares of the phase's epochs. Released in iterations, 15000
-        and 2000, which small data never reaches; the same proportion here.
-    pose_frames : int, frames of a unit that are coded as single poses
-    pose_weight : float, of the poses while composing
+        Of the logistic ramp of `kl_weight` in the phase of units, as shares of its epochs. Released in iterations,
+        15000 and 2000, which small data never reaches; the same proportion here.
+    pose_frames : int
+        Frames of a unit that are coded as single poses.
+    pose_weight : float
+        Of the poses in the composition.
     style_weight : float
-        Of the style regressed from z_dance. Released as a third update, which changes weights that the second's graph
-        still needs; here a part of the generator's loss.
+        Of the style that is regressed from z_dance. Released as a third update, which changes weights that the second's
+        graph still needs; here a part of the generator's loss.
     beats : "kinematic" or "music"
-        Beats at which recorded movement is cut: the speed valley nearest to each music beat, if within a quarter of a
-        period, else the music beat; or the music's beats alone.
+        Where recorded movement is cut. "kinematic": at the speed valley nearest to each music beat, if it lies within a
+        quarter of a period, else at the music beat. "music": at the music's beats.
     shift_x, shift_y : float, metres
         Largest constant offset of a unit, to the side and upwards.
-    noise_units : int, units of a dance that share noise
+    noise_units : int
+        Units of a dance that share noise.
     still : float, standard deviations
-        Mean step of a number from frame to frame under which a sequence is drawn again.
-    redraws : int, times that a sequence is drawn again at most
-    fade : float, seconds, of the difference at the border of two units (`systems.training.motion_code.continued`)
+        A sequence is drawn again if the mean step of a number from frame to frame is smaller.
+    redraws : int
+        Times that a sequence is drawn again at most.
+    fade : float, seconds
+        Time over which the difference at the border of two units is faded
+        (`harmolab.systems.training.motion_code.continued`).
     seed : int
+        Of weights, batches and draws.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind; the message names the field.
     """
 
     hidden: int = 1024

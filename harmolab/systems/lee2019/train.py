@@ -400,16 +400,19 @@ def validate_composition(network: DancingToMusic, validation: Pieces) -> dict[st
 
 
 class Lee2019(PresetSystem):
-    """The rival "Dancing to Music": dances composed of learnt four-beat units, warped to the music's beats.
+    """Lee et al. 2019, "Dancing to Music": dances that are composed of learnt units of four beats.
 
-    Ours, written from facts about the public code and trained on our units; not the authors' model.
+    It is written anew from facts about the public code and trained on our units; it is not the authors' model. Units
+    are warped to the beats of the music. `generate`, `train` and `load` are those of all systems (`System`).
 
     Parameters
     ----------
     generator : DancingToMusic
+        The trained networks.
     poses : PoseBank, optional
-        Movements to start from. Without: the mean pose at rest.
-    meta : JSON-able mapping about its training, kept with the weights
+        Movements to start from. Without them: the mean pose at rest.
+    meta : JSON-able mapping
+        About its training; kept with the weights.
     """
 
     network = DancingToMusic
@@ -418,9 +421,15 @@ class Lee2019(PresetSystem):
 
     @classmethod
     def learn(cls, data: list[PathLike], options: TrainOptions, *, epochs: int | None = None, **own: Any) -> None:
-        """`train`; its own keywords as of `PresetSystem.learn`, and
+        """Train on corpora; `train` calls it, and takes these keywords.
 
-        epochs : int or None, of the phase of units and of that of compositions; the preset's when left out
+        Parameters
+        ----------
+        epochs : int or None
+            Of the phase of units, and of that of compositions; the preset's when left out.
+        **own
+            ``preset`` ("small" or "paper"), ``step`` (beats from one training unit to the next), ``split_seed``, or
+            other values for fields of `LeeParams`, such as ``seed``.
         """
         phases: dict[str, Any] = {} if epochs is None else dict.fromkeys(("unit_epochs", "composition_epochs"), epochs)
         super().learn(data, options, **phases, **own)

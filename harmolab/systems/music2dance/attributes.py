@@ -1,7 +1,8 @@
 """The dance that a song calls for: the paper's attribute classifier (Sec. 4.3, Fig. 5), its baseline, their training.
 
-Its classes are dances, or groups of dances: no one sorted songs by mood. It is trained by itself, into a folder of its
-own inside the run of a dancer, RUN/attributes, where the dancer finds it.
+Its classes are dances, or groups of dances, since we have no songs that were sorted by mood. It is trained by itself,
+into a folder of its own inside the run of a dancer, RUN/attributes, where the dancer finds it. R12 is reading 12 of the
+paper in docs/readings_music2dance.md.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -41,19 +42,33 @@ SETTLED = 256  # windows that batch normalisation takes its last statistics from
 
 @dataclass(frozen=True)
 class AttributeParams:
-    """The classifier and its training; the defaults are the paper's.
+    """Settings of the classifier of songs by dance, and of its training; the defaults are the paper's.
 
     Parameters
     ----------
-    front : "convolution", or "frames" for the baseline of Table 1
-    channels : ints, of the temporal convolutions
-    hidden : int, units of the LSTM in each direction
+    front : "convolution" or "frames"
+        Temporal convolutions, or for the baseline of Table 1 single frames.
+    channels : tuple of int
+        Channels of the temporal convolutions.
+    hidden : int
+        Units of the LSTM in each direction.
     dropout : float
-    window, hop : float, seconds, of what is heard at once; a shorter song is filled up with zeros
-    rate : float, hertz, of the features
-    epochs, batch_size, learning_rate : of Adam
-    drops : floats, shares of the epochs at which the rate falls to a tenth
+        Share that is left out in training, below 1.
+    window, hop : float, seconds
+        Length of the windows of a song that are classified, and time from one to the next. A shorter song is filled up
+        with zeros.
+    rate : float, hertz
+        Of the features of the music.
+    epochs, batch_size, learning_rate : int, int and float
+        Of the training by Adam.
+    drops : tuple of float
+        Shares of the epochs after which the learning rate falls to a tenth.
     seed : int
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind.
     """
 
     front: Front = "convolution"
@@ -78,17 +93,17 @@ class AttributeParams:
 
     @classmethod
     def paper(cls) -> "AttributeParams":
-        """As printed."""
+        """The paper's settings, as printed."""
         return cls()
 
     @classmethod
     def recommended(cls) -> "AttributeParams":
-        """Batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates an epoch."""
+        """The paper's with batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates."""
         return cls(batch_size=8)
 
     @property
     def n_cells(self) -> int:
-        """Moments of a window."""
+        """Number of moments M in a window."""
         return round(self.window * self.rate)
 
 
@@ -101,14 +116,21 @@ class Song(NamedTuple):
 
 
 class AttributeClassifier(nn.Module):
-    """Windows of features (N, M, 15) to logits (N, classes): the mapping network, mean over time, one layer.
+    """The classifier of songs by dance, a network: which dance does a song call for (Sec. 4.3, Fig. 5)?
+
+    It maps windows of music features (N, M, 15) to logits (N, classes): mapping network, mean over time, one layer.
+    `Music2Dance.dance_probabilities` asks the one that lies in a run.
 
     Parameters
     ----------
     params : AttributeParams
-    classes : names
+    classes : sequence of str
+        Names of the dances.
 
-    Its attribute `meta`, about its training, is kept with stored weights.
+    Attributes
+    ----------
+    meta : dict
+        About its training; kept with the weights.
     """
 
     system = "attributes"
@@ -129,19 +151,19 @@ class AttributeClassifier(nn.Module):
         return self.verdict(self.encoder(self.audio_scale(music)).mean(dim=1))
 
     def probabilities(self, music: SingleArray) -> FloatArray:
-        """Of each class (K,) for a song's features (M, 15): mean over its windows (R13)."""
+        """Probabilities (K,) of the K classes for a song's features (M, 15): the mean over its windows (R13)."""
         return self.window_probabilities(music).mean(axis=0)
 
     @torch.no_grad()
     def window_probabilities(self, music: SingleArray) -> FloatArray:
-        """Of each class in each window, (N, K)."""
+        """Probabilities of the K classes in each of the N windows of a song, (N, K)."""
         self.eval()
         device = self.audio_scale.mean.device
         parts = torch.from_numpy(song_windows(music, self.params)).split(AT_ONCE)
         return torch.cat([self(part.to(device)).softmax(dim=1) for part in parts]).double().cpu().numpy()
 
     def description(self) -> dict[str, Any]:
-        """Everything that `built` needs beside the tensors, JSON-able."""
+        """All that `built` needs beside the tensors, JSON-able."""
         return {"params": asdict(self.params), "classes": list(self.classes)}
 
     @classmethod
@@ -413,6 +435,6 @@ class Attributes(Learner):
         train_attributes(songs.songs, songs.classes, split, options, params)
         test = read_about(options.out)["meta"]["test"]
         notice(
-            f"test songs: {test['right']} of {test['songs']} dances are right; {test['majority']} would be by always "
-            "naming the most frequent dance of the training songs"
+            f"test songs: the dance of {test['right']} of {test['songs']} is named rightly; always naming the most "
+            f"frequent dance of the training songs would be right for {test['majority']}"
         )

@@ -44,12 +44,38 @@ def music_features(audio: Audio, beats: BeatTrack, *, meter: int = 4, rate: floa
 
 
 def blind_features(audio: Audio, *, rate: float = 10.0) -> SingleArray:
-    """`music_features` of a song whose dance is not known: the tracker has no prior of tempo (R15)."""
+    """Music2Dance's features of a song whose dance is not known: fifteen channels, `rate` times a second (Sec. 4.2).
+
+    Onset, beat, downbeat, and the strength of the twelve tones. Beats are tracked without a range of tempi (R15 of
+    ``docs/readings_music2dance.md``).
+
+    Returns
+    -------
+    (M, 15) array at the moments 0, 1 / rate, ... of the audio; ValueError unless an Audio is passed
+    """
     return music_features(audio, audio_beats(audio), rate=rate)
 
 
 def mel_features(audio: Audio, *, rate: float = 10.0, bands: int = 80) -> SingleArray:
-    """A mel spectrogram at moments 0, 1 / rate, ... of audio time: (M, bands) decibels from -80 to 0 (loudest)."""
+    """A mel spectrogram of a sound, as features of its music.
+
+    Parameters
+    ----------
+    audio : Audio
+    rate : float, hertz
+        Of the moments.
+    bands : int
+        Number of mel bands.
+
+    Returns
+    -------
+    (M, bands) array at the moments 0, 1 / rate, ... of the audio: decibels from -80 to 0, the loudest
+
+    Raises
+    ------
+    ValueError
+        Unless an Audio is passed.
+    """
     check_kind(audio, Audio)
     cells = n_cells(audio, rate)
     words = f"music {CACHE_VERSION} {audio.sample_rate} mel {rate} {bands}"

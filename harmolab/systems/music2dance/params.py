@@ -59,46 +59,77 @@ class SongParams:
 
 @dataclass(frozen=True)
 class Music2DanceParams:
-    """Sizes, losses, schedule and dancing; the defaults are the paper's.
+    """Settings of Music2Dance: sizes, losses, schedule of the training, and dancing; the defaults are the paper's.
 
     Parameters
     ----------
     song : SongParams
-    generator : "wavenet" or "lstm", the paper's baseline
-    representation : "rotations" (the paper's: root, joint rotations, end effectors) or "positions" (the motion code)
-    end_effectors : bool, of the code of rotations: whether places of feet, head and hands are part of it (Fig. 10)
+        Of the network that maps the music.
+    generator : "wavenet" or "lstm"
+        The WaveNet, or the paper's baseline.
+    representation : "rotations" or "positions"
+        The code of a pose: the paper's (root, joint rotations, end effectors), or places of the joints.
+    end_effectors : bool
+        Whether places of feet, head and hands are part of the code of rotations (Fig. 10).
     mapping : bool
-        Whether the WaveNet hears the mapped music; without (Fig. 9's ablation) the features themselves.
-    fps : float, hertz, of motion
-    window : float, seconds, of a training window
-    residual, skip : int, channels of the WaveNet's way through its blocks and beside them
-    dilations : ints, of a group of blocks
-    groups : int, how often the dilations are gone through
-    dance_vector : int, numbers of the learnt vector of a dance
-    lstm : int, units of the baseline
-    least_sigma : float, standard deviations of a channel
+        Whether the WaveNet gets the mapped music; else (ablation of Fig. 9) the music features themselves.
+    fps : float, frames per second
+        Of the motion.
+    window : float, seconds
+        Length of a training window.
+    residual, skip : int
+        Channels of the WaveNet through its blocks, and beside them.
+    dilations : tuple of int, frames
+        Dilations of the blocks of a group.
+    groups : int
+        Times that the dilations are gone through.
+    dance_vector : int
+        Numbers in the learnt vector of a dance.
+    lstm : int
+        Units of the baseline.
+    least_sigma : float
+        Smallest standard deviation that is predicted, in standard deviations of a channel.
     carry : float
-        Share of the frame before in the predicted mean. The paper predicts the pose alone.
-    contact_weight : float, lambda of Eq. 11
-    noise : float, standard deviations of a channel, on the input
-    noisy_target : bool, whether the target has the same noise
-    motion_dropout : float, share of the input motion that is left out
-    clusters : int, of windows by their poses, each drawn as often as the others; 0 draws all windows alike (Fig. 11)
+        Share of the frame before in the predicted mean. The paper predicts the pose alone (0).
+    contact_weight : float
+        Weight lambda of the foot contacts in Eq. 11.
+    noise : float
+        Noise on the input motion, in standard deviations of a channel.
+    noisy_target : bool
+        Whether the target has the same noise.
+    motion_dropout : float
+        Share of the input motion that is left out, below 1.
+    clusters : int
+        Clusters of windows by their poses, each of which is drawn equally often (Fig. 11). 0 draws all windows alike.
     first_epochs, second_epochs : int
-        Of teacher forcing, and of learning from one's own predictions. An epoch draws as many windows as fit into the
-        recordings without overlap.
-    first_rate, second_rate : float, of RMSprop; a tenth of it from `first_drop` and `second_drop` of the epochs on
-    first_drop, second_drop : float, shares of the epochs
-    batch_size : int, windows, over all processes together
-    shards : int, as in `harmolab.systems.harmogan.params.TrainParams`
-    clip : float, largest norm of a gradient
-    temperature : float, share of the predicted standard deviation that is drawn (Eq. 12 draws all of it)
+        Epochs with the recorded frames as input (teacher forcing), then with the network's own predictions. An epoch
+        draws as many windows as fit into the recordings without overlap.
+    first_rate, second_rate : float
+        Learning rates of RMSprop in both.
+    first_drop, second_drop : float
+        Shares of the epochs after which these fall to a tenth.
+    batch_size : int
+        Windows, over all processes together.
+    shards : int
+        As in `TrainParams`.
+    clip : float
+        Largest norm of a gradient.
+    temperature : float from 0 to 4
+        Share of the predicted standard deviation that is drawn; 1 draws all of it, as Eq. 12.
     draw_memory : float, seconds
-        Time constant of the draws, an autoregression of the first order with the same spread: the dice of one frame
-        still count in the next ones. 0 throws each frame anew, as in Eq. 12.
-    smoothing : float, seconds, standard deviation of the Gaussian that the danced code is smoothed by
-    start_seconds : float, of movement that a dance goes on from; 0 for one frame
+        Time over which draws of neighbouring frames are alike (an autoregression of the first order with the same
+        spread). 0 draws each frame anew, as in Eq. 12.
+    smoothing : float, seconds
+        Standard deviation of the Gaussian that smooths the danced code.
+    start_seconds : float
+        Length of the movement that a dance goes on from; 0 for one frame.
     seed : int
+        Of weights, batches and draws.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind.
     """
 
     song: SongParams = SongParams()
@@ -154,12 +185,16 @@ class Music2DanceParams:
 
     @classmethod
     def paper(cls) -> "Music2DanceParams":
-        """As printed, at 25 frames per second."""
+        """The paper's settings, as printed, at 25 frames per second."""
         return cls()
 
     @classmethod
     def recommended(cls) -> "Music2DanceParams":
-        """Positions; most of the frame before is carried over; contacts that count; draws that last, and smoothed."""
+        """The settings that we advise.
+
+        Poses are places of joints, and most of the frame before is carried over. Contacts weigh more. Draws have less
+        spread and last for some frames, and the dance is smoothed.
+        """
         return replace(
             cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.3,
             draw_memory=0.3, smoothing=0.04, start_seconds=5.0,
@@ -167,10 +202,10 @@ class Music2DanceParams:
 
     @property
     def reach(self) -> int:
-        """Frames that the WaveNet sees."""
+        """Number of frames that the WaveNet sees at once."""
         return 1 + self.groups * sum(self.dilations)
 
     @property
     def n_frames(self) -> int:
-        """Frames of a training window."""
+        """Number of frames in a training window."""
         return round(self.window * self.fps)

@@ -1,4 +1,7 @@
-"""Music2Dance as a system: a network that dances frame after frame, and movements that its dances go on from."""
+"""Music2Dance as a system: a network that dances frame after frame, and movements that its dances go on from.
+
+R12 is reading 12 of the paper in docs/readings_music2dance.md.
+"""
 
 import copy
 from collections.abc import Mapping
@@ -36,18 +39,22 @@ Part = TypeVar("Part", AttributeClassifier, FootModel)
 
 
 class Music2Dance(NetworkSystem):
-    """A trained network that dances; another seed draws another movement to go on from, and other chances.
+    """Music2Dance (Zhuang et al. 2020): a trained network that dances frame after frame, each drawn by chance.
+
+    Another seed draws another movement to go on from, and other frames. `train` and `load` are those of all systems
+    (`System`).
 
     Parameters
     ----------
     generator : DanceNetwork
     poses : PoseBank, optional
-        Movements to go on from, contacts as their last two channels. Without: the mean pose.
-    meta : JSON-able mapping about its training, kept with the weights
+        Movements to go on from, with foot contacts as their last two channels. Without them: the mean pose.
+    meta : JSON-able mapping
+        About its training; kept with the weights.
     attributes : AttributeClassifier, optional
-        It says which dance a song calls for.
+        Says which dance a song calls for (`dance_probabilities`).
     feet : FootModel, optional
-        It takes sliding out of dances (``feet="model"``).
+        Takes sliding out of dances (``feet="model"``).
 
     Raises
     ------
@@ -87,17 +94,30 @@ class Music2Dance(NetworkSystem):
         progress: Progress = silent,
         **options: Any,
     ) -> Motion:
-        """A dance to music (`harmolab.systems.System`).
+        """Dance to music: a motion whose first frame stands at second `start` of the music.
 
         Parameters
         ----------
+        audio, beats : as in `System.generate`
         feet : "planted", "model" or "none"
-            Feet that carry stand (`standing_dancer`), or the foot model moves the legs (Sec. 4.5), or nothing does. The
-            dancer is put on the floor in any case.
-        temperature : share of the predicted spread that is drawn, 0 to 4; that of the training's settings when left out
-        options : of `harmolab.systems.training.requests.DanceRequest`
-            A dance that was not danced in training, or none, is danced as one that the seed draws; ``plant_feet=False``
-            is ``feet="none"``.
+            "planted": feet that carry stand. "model": the foot model moves the legs (Sec. 4.5). "none": legs are left
+            as they are. The dancer is put on the floor in any case.
+        temperature : float from 0 to 4
+            Share of the predicted spread that is drawn; that of the training's settings when left out.
+        progress : function(iterable, label) -> iterable
+            Reports on the frames, such as a progress bar.
+        **options
+            ``start``, ``seconds``, ``seed`` and ``initial`` as in `System.generate`. ``dance``: one that was not danced
+            in training, or none, is danced as one that the seed draws. ``plant_feet=False`` is ``feet="none"``.
+
+        Returns
+        -------
+        Motion
+
+        Raises
+        ------
+        ValueError
+            As `System.generate`; for an unknown dance, and for ``feet="model"`` without a foot model.
         """
         request = DanceRequest(audio, beats, progress=progress, **options)
         feet = self._feet(feet, plant_feet=request.plant_feet)
@@ -105,7 +125,7 @@ class Music2Dance(NetworkSystem):
         return Motion(dance_positions(network, code, feet, self.feet), network.params.fps, network.motion_code.skeleton)
 
     def dance_code(self, request: DanceRequest, *, temperature: float | None = None) -> Danced:
-        """A dance as the network makes it, before the feet and the floor; `temperature` as of `generate`."""
+        """A dance as the network makes it, before feet and floor are seen to; `temperature` as of `generate`."""
         network = self.generator if temperature is None else drawn_with(self.generator, temperature=temperature)
         request.check_dance(network.dances)
         params, seed = network.params, request.seed
@@ -119,7 +139,13 @@ class Music2Dance(NetworkSystem):
         )  # fmt: skip
 
     def dance_probabilities(self, audio: Audio) -> dict[str, float]:
-        """Dance -> its probability, the most likely first, of a song (Sec. 4.3); heard without a prior of tempo (R15).
+        """Probability of each dance for a song: which one does it call for (Sec. 4.3)?
+
+        The beats are tracked without a range of tempi (R15).
+
+        Returns
+        -------
+        dict: name of a dance -> its probability, the most likely first
 
         Raises
         ------
@@ -153,7 +179,10 @@ class Music2Dance(NetworkSystem):
         return self.poses.drawn(dance, seed)
 
     def coded(self, initial: Motion) -> FloatArray:
-        """Motion and contacts of a motion to go on from; ValueError for one of other joints, or in two dimensions."""
+        """The code of a motion to go on from, with its foot contacts: (P, C + 2).
+
+        ValueError for a motion of other joints, or in two dimensions.
+        """
         code, params = self.generator.motion_code, self.generator.params
         places = isinstance(code, PositionCode)
         check_initial(initial, code.skeleton if places else initial.skeleton, "the network")
@@ -166,7 +195,7 @@ class Music2Dance(NetworkSystem):
         return np.column_stack([code.encode(motion), foot_contacts(motion.positions, motion.fps, motion.skeleton)])
 
     def save(self, folder: PathLike) -> None:
-        """As all systems do; classifier and foot model, where there are any, to folders in it."""
+        """Write the system to a folder, and classifier and foot model, where it has them, to folders inside."""
         super().save(folder)
         for name, part in ((ATTRIBUTES, self.attributes), (FOOT_MODEL, self.feet)):
             if part is not None:
@@ -194,10 +223,19 @@ class Music2Dance(NetworkSystem):
         split_seed: int = 0,
         **changes: Any,
     ) -> None:
-        """`train`; its own keywords as of `PresetSystem.learn`, but for
+        """Train on corpora; `train` calls it, and takes these keywords.
 
-        preset : "recommended" or "paper", of `Music2DanceParams`
-        changes : ``phase1`` and ``phase2`` are other names of ``first_epochs`` and ``second_epochs``
+        Parameters
+        ----------
+        preset : "recommended" or "paper"
+            Of `Music2DanceParams`.
+        step : int, beats
+            From the start of one unit to that of the next.
+        split_seed : int
+            Of the split into training, validation and test by motion group.
+        **changes
+            Other values for fields of `Music2DanceParams`, such as ``seed``; ``phase1`` and ``phase2`` are other names
+            of ``first_epochs`` and ``second_epochs``.
         """
         from harmolab.systems.music2dance.train import train_music2dance
 

@@ -9,40 +9,64 @@ BLOCKS = 10  # of the ST-GCN, whose maps the perceptual loss compares
 
 @dataclass(frozen=True)
 class RenParams:
-    """Sizes of the networks, weights of the losses, and the schedule.
+    """Settings of Ren et al. 2020: sizes of networks, weights of losses, schedule; the defaults are as released.
+
+    The ST-GCN is a graph network over the joints of movement, whose maps make the pose perceptual loss.
 
     Parameters
     ----------
     hidden : int
-        Units of the linear layer that hears the music features of a frame (in place of convolutions over raw audio),
+        Units of the linear layer that reads the music features of a frame (in place of convolutions over raw audio),
         and of every layer of the bidirectional GRU after it; channels of the encoded music.
-    layers : int, of the bidirectional GRU
-    noise : int, random numbers a frame; units of the GRU that they pass through
-    noise_std : float, standard deviation of those numbers
-    body : int, units of the residual blocks
-    blocks : int, residual blocks
-    dropout : float, share of the last features that is left out in training
+    layers : int
+        Of the bidirectional GRU.
+    noise : int
+        Random numbers a frame, and units of the GRU that they pass through.
+    noise_std : float
+        Standard deviation of these numbers.
+    body : int
+        Units of the residual blocks.
+    blocks : int
+        Number of residual blocks.
+    dropout : float
+        Share of the last features that is left out in training.
     discriminator : int
         Channels of the first of three masked convolutions in both discriminators; the last has four times as many.
-    attention : int, units of the self-attention over time in the global discriminator
+    attention : int
+        Units of the self-attention over time in the global discriminator.
     window_frames, window_step_frames : int
-        Length of the local discriminator's windows and frames between their starts: at 15 per second 0.53 and 0.33 s
-        (released: 0.5 and 0.3 s).
-    graph : int, channels of the first four blocks of the ST-GCN; the next three have twice, the last three four times
-    graph_frames : int, frames that the ST-GCN's clips are brought to
+        Length of the windows of the local discriminator, and frames from the start of one to that of the next: at 15
+        frames per second .53 and .33 s (released: .5 and .3 s).
+    graph : int
+        Channels of the first four blocks of the ST-GCN; the next three have twice, the last three four times as many.
+    graph_frames : int
+        Frames to which the clips of the ST-GCN are brought.
     graph_epochs : int
-        Of the ST-GCN (256 units each), before everything else.
+        Epochs (of 256 units) of the ST-GCN, which is trained first.
     pose_weight, perceptual_weight, feature_weight, local_weight, global_weight : float
-        Weights in the generator's loss: L1 of the poses, pose perceptual loss, feature matching in the global
-        discriminator's motion branch, and the two adversarial terms.
-    block_weights : tuple of float, of the ten blocks' maps inside the pose perceptual loss
-    discriminator_weight : float, of the cross-entropy in either discriminator's loss
-    penalty_weight : float, of the gradient penalty in the global discriminator's loss
-    generator_rate, local_rate, global_rate : float, learning rates of Adam
-    epochs : int, all with these rates, and the last one is kept
-    batch_size : int, over all processes together
-    shards : int, parts that each batch is computed in (`harmolab.systems.training.loop`)
+        Weights in the generator's loss: L1 of the poses, pose perceptual loss, feature matching in the motion branch of
+        the global discriminator, and the adversarial terms of both discriminators.
+    block_weights : tuple of float
+        Of the maps of the ten blocks inside the pose perceptual loss.
+    discriminator_weight : float
+        Of the cross-entropy in the loss of either discriminator.
+    penalty_weight : float
+        Of the gradient penalty in the loss of the global discriminator.
+    generator_rate, local_rate, global_rate : float
+        Learning rates of Adam.
+    epochs : int
+        All have these rates, and the last one is kept.
+    batch_size : int
+        Over all processes together.
+    shards : int
+        As in `TrainParams`.
     seed : int
+        Of weights, batches and draws.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind; the message names the field.
     """
 
     hidden: int = 256

@@ -291,14 +291,19 @@ def validate(generator: RenGenerator, train: Tensors, validation: Tensors, param
 
 
 class Ren2020(PresetSystem):
-    """A trained generator that dances; another seed is other noise, and another movement to go on from.
+    """Ren et al. 2020: a trained network that makes a whole dance from music and noise in one pass.
+
+    Another seed has other noise, and another movement to go on from. `generate`, `train` and `load` are those of all
+    systems (`System`); ``preset`` ("small" or "paper") and fields of `RenParams` are keywords of `train`.
 
     Parameters
     ----------
-    generator : RenGenerator that knows its audio features
+    generator : RenGenerator
+        That knows its audio features.
     poses : PoseBank, optional
-        Movements to go on from. Without: the mean pose at rest.
-    meta : JSON-able mapping about its training, kept with the weights
+        Movements to go on from. Without them: the mean pose at rest.
+    meta : JSON-able mapping
+        About its training; kept with the weights.
     """
 
     network = RenGenerator

@@ -1,4 +1,4 @@
-"""Audio features of the generator: MFCC at the motion's rate (paper Sec. 4.1, A_f), and each frame's beat position."""
+"""Music features of the generator, A_f(t): MFCC at the motion's rate (Sec. 4.1), and the beat position of frames."""
 
 import hashlib
 import sys
@@ -67,20 +67,27 @@ def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class FeatureParams:
-    """Input of the generator from music and motion (Sec. 4.1, 5.1).
+    """Settings of what a generator gets of music and motion: features A_f(t) and training units (Sec. 4.1, 5.1).
 
     Parameters
     ----------
-    fps : float, hertz
+    fps : float, frames per second
         Rate of motion and features; the paper resamples to 15.
     n_mfcc : int
-        MFCC coefficients of A_f.
+        Number of MFCC coefficients.
     beat_channels : bool
-        Beside the MFCC give onset strength, and sine and cosine of the position between two beats. The paper does not.
+        Whether onset strength, and sine and cosine of the position between two beats, stand beside the MFCC. The paper
+        has MFCC alone.
     bar_channels : bool
-        Sine and cosine of the position in the bar as well, where the beats know their places in it.
+        Whether sine and cosine of the position in the bar do, too, where bars are known.
     unit_beats : int
-        Unified length of a training unit in beats: a meter of 4 to 6 beats and the beats before it that fill it up.
+        Length of a training unit in beats: a meter of 4 to 6 beats, and as many beats before it as fill it up. At least
+        7.
+
+    Raises
+    ------
+    ValueError
+        For a value out of range or of another kind.
     """
 
     fps: float = 15.0
@@ -98,17 +105,17 @@ class FeatureParams:
 
     @classmethod
     def paper(cls) -> "FeatureParams":
-        """MFCC alone, at 15 frames per second."""
+        """The paper's: MFCC alone, at 15 frames per second."""
         return cls()
 
     @classmethod
     def recommended(cls) -> "FeatureParams":
-        """The same, and where each frame lies between two beats and in its bar."""
+        """The same, and the place of each frame between two beats and in its bar."""
         return cls(beat_channels=True, bar_channels=True)
 
     @property
     def n_audio(self) -> int:
-        """Audio channels F of A_f."""
+        """Number of channels F of A_f."""
         return self.n_mfcc + 3 * self.beat_channels + 2 * self.bar_channels
 
 

@@ -218,28 +218,42 @@ class Player:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A part of a training: its epochs, networks, players and schedules.
+    """One phase of a training by `fit`, such as a pretraining: its epochs, networks, players and schedules.
+
+    A *player* is a set of parameters with its own loss and optimiser; generator and discriminator are two players.
 
     Parameters
     ----------
-    name : in the history
-    epochs : int, at most
-    rate : function(number of the epoch in the phase) -> learning rate of parameters whose share is 1
-    modules : networks by name, as they are kept in the state
-    players : in the order of their steps on each batch
-        The terms of all of them are in the history; "total" there is the last one's loss.
-    forward : function(shard, last) -> output that the players' terms are computed from
-        `last` is its own output for the shard of that number in the batch before; None in an epoch's first batch, so
-        that an epoch that is resumed goes on the same.
-    schedule : function(number of the epoch in the phase) -> further columns of its row
-    validate : function() -> further columns of the row, on every process
-    validate_every : int, epochs; the last epoch is validated too
+    name : str
+        Name of the phase in the history.
+    epochs : int
+        At most.
+    rate : function of the number of the epoch in the phase
+        Returns the learning rate of parameters whose share is 1.
+    modules : dict
+        Networks by name, as they are kept on disk.
+    players : sequence of Player
+        In the order of their steps on each batch. The terms of all are in the history; "total" there is the loss of the
+        last one.
+    forward : function (shard, last)
+        Returns the output from which the players' terms are computed. `last` is its own output for the shard of that
+        number in the batch before, or None in an epoch's first batch, so that an epoch that is resumed goes on the
+        same.
+    schedule : function of the number of the epoch in the phase
+        Returns further columns of the row of the epoch, as a dict.
+    validate : function ()
+        Returns further columns of the row, as a dict, on every process.
+    validate_every : int
+        Epochs from one validation to the next; the last epoch is validated, too.
     patience : int or None
-        The phase ends earlier when `error` has not fallen for so many epochs, and the best epoch is kept. None: all
-        epochs, and the last one is kept.
-    error : column with the smallest value in the best epoch
-    keep : function(), called on the first process after each validated epoch that is the one to keep so far
-    recall : function(), called on every process after the phase's last epoch: goes back to the epoch that was kept
+        The phase ends earlier if `error` has not fallen for so many epochs, and the best epoch is kept. None: all
+        epochs are trained, and the last one is kept.
+    error : str
+        Column that has its smallest value in the best epoch.
+    keep : function () or None
+        Called on the first process after each validated epoch that is the one to keep so far.
+    recall : function () or None
+        Called on every process after the last epoch of the phase; it goes back to the epoch that was kept.
     """
 
     name: str
@@ -318,18 +332,32 @@ def fit(
     resume: bool = False,
     report: checkpoints.Report = lambda row, end: None,
 ) -> list[checkpoints.Row]:
-    """Train through all phases; one row of history per epoch.
+    """Train networks through all phases, in one process or several, so that a training that was stopped can go on.
+
+    The loop of all systems; take it for a system of your own.
 
     Parameters
     ----------
-    fabric : Fabric, launched
-    phases : of networks on the device, which are trained in place; names differ
-    units : training units on the device
-    batching : how they are put into batches
-    folder : existing folder; state, ``history.csv`` and events for TensorBoard are kept up to date in it
-    settings : JSON-able; a state with other settings is not resumed
-    resume : go on from the state in `folder` when there is one
-    report : called with each epoch's row and the epoch that its phase ends at, on the first process only
+    fabric : Fabric of Lightning
+        Launched.
+    phases : sequence of Phase
+        Of networks on the device, which are trained in place. Names differ.
+    units : Units
+        Training units on the device.
+    batching : Batching
+        How they are put into batches.
+    folder : Path
+        An existing folder, in which state, ``history.csv`` and events for TensorBoard are kept up to date.
+    settings : JSON-able dict
+        A state with other settings is not resumed.
+    resume : bool
+        Go on from the state in `folder`, where there is one.
+    report : function (row, end)
+        Called on the first process with the row of each epoch, and the epoch at which its phase ends.
+
+    Returns
+    -------
+    list of dict, the history: a row for each epoch
 
     Raises
     ------

@@ -79,14 +79,17 @@ class Learner:
         measure: Measure = TrainOptions.measure,
         **own: Any,
     ) -> Any:
-        """The result of a training on corpora, in a folder of its own.
+        """Train on corpora, in a folder of its own, and return the result.
 
         Parameters
         ----------
-        data : folders of recordings
+        data : sequence of str or path
+            Folders of recordings.
         out, resume, accelerator, report, notice, progress, measure
             As of `harmolab.systems.training.checkpoints.TrainOptions`.
-        own : keywords of `learn`: ``preset``, ``split_seed``, or other values for fields of the settings, as ``seed``
+        **own
+            Keywords of `learn`: ``preset``, ``split_seed``, or other values for fields of the settings, such as
+            ``seed``.
 
         Raises
         ------
@@ -173,12 +176,18 @@ class PresetSystem(NetworkSystem):
         cls, data: list[PathLike], options: TrainOptions, *, preset: str = PRESETS[0], step: int = 2,
         split_seed: int = 0, **changes: Any,
     ) -> None:  # fmt: skip
-        """`train`; its own keywords:
+        """Train on corpora; `train` calls it, and takes these keywords.
 
-        preset : "small" or "paper", of `settings`
-        step : int, beats between the starts of training units
-        split_seed : int, of the split by motion group
-        changes : other values for fields of `settings`, such as ``seed``
+        Parameters
+        ----------
+        preset : "small" or "paper"
+            Of the settings of this system.
+        step : int, beats
+            From the start of one training unit to that of the next.
+        split_seed : int
+            Of the split into training, validation and test by motion group.
+        **changes
+            Other values for fields of the settings, such as ``seed``.
         """
         params = preset_settings(cls.settings, preset, PRESETS, changes)
         units = load_units(data, FeatureParams.paper(), step=step, progress=options.progress)

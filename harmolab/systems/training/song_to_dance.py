@@ -1,8 +1,8 @@
-"""From a song to a dance, for every network that moves a body by a motion code: what it gets, and what follows.
+"""From a song to a dance, for every network that moves a body by a motion code: its input, and what follows.
 
-A network that dances is a `DancerNetwork`: it says which music features it hears and which body it moves, and its
-method ``code`` turns a `DanceInput` into a motion code. Beats, features and the movement to start from are prepared
-here, and bones, floor and feet are seen to here, for all of them alike.
+A network that dances is a `DancerNetwork`: it says which music features it takes and which body it moves, and its
+method ``code`` turns a `DanceInput` into a motion code. For all of them alike, beats, features and the movement to
+start from are prepared here, and bones, floor and feet are seen to.
 """
 
 import math
@@ -153,20 +153,26 @@ class DancerNetwork(Normalised):
 
 
 def synthesize_dance(dancer: DancerNetwork, audio: Audio, *, poses: PoseBank | None = None, **options: Any) -> Motion:
-    """A dance to music, at the dancer's frame rate; frame 0 belongs to the audio time `start`.
+    """Let a network dance to music: a motion that begins at second `start` of the music, at the network's frame rate.
+
+    Systems do the same by their method `generate`; this function takes a network that belongs to none.
 
     Parameters
     ----------
-    dancer : DancerNetwork that knows its audio features, such as HarmoGAN's `Generator`
-    audio : Audio, the whole recording
-    poses : PoseBank of movements to start from
-        Left out: the mean pose at rest.
-    options : of `DanceRequest`: ``beats``, ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet``,
-        ``progress``; the dance starts from a movement of ``dance`` if the bank has one
+    dancer : DancerNetwork
+        That knows its audio features, such as HarmoGAN's `Generator`.
+    audio : Audio
+        The whole recording.
+    poses : PoseBank
+        Movements to start from; when left out, the mean pose at rest.
+    **options
+        ``beats``, ``start``, ``seconds``, ``seed`` and ``initial`` as in `System.generate`; ``plant_feet``,
+        ``progress``; and ``dance``: the dance starts from a movement of it, if there is one among the poses.
 
     Returns
     -------
-    Motion; the dancer starts at x = z = 0 facing +z, and stands on y = 0
+    Motion
+        The dancer starts at x = z = 0, facing +z, and stands on y = 0.
 
     Raises
     ------

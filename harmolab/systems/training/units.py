@@ -234,7 +234,17 @@ class Batch(Generic[A]):
 
 
 def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
-    """A batch of units, padded to the longest.
+    """One batch of several training units, padded to the longest, for training a network.
+
+    Parameters
+    ----------
+    units : sequence of DanceUnit
+        A unit is a meter of 4 to 6 beats, with the beats before it that fill it up (Sec. 4.1).
+
+    Returns
+    -------
+    Batch of arrays, the units first: `audio` (A_f), `motion`, `initial` (V_f, Eq. 23) and `index` (TI) by frame;
+    `beats` and `strengths`; `mask` and `beat_mask`, 1 where a frame or beat is no padding; and `bars`
 
     Raises
     ------
@@ -509,7 +519,7 @@ def grouped_units(
     segments = group_outlines([item.outline for item in contents])
     units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        reason = "every sequence is too short" if contents else "there is no sequence (see `harmolab data check`)"
+        reason = "every recording is too short" if contents else "there is no recording (see `harmolab data check`)"
         raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
     motions = [item.motion for item in contents]
     bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]

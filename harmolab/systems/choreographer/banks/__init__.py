@@ -1,10 +1,10 @@
-"""Movement that comes with harmolab, so that `harmolab dance` needs nothing else: recorded, dreamt, and a puppet.
+"""Movement that comes with harmolab, so that `harmolab dance` needs nothing else: recorded, of a network, computed.
 
 ========  ============================================================================================================
 salsa     the follower of a salsa couple, 11 takes, 5 minutes: CMU Graphics Lab Motion Capture Database, subject 61
 indian    an Indian solo dance, 6 takes, 2 minutes: subject 94 of the same
-ballroom  twelve dances of half a minute, dreamt by the shipped Music2Dance (`systems.music2dance`): no recorded frame
-puppet    synthetic dancers, made on the spot; no person was recorded
+ballroom  twelve dances of half a minute, made by the shipped Music2Dance (`systems.music2dance`): no recorded frame
+puppet    synthetic dancers, computed when they are asked for; no person was recorded
 ========  ============================================================================================================
 
 The recorded takes have a notice of their own beside them (NOTICE) and are not under the licence of the package.
@@ -36,12 +36,21 @@ PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, 
 
 
 def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
-    """The choreographer of a style that comes with harmolab.
+    """A choreographer with movement that comes with harmolab, so that it can dance at once.
 
     Parameters
     ----------
-    style : "salsa", "indian", "ballroom" or "puppet"
-    dance : name of one of `DANCES`, which a puppet can all dance (cha-cha when left out); else of no effect
+    style : str
+        "salsa": the follower of a recorded salsa couple, 11 takes, 5 minutes. "indian": a recorded Indian solo dance, 6
+        takes, 2 minutes. "ballroom": twelve dances of half a minute, made by the shipped Music2Dance. "puppet":
+        computed dancers.
+    dance : str
+        Name of one of `harmolab.DANCES`, all of which a puppet can dance (cha-cha when left out); of no effect for
+        other styles.
+
+    Returns
+    -------
+    Choreographer
 
     Raises
     ------
@@ -49,6 +58,10 @@ def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
         For another style, or a dance that no puppet knows.
     FileNotFoundError
         If the movement was left out of this installation.
+
+    Examples
+    --------
+    >>> motion = shipped_bank("salsa").generate(audio, seconds=20.0)  # doctest: +SKIP
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
