@@ -247,7 +247,9 @@ def test_words_about_joint_speed_name_the_numbers_of_their_table():
     row = {"detector": "turns", "tolerance (s)": 0.12, "music beats": 4, "visual beats": 9, "omitted": 1}
     row |= {"redundant": 6, "hit rate": 0.75, "chance": 0.5}
     tables = {"table05_omission_redundancy": pd.DataFrame([row])}
-    words = "Turns of the joint speed meet 75% of the music's beats within 0.12 s; at random moments they meet 50%."
+    words = (
+        "Turns of the joint speed meet 75% of the music's beats within 0.12 s; at random moments they would meet 50%."
+    )
     assert CELLS.finding(tables) == words
     assert "±0.12 s: 1 of 4 music beats omitted, 6 of 9 visual beats left over; 75.0% met" in CELLS.reading(tables)
 
@@ -271,7 +273,8 @@ def test_without_downbeats_the_table_is_empty(recordings: Path):
 def test_words_about_meter_name_the_numbers_of_their_table_and_nothing_without_downbeats(recordings: Path):
     table = METER.strong_by_place(TINY)
     words = METER.reading({"table06_strong_by_place": table})
-    assert "Eq. 22 calls 21% of all beats strong: in bars of 4 beats 100% of the downbeats and 21% of all." in words
+    downbeats = "Of the first beats of bars it calls strong 100% in bars of 4 beats (21% of all beats there)."
+    assert f"Eq. 22 calls 21% of all beats strong. {downbeats}" in words
     assert "Bars of 4, annotated beats: downbeats are strong more often than other beats, 100% of them" in words
     assert METER.finding({"table06_strong_by_place": table[:0]}) == "No recording has annotated downbeats."
 
@@ -281,23 +284,23 @@ def test_words_about_harmony_distortion_name_the_numbers_of_their_table():
     wide = counts | {"omitted": 0, "redundant": 35, "hits": 18, "chance hits": 17.96, "tolerance (s)": 0.24}
     table = pd.DataFrame([{"dance": "waltz", "seconds": 12.0, "tolerance (s)": 0.12} | counts, wide])
     words = notebook_cells("01_harmony_distortion").reading({"table01_agreement": table})
-    met = "meet 14 of 18 music beats within 0.12 s (78%, at random moments 86%), and 39 of the 53 are left over"
-    assert met in words
+    met = "meet 14 of 18 music beats within 0.12 s (78%; at random moments 86%). Of the 53 changes of direction 39 are"
+    assert f"{met} left over." in words
     assert words.endswith("The wide field gives changes of direction 4 hits more, and random moments 2.5.")
 
 
 def test_words_about_the_box_add_up_its_walks():
     walks = {"without box": [8, 8], "found again": [6, 2], "lost": [2, 6], "new": [5, 6], "found by chance": [3.0, 3.4]}
     words = notebook_cells("02_flow_or_skeleton").reading({"table02_box": pd.DataFrame(walks)})
-    assert "optical flow finds 50% of its beats again, by chance it would be 40%" in words
+    assert "optical flow finds 50% of its beats again; by chance it would find 40%." in words
     assert words.endswith("In 2 walks 8 of 16 beats are lost, and 11 are new.")
 
 
 @cases(
     "late, levels, words",
-    (0.6, (4, 3), "ours does, and by the paper's own settings the late dance is even the better one."),
-    (0.497, (4, 3), "by the paper's own settings the late dance is all but as good."),
-    (0.4, (4, 4), "ours does not, and by the paper's own settings the late dance is the worse one, too."),
+    (0.6, (4, 3), "Our score does. By the paper's own settings the late dance scores higher than the dance in time."),
+    (0.497, (4, 3), "the late dance scores about as high as the dance in time."),
+    (0.4, (4, 4), "score does not. By the paper's own settings the late dance scores lower than the dance in time."),
 )
 def test_the_first_finding_says_which_number_falls(late: float, levels: tuple[int, int], words: str):
     dances = ["in time", "half a beat late"]
@@ -330,8 +333,8 @@ def test_words_about_tolerance_name_the_numbers_of_their_table():
     rows += [("valleys", 0.1, 0.6, 0.3), ("valleys", 0.25, 0.7, 0.6)]
     table = pd.DataFrame(rows, columns=["beats", "delay", "hit_rate", "chance"]).assign(delay_of_paper=0.25)
     tables = {"eq18_tolerance_and_chance": table}
-    finding = "Within the 0.25 s of the paper turns of the joint speed hit 90% of the beats, and at random moments 88%."
-    assert SCORING.finding(tables) == finding
+    hits = "turns of the joint speed hit 90% of the beats; at random moments they would hit 88%."
+    assert SCORING.finding(tables) == f"Within the 0.25 s that the paper allows, {hits}"
     words = SCORING.reading(tables)
     best = "stand furthest above chance at 0.1 s, by"
     assert f"Turns of the joint speed (paper) {best} 10%: they hit 50%, chance 40%." in words

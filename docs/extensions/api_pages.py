@@ -6,6 +6,7 @@ import ast
 import importlib
 import inspect
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from generated_pages import write_pages
@@ -69,10 +70,13 @@ def directive(facade: str, name: str) -> str:
     """Autodoc's directive for one public name."""
     value = getattr(importlib.import_module(facade), name)
     if inspect.isclass(value):
-        return f".. autoclass:: {facade}.{name}\n   :members:\n"
+        bases = value.__mro__[1:-1]  # of a class of ours alone: those of torch and of Python have hundreds of members
+        inherited = all(base.__module__.startswith("harmolab") for base in bases if base.__module__ != "typing")
+        return f".. autoclass:: {facade}.{name}\n   :members:\n" + "   :inherited-members:\n" * inherited
     if callable(value):
         return f".. autofunction:: {facade}.{name}\n"
-    return f".. py:data:: {facade}.{name}\n\n   {type(value).__name__}\n"
+    held = f"For {', '.join(f'``{key}``' for key in value)}." if isinstance(value, Mapping) else type(value).__name__
+    return f".. py:data:: {facade}.{name}\n\n   {held}\n"
 
 
 def area_page(facade: str, area: str, names: list[str]) -> str:
