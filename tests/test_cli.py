@@ -639,7 +639,7 @@ def test_a_movement_bent_to_beats_that_are_unsure_gets_no_verdict_from_them(tmp_
     once = succeed("retime", tmp_path / "surf.wav", dance, "--offset", 0, "--out", bent)
     before, after = once.stdout.splitlines()[:2]
     assert before.startswith("before: Cannot tell: the beats found in this music are unsure") and "--tap" in before
-    assert after == "after: no verdict: it is laid on beats that a program found, and these are unsure"
+    assert after == "after: no verdict, since it is laid on beats that a program found, which are unsure"
     again = succeed("retime", tmp_path / "surf.wav", dance, "--strength", 0, "--offset", 0, "--out", bent)
     assert "after: Cannot tell" in again.stdout
 

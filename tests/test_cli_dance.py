@@ -229,7 +229,7 @@ def test_mp4_plays_with_its_sound(dance: Callable[..., Result], tmp_path: Path, 
 def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them():
     clip = planted_dance(seconds=20.0, fps=30.0)
     assert clip.motion is not None and clip.beats is not None
-    unsure = "No verdict: it is laid on beats that a program found, and these are unsure."
+    unsure = "No verdict, since it is laid on beats that a program found, which are unsure."
     for fit, words in ((1.0, "The dance is on the beat: slow on it"), (0.3, unsure)):
         music = replace(clip.beats, quality=fit, fit=fit)
         report = DanceReport(0, clip.motion, 0.0, music, score_motion(music, clip.motion), Likeness())

@@ -260,7 +260,7 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
-UNSURE = "no verdict: it is laid on beats that a program found, and these are unsure"  # of a movement made to fit
+UNSURE = "no verdict, since it is laid on beats that a program found, which are unsure"  # of a movement made to fit
 
 
 def print_music(beats: harmolab.BeatTrack) -> None:
