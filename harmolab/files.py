@@ -294,6 +294,17 @@ def plain(content: Any) -> Any:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
+def is_close(a: Any, b: Any) -> bool:
+    """True for two contents of JSON that are the same but for the last digits, in which processors differ."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(is_close(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(is_close, a, b))
+    if float in (kinds := {type(a), type(b)}) and kinds <= {float, int}:
+        return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9)
+    return bool(a == b)
+
+
 def cache_folder() -> Path | None:
     """Folder of kept analyses: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
     named = os.environ.get("HARMOLAB_CACHE")

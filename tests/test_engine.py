@@ -1,6 +1,7 @@
 """One table from one process or several, killed or not: every row once, the same to the last bit."""
 
 import json
+import math
 import os
 import signal
 import socket
@@ -221,6 +222,10 @@ def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
         run_rows(Numbers(100), square, tmp_path, jobs=0)
     with pytest.raises(ValueError, match=r"settings\.limits\.jerk was 1 and is 2, settings\.window was 6\.0 and is 8"):
         run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}})
+    with pytest.raises(ValueError, match=r"settings\.window was 6\.0 and is 'all'"):
+        run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": "all", "limits": {"jerk": 1}})
+    rounded = {"window": math.nextafter(6.0, 7.0), "limits": {"jerk": 1.0}}  # as of another processor
+    run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings=rounded)
     with pytest.raises(ValueError, match=r"otherwise: rows was 100 and is 99; .* --force, without --resume"):
         run_rows(Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
     with pytest.raises(ValueError, match="otherwise: other files, as many as now; ask for the same"):

@@ -25,7 +25,7 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from harmolab.files import PathLike, Progress, plain, read_json, reading, silent, write_json
+from harmolab.files import PathLike, Progress, is_close, plain, read_json, reading, silent, write_json
 from harmolab.lab.evaluate.parts import PART_ROWS, STAMP, Row, cell, part_frames, part_path, part_texts, write_parts
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ def _check_folder(out: Path, *, resume: bool, force: bool) -> bool:
 def _check_same(path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
     """ValueError that names every entry in which the manifest of a run differs from that of this one."""
     before, now = dict(_leaves(old)), dict(_leaves(new))
-    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    changed = [name for name in sorted(before.keys() | now.keys()) if not is_close(before.get(name), now.get(name))]
     named = [name for name in changed if name != "keys"]
     pairs = [f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in named]
     if changed:

@@ -18,10 +18,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.files import PathLike, is_close, plain, read_json, reading, write_json, write_text
 from harmolab.lab.evaluate import summary
 from harmolab.lab.evaluate.as_text import MUSICAL, number_text
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
@@ -318,14 +317,3 @@ def _text_faults(folder: Path) -> Iterator[str]:
     for name in (ROW, EVIDENCE, FILES, README):
         if (folder / name).is_file() and (place := _PLACE.search((folder / name).read_text("utf-8"))):
             yield f"{name}: names a place on a disk ({place[0].strip()}...); it would be published"
-
-
-def is_close(a: Any, b: Any) -> bool:
-    """True for two contents of JSON that are the same but for the last digits of their numbers."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(is_close(a[key], b[key]) for key in a)
-    if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(map(is_close, a, b))
-    if isinstance(a, float) or isinstance(b, float):
-        return None not in (a, b) and bool(np.isclose(a, b, rtol=1e-9, atol=1e-9))
-    return bool(a == b)
