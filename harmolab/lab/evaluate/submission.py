@@ -182,12 +182,12 @@ def _command(settings: Mapping[str, Any]) -> str:
 
 
 def file_hashes(paths: Iterable[PathLike]) -> pd.DataFrame:
-    """Name and SHA-256 of some files and of all files in some folders, whatever lies above them; sorted."""
+    """Name and SHA-256 of some files and of all in some folders but hidden ones, whatever lies above them; sorted."""
     lines = sorted(
         (path.relative_to(top.parent).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest())
         for top in map(Path, set(paths))
         for path in (top.rglob("*") if top.is_dir() else [top])
-        if path.is_file()
+        if path.is_file() and not path.name.startswith(".")
     )
     return pd.DataFrame(lines, columns=["file", "sha256"])
 
@@ -214,8 +214,8 @@ def write_submission(table: PathLike, out: PathLike) -> None:
         As `submission_of`; `out` holds other files than those of a row.
     """
     out = Path(out)
-    strangers = sorted({path.name for path in out.iterdir()} - {ROW, EVIDENCE, FILES, README}) if out.is_dir() else []
-    if strangers:
+    there = {path.name for path in out.iterdir() if not path.name.startswith(".")} if out.is_dir() else set()
+    if strangers := sorted(there - {ROW, EVIDENCE, FILES, README}):
         raise ValueError(f"{out}: holds {strangers[0]}, which is no part of a row; name a new folder")
     row = submission_of(table)
     former = dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
