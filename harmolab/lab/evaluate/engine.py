@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import logging
-import os
 import platform
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -119,8 +118,12 @@ def check_engine_installed(jobs: int | None, scheduler: str = "") -> None:
 
 
 def usual_jobs(n_tasks: int = FEW) -> int:
-    """Processes for so many tasks without a number: one a core, 0 for a few tasks or without dask."""
-    return (os.cpu_count() or 1) if n_tasks >= FEW and find_spec("distributed") else 0
+    """Processes for so many tasks without a number: one a core of this job, 0 for a few tasks or without dask."""
+    if n_tasks < FEW or find_spec("distributed") is None:
+        return 0
+    from dask.system import cpu_count
+
+    return int(cpu_count())  # a cluster or a container may lend a job some of the machine's cores only
 
 
 def run_rows(
