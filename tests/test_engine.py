@@ -181,6 +181,29 @@ def test_rows_of_changed_inputs_are_measured_anew(tmp_path: Path):
     assert not table["error"].any()
 
 
+def test_a_resumed_run_tries_again_what_failed_for_no_fault_of_its_inputs(tmp_path: Path):
+    measured: list[int] = []
+    failing: dict[int, Exception] = {3: ValueError("damaged"), 70: MemoryError()}
+
+    def measure(task: Number) -> dict[str, Any]:
+        measured.append(task.number)
+        if task.number in failing:
+            raise failing[task.number]
+        return square(task)
+
+    def go_on() -> list[int]:
+        measured.clear()
+        run_rows(Numbers(100), measure, tmp_path, jobs=0, resume=True)
+        return list(measured)
+
+    assert go_on() == list(range(100))
+    del failing[70]
+    assert go_on() == list(range(70, 100))
+    assert go_on() == []
+    errors = pd.concat(read_rows(tmp_path), ignore_index=True).set_index("key")["error"]
+    assert errors["00003"] == "ValueError: damaged" and errors["00070"] == ""
+
+
 def test_parts_without_the_state_of_their_inputs_are_measured_anew(tmp_path: Path):
     run_rows(Numbers(100), square, tmp_path / "out", jobs=0)
     counts: list[int] = []

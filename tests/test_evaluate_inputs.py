@@ -436,6 +436,13 @@ def test_hidden_files_are_no_part_of_a_recording(tmp_path: Path) -> None:
     assert pairing.input_stamp(tmp_path) != stamp
 
 
+def test_a_dance_that_may_be_read_now_is_in_another_state_than_before(tmp_path: Path) -> None:
+    (tmp_path / "motion.npz").write_text("a dance")
+    with patch.object(pairing.os, "access", lambda path, mode: False):
+        closed = pairing.input_stamp(tmp_path)
+    assert pairing.input_stamp(tmp_path) != closed
+
+
 @pytest.mark.slow
 def test_what_does_not_follow_from_the_files_of_a_row_is_named(sound: Path, tmp_path: Path) -> None:
     out = tmp_path / "row"

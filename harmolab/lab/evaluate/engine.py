@@ -74,7 +74,11 @@ SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
 CONNECT_SECONDS = 30
 LOCK = ".lock"
 _BUSY = "another process is at this run; wait until it ends, or stop it"
-_KILLED = "kills the process that measures it, each time (out of memory, or a fault in compiled code)"
+_KILLED = (
+    "kills the process that measures it, each time (out of memory, or a fault in compiled code); --resume tries it "
+    "again, with fewer --jobs where memory is short"
+)
+OF_INPUTS = ("ValueError: ", "FileNotFoundError: ", "MissingFrameRate: ")  # errors that stay while the inputs do
 
 
 class Task(Protocol):
@@ -168,7 +172,8 @@ def run_rows(
     settings : JSON-able mapping
         All that the rows depend on besides the tasks. A run is resumed with the same settings only.
     stamp : function of a module, from a task to a text that changes with its inputs
-        A run that is resumed measures tasks anew whose text is another one, and those after them in their part.
+        A run that is resumed measures tasks anew whose text is another one, and those after them in their part; so it
+        does with tasks that failed for want of memory, of a package or of a disk, with or without `stamp`.
     part_rows : int
         Rows of a part, 1,024 when left out. Take fewer where rows are long: a part is held in memory, and written anew
         as it grows.
@@ -321,16 +326,18 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _rows_done(path: Path, tasks: Sequence[Task], place: range, stamp: Stamp | None) -> int:
-    """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
+    """Rows of a part that are there, up to the first of changed inputs, or that failed for no fault of its inputs.
+
+    0 for half a file, or rows of other tasks.
+    """
     keys = part_texts(path, KEY)
     own = [tasks[index] for index in place[: len(keys)]]
     if keys != [task.key for task in own]:
         return 0
-    if stamp is None:
-        return len(keys)
-    former = part_texts(path, STAMP)
-    same = takewhile(lambda pair: stamp(pair[0]) == pair[1], zip(own, former, strict=False))  # older parts have none
-    return sum(1 for _ in same)
+    states = [""] * len(keys) if stamp is None else part_texts(path, STAMP)  # older parts have none
+    rows = zip(own, states, part_texts(path, ERROR), strict=False)
+    same = takewhile(lambda row: stamp is None or stamp(row[0]) == row[1], rows)
+    return sum(1 for _ in takewhile(lambda row: not row[2] or row[2].startswith(OF_INPUTS), same))
 
 
 @contextmanager

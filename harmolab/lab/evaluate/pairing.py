@@ -437,7 +437,7 @@ def _state(file: Path) -> tuple[int, ...]:
         status = file.stat()
     except OSError:
         return ()
-    return status.st_size, status.st_mtime_ns
+    return (status.st_size, status.st_mtime_ns) if os.access(file, os.R_OK) else ()
 
 
 def _entries(folder: PathLike) -> list[Path]:
