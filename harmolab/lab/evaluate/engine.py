@@ -74,10 +74,7 @@ SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
 CONNECT_SECONDS = 30
 LOCK = ".lock"
 _BUSY = "another process is at this run; wait until it ends, or stop it"
-_KILLED = (
-    "kills the process that measures it, each time (out of memory, or a fault in compiled code); --resume tries it "
-    "again, with fewer --jobs where memory is short"
-)
+_KILLED = "kills the process each time (no memory, or a fault in compiled code); try --resume with fewer --jobs"
 OF_INPUTS = ("ValueError: ", "FileNotFoundError: ", "MissingFrameRate: ")  # errors that stay while the inputs do
 
 

@@ -214,8 +214,8 @@ def write_submission(table: PathLike, out: PathLike) -> None:
         As `submission_of`; `out` holds other files than those of a row.
     """
     out = Path(out)
-    there = {path.name for path in out.iterdir() if not path.name.startswith(".")} if out.is_dir() else set()
-    if strangers := sorted(there - {ROW, EVIDENCE, FILES, README}):
+    names = {path.name for path in out.iterdir() if not path.name.startswith(".")} if out.is_dir() else set()
+    if strangers := sorted(names - {ROW, EVIDENCE, FILES, README}):
         raise ValueError(f"{out}: holds {strangers[0]}, which is no part of a row; name a new folder")
     row = submission_of(table)
     former = dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
