@@ -507,6 +507,12 @@ def test_a_film_read_by_its_flow_has_the_marks_of_its_movement(video: VideoFrame
     assert lit == {DANCER: True, MISS: False}
 
 
+def test_a_part_of_a_dance_over_its_film_is_as_long_as_its_sound(video: VideoFrames, tmp_path: Path) -> None:
+    clip = Clip("x", Audio(np.zeros(16000), 8000), Motion(np.zeros((10, 2, 3)), 10.0, POLE))
+    write_dance(tmp_path / "x.mp4", clip, over=video.path, points=pole([50.0] * 20), marks=False)
+    assert len([*video_frames(tmp_path / "x.mp4")]) == 10
+
+
 def test_pixels_of_the_source_are_scaled_to_the_frames_and_points_of_another_picture_are_refused(video) -> None:
     np.testing.assert_allclose(points_in_picture(pole([400, 400]), video).positions[0], [[200, 30], [200, 90]])
     fault = r"take\.mp4: 100% of the points lie outside its pictures of 640 x 480 pixels"
