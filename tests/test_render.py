@@ -107,7 +107,8 @@ def test_bodies_without_names_are_sticks_and_without_bones_dots() -> None:
     pair = Skeleton(("a", "b", "c"), (-1, 0, 1))
     plan = person.body_plan(standing(pair), pair)
     assert [(part.points, part.paint) for part in plan.parts] == [((0, 1), "stick"), ((1, 2), "stick")]
-    assert [part.points for part in person.body_plan(standing(pair), Skeleton.unnamed(3)).parts] == [(0,), (1,), (2,)]
+    for markers in (Skeleton.unnamed(3), Skeleton(("HeadL", "HeadR", "Chest"), (-1, -1, -1))):
+        assert [part.points for part in person.body_plan(standing(pair), markers).parts] == [(0,), (1,), (2,)]
 
 
 @pytest.mark.parametrize("name", BODIES)
