@@ -427,6 +427,10 @@ def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_pa
         assert any(words in line for line in lines) and "Judged as a cha-cha, as you said." not in lines, lines
     assert any(line.startswith("After: You are on the beat: you hit it") for line in lines), lines
     said.clear()
+    work(Order("judge", *files, "tango", 0.0, tmp_path), Teller(said.append))
+    text = " ".join(next(one["lines"] for one in said if "lines" in one))
+    assert "judged as if no dance was named." in text and "as you said." in text and "Judged as a tango" not in text
+    said.clear()
     work(Order("fit", *files, "", 0.0, tmp_path, has_start=False, how="hit"), Teller(said.append))
     assert "of the beats" in next(one["lines"][0] for one in said if "lines" in one)
     page = (tmp_path / "in_time.html").read_text("utf-8")

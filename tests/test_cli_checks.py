@@ -29,6 +29,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.files import is_own_file, keep_arrays, write_text
 from harmolab.lab.render.video import retime_files
 from harmolab.readers.motion import load_motion, save_motion
+from harmolab.readers.video import write_video
 from tests.builders import called, cases, complaint, done, planted_dance, refused, still, write_pair
 
 run, succeed, refusal = (partial(call, app) for call in (called, done, complaint))
@@ -214,6 +215,13 @@ def test_files_named_after_the_song_are_not_written_over_either():
     assert refusal("dance", "song.wav") == f"song_dance.mp4: {FOREIGN}"
     Path("song_performance.html").write_text("precious")
     assert refusal("perform", "song.wav", "--instrument", "piano").startswith("song_performance.html: is there")
+
+
+@pytest.mark.slow
+def test_a_long_film_of_ours_is_known_though_its_tags_stand_neither_at_the_begin_nor_at_the_end():
+    write_video("x.mp4", [np.full((16, 16, 3), 90, np.uint8)] * 7000, 30.0)
+    content = Path("x.mp4").read_bytes()
+    assert 2**16 < content.index(b"written by harmolab") < len(content) - 2**16 and is_own_file("x.mp4")
 
 
 def test_the_files_of_other_programs_are_told_from_ours(tmp_path: Path):

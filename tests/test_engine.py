@@ -1,6 +1,7 @@
 """One table from one process or several, killed or not: every row once, the same to the last bit."""
 
 import json
+import math
 import os
 import signal
 import socket
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from dask.system import cpu_count
 
 from harmolab.files import read_json, write_json
 from harmolab.lab.evaluate import engine, parts
@@ -86,7 +88,10 @@ def test_few_tasks_are_measured_in_this_process_unless_a_number_is_set(monkeypat
         run_rows(Numbers(engine.FEW), square, tmp_path / "many", jobs=None)
     with pytest.raises(ZeroDivisionError):
         run_rows(Numbers(3), square, tmp_path / "named", jobs=1)
-    assert engine.usual_jobs(engine.FEW) == os.cpu_count()
+    assert engine.usual_jobs(engine.FEW) == cpu_count()
+    # As Slurm lends a job one core of a machine that has many.
+    monkeypatch.setattr("psutil.Process.cpu_affinity", lambda process: [3], raising=False)
+    assert engine.usual_jobs(engine.FEW) == 1
 
 
 def worker_settings(task: Number) -> dict[str, Any]:
@@ -176,6 +181,29 @@ def test_rows_of_changed_inputs_are_measured_anew(tmp_path: Path):
     assert not table["error"].any()
 
 
+def test_a_resumed_run_tries_again_what_failed_for_no_fault_of_its_inputs(tmp_path: Path):
+    measured: list[int] = []
+    failing: dict[int, Exception] = {3: ValueError("damaged"), 70: MemoryError()}
+
+    def measure(task: Number) -> dict[str, Any]:
+        measured.append(task.number)
+        if task.number in failing:
+            raise failing[task.number]
+        return square(task)
+
+    def go_on() -> list[int]:
+        measured.clear()
+        run_rows(Numbers(100), measure, tmp_path, jobs=0, resume=True)
+        return list(measured)
+
+    assert go_on() == list(range(100))
+    del failing[70]
+    assert go_on() == list(range(70, 100))
+    assert go_on() == []
+    errors = pd.concat(read_rows(tmp_path), ignore_index=True).set_index("key")["error"]
+    assert errors["00003"] == "ValueError: damaged" and errors["00070"] == ""
+
+
 def test_parts_without_the_state_of_their_inputs_are_measured_anew(tmp_path: Path):
     run_rows(Numbers(100), square, tmp_path / "out", jobs=0)
     counts: list[int] = []
@@ -221,6 +249,10 @@ def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
         run_rows(Numbers(100), square, tmp_path, jobs=0)
     with pytest.raises(ValueError, match=r"settings\.limits\.jerk was 1 and is 2, settings\.window was 6\.0 and is 8"):
         run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}})
+    with pytest.raises(ValueError, match=r"settings\.window was 6\.0 and is 'all'"):
+        run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": "all", "limits": {"jerk": 1}})
+    rounded = {"window": math.nextafter(6.0, 7.0), "limits": {"jerk": 1.0}}  # as of another processor
+    run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings=rounded)
     with pytest.raises(ValueError, match=r"otherwise: rows was 100 and is 99; .* --force, without --resume"):
         run_rows(Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
     with pytest.raises(ValueError, match="otherwise: other files, as many as now; ask for the same"):

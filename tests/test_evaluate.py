@@ -1027,6 +1027,7 @@ def test_the_command_writes_the_table_and_says_where(few: Path, tmp_path: Path) 
     (("--system", "ours={planted}/on", "--system", "ours={planted}/off"), "there is a system 'ours' already"),
     ((), "there is nothing to evaluate"),
     (("--system", "ours={planted}/nowhere"), "nowhere: no such folder"),
+    (("--system", "ours=~/nowhere"), f"{Path.home()}/nowhere: no such folder"),
     (("--system", "ours={tmp}/loop"), "/loop"),
     (("--system", "ours={planted}/on", "--fps", "nan"), "--fps must be a finite number"),
     (("--system", "ours={planted}/on", "--protocol", "nobody"), "no protocol is called 'nobody'"),

@@ -23,6 +23,7 @@ from harmolab.lab.evaluate import pairing
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances, evaluation_pairs
 from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs, song_of
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
+from harmolab.lab.evaluate.submission import file_hashes
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import Motion
 from tests.builders import called, cases, done, planted_dance, refused, track, write_song
@@ -421,8 +422,25 @@ def test_a_row_can_be_made_of_a_table_and_is_checked_from_its_own_files(sound: P
     assert songs == ["song0.wav", "song1.wav"] and measured["versions"].keys() >= {"harmolab", "numpy", "scipy"}
     assert measured["command"].startswith("harmolab evaluate --system ours=recorded --music songs --reference recorded")
     assert str(sound.parent) not in "".join(path.read_text("utf-8") for path in out.iterdir())
+    (out / ".DS_Store").touch()  # as a Mac leaves it where people have looked
     again = done(app, "evaluate", "submit", sound, "--out", out)  # what people wrote stays
     assert "nothing is missing" in again.output
+
+
+def test_hidden_files_are_no_part_of_a_recording(tmp_path: Path) -> None:
+    (tmp_path / "motion.npz").write_text("a dance")
+    stamp, hashes = pairing.input_stamp(tmp_path), file_hashes([tmp_path])
+    (tmp_path / ".DS_Store").touch()
+    assert pairing.input_stamp(tmp_path) == stamp and file_hashes([tmp_path]).equals(hashes)
+    (tmp_path / "beats.json").touch()
+    assert pairing.input_stamp(tmp_path) != stamp
+
+
+def test_a_dance_that_may_be_read_now_is_in_another_state_than_before(tmp_path: Path) -> None:
+    (tmp_path / "motion.npz").write_text("a dance")
+    with patch.object(pairing.os, "access", lambda path, mode: False):
+        closed = pairing.input_stamp(tmp_path)
+    assert pairing.input_stamp(tmp_path) != closed
 
 
 @pytest.mark.slow

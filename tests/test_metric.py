@@ -355,5 +355,6 @@ def test_torchmetrics_has_the_same_numbers():
     collection = torchmetrics.MetricCollection({"dance": DanceMetric(SYNTHETIC).torchmetrics()})
     for first in (0, 2):
         collection.update(motions[first : first + 2], beats[first : first + 2], songs=[f"{first}", f"{first + 1}"])
+    collection.update([], [])  # a batch of which nothing is left
     numbers = collection.set_dtype("torch.BFloat16Tensor").compute().items()
     np.testing.assert_equal({name.removeprefix("dance_"): float(one) for name, one in numbers}, metric.compute())

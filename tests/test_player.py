@@ -351,6 +351,12 @@ def test_a_second_dance_has_a_song_time_of_its_own(long_files: Path, tmp_path: P
     assert number_of(data_of(played(*command, 2.12))["dancers"][1]) < number_of(other) - 0.2
 
 
+def test_two_dances_of_one_name_have_two_verdicts(clip: Clip) -> None:
+    dances = [replace(clip, name="take"), replace(clip, name="take", motion=still(360, fps=60.0))]
+    levels = re.findall(r'<th scope="row">take, (\w+): level</th><td>(\d of 4: .*?)</td>', player_of(dances).page)
+    assert [side for side, _ in levels] == ["left", "right"] and levels[0][1] != levels[1][1]
+
+
 def test_two_dances_whose_frames_lie_between_each_others_keep_their_moments() -> None:
     whole = planted_dance(seconds=20.0, fps=30.0)
     slow = replace(whole, motion=Motion(whole.motion.positions[::2], 15.0, whole.motion.skeleton))

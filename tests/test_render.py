@@ -12,6 +12,7 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab import person
+from harmolab.lab.explain.offset import PICTURE
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
 from harmolab.lab.render.stick import BACKGROUND, DANCER, HIT, MISS, MUSIC, captioned, hit_times, render_skeleton
@@ -23,7 +24,7 @@ from harmolab.readers.player_points import PLAYER_50
 from harmolab.readers.smpl import SMPL_24
 from harmolab.readers.video import VideoFrames, video_frames, write_video
 from harmolab.score import HarmonyScore, score_harmony
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from study.figures.moving_box import box_walk, moving_box
 from tests.builders import cases, refused, track
 
@@ -106,7 +107,8 @@ def test_bodies_without_names_are_sticks_and_without_bones_dots() -> None:
     pair = Skeleton(("a", "b", "c"), (-1, 0, 1))
     plan = person.body_plan(standing(pair), pair)
     assert [(part.points, part.paint) for part in plan.parts] == [((0, 1), "stick"), ((1, 2), "stick")]
-    assert [part.points for part in person.body_plan(standing(pair), Skeleton.unnamed(3)).parts] == [(0,), (1,), (2,)]
+    for markers in (Skeleton.unnamed(3), Skeleton(("HeadL", "HeadR", "Chest"), (-1, -1, -1))):
+        assert [part.points for part in person.body_plan(standing(pair), markers).parts] == [(0,), (1,), (2,)]
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -493,6 +495,23 @@ def test_marks_light_up_on_their_beats() -> None:
 def test_mark_lights_up_in_the_picture_nearest_to_its_beat_and_not_later() -> None:
     frames = overlay_skeleton(plain(20), 10.0, pole([200] * 20), score=score(track([0.53, 1.27]), track([])))
     assert [n for n, frame in enumerate(frames) if (frame[10, 10] == (0, 114, 178)).all()] == [5, 6, 13, 14]
+
+
+def test_a_film_read_by_its_flow_has_the_marks_of_its_movement(video: VideoFrames, tmp_path: Path) -> None:
+    beats, seconds = track([0.5, 1.0, 1.5], duration=2.0), np.arange(60) / 30
+    way = seconds - np.sin(4 * np.pi * seconds) / (4 * np.pi)  # at rest each half second
+    motion = Motion(np.stack([way, 0 * way], axis=1)[:, None], 30.0, PICTURE)
+    clip = Clip("x", Audio(np.zeros(16000), 8000), motion, beats=beats)
+    write_dance(tmp_path / "x.mp4", clip, over=video.path, params=HarmonyParams.valleys())
+    shown = np.stack([*video_frames(tmp_path / "x.mp4", colour=True)])[:, :80, :40].astype(int)
+    lit = {mark: ((abs(shown - mark) < 60).all(axis=3).sum(axis=(1, 2)) > 40).any() for mark in (DANCER, MISS)}
+    assert lit == {DANCER: True, MISS: False}
+
+
+def test_a_part_of_a_dance_over_its_film_is_as_long_as_its_sound(video: VideoFrames, tmp_path: Path) -> None:
+    clip = Clip("x", Audio(np.zeros(16000), 8000), Motion(np.zeros((10, 2, 3)), 10.0, POLE))
+    write_dance(tmp_path / "x.mp4", clip, over=video.path, points=pole([50.0] * 20), marks=False)
+    assert len([*video_frames(tmp_path / "x.mp4")]) == 10
 
 
 def test_pixels_of_the_source_are_scaled_to_the_frames_and_points_of_another_picture_are_refused(video) -> None:

@@ -66,7 +66,7 @@ meter_lab(synthetic_clip("rumba", seconds=6.0))
 def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = ()) -> None:
     """A notebook whose first cell is Markdown and the others code."""
     nodes = [new_markdown_cell(cells[0]), *map(new_code_cell, cells[1:])]
-    kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    kernel = {"name": "her-own", "display_name": "Her own", "language": "python"}
     nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": {"paper": list(paper)}}), path)
 
 
@@ -262,6 +262,13 @@ def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(arguments, sec
 
     monkeypatch.setattr(report, "build", build)
     assert report.main(arguments) == 0
+
+
+def test_a_file_that_is_no_notebook_fails_alone(tmp_path: Path):
+    (tmp_path / "00_merged.ipynb").write_text('<<<<<<< HEAD\n{"cells": []}\n=======\n')
+    (run,) = report.build(tmp_path, tmp_path / "report", progress=False).failures
+    assert run.error.startswith("its file, which is no notebook")
+    assert "This notebook failed" in (tmp_path / "report" / "00_merged.html").read_text("utf-8")
 
 
 def test_folder_that_holds_something_else_is_not_replaced(tmp_path: Path):

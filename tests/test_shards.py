@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
@@ -16,7 +17,7 @@ import pytest
 from harmolab import files
 from harmolab.cli import app
 from harmolab.data.synthetic import write_corpus
-from harmolab.files import write_json
+from harmolab.files import read_json, write_json
 from harmolab.lab.evaluate import evaluation, shards
 from harmolab.lab.evaluate.evaluation import MARK, EvaluationSettings, evaluate_dances
 from harmolab.lab.evaluate.page import write_evaluation
@@ -110,6 +111,18 @@ def test_what_does_not_belong_together_is_not_merged(sharded: Path, tmp_path: Pa
     shards = copied(sharded, tmp_path / "cut")
     max((shards / "s3" / "rows").glob("part-*")).unlink()
     refused(r"s3: holds \d+ of \d+ rows", merge_shards, folders(shards), tmp_path / "table")
+
+
+@pytest.mark.slow
+def test_shards_of_processors_that_differ_in_the_last_digit_are_resumed_and_merged(sharded: Path, tmp_path: Path):
+    shards = copied(sharded, tmp_path / "shards")
+    manifest = read_json(shards / "s2" / "rows" / "run.json")
+    for numbers in manifest["settings"]["limits"]["pooled"].values():  # as with and without AVX-512
+        numbers[0] = math.nextafter(numbers[0], 0.0)
+    write_json(shards / "s2" / "rows" / "run.json", manifest)
+    measure_shard(settings(sharded), shards / "s2", Shard(2, COUNT), resume=True)
+    merge_shards(folders(shards), tmp_path / "table")
+    assert (tmp_path / "table" / "clips.csv").read_bytes() == (sharded / "one" / "clips.csv").read_bytes()
 
 
 @pytest.mark.slow

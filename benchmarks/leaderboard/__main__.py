@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.leaderboard.page import SCORES, page
-from harmolab.files import PathLike, plain, write_json, write_text
+from harmolab.files import PathLike, is_close, plain, write_json, write_text
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.evaluate.submission import (
     ABOUT,
@@ -34,7 +34,6 @@ from harmolab.lab.evaluate.submission import (
     digest_of,
     evaluate_numbers,
     file_hashes,
-    is_close,
     read_evidence,
     row_content,
     submission_of,

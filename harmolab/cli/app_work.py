@@ -8,7 +8,7 @@ from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 
-from harmolab.cli.common import OF_LAB, CommandWithParts, dance_title, recommended
+from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, instead, is_worse
@@ -56,7 +56,9 @@ def judge(order: Order, teller: Teller) -> None:
     params = recommended(None, order.style, order.how)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
-    notes += [f"Judged as a {order.style}, as you said."] if order.style and not order.how else []
+    if order.style and not order.how:
+        judged = "Judged as a {}, as you said." if params.pattern else UNUSUAL
+        notes.append(sentence(judged.format(order.style)))
     notes += _tempo(song, order.style, result.music)
     lines, place = [*result.summary, *notes], result.placement
     teller.lines(lines, is_good=result.is_together, offset=place.seconds, has_start=place.is_absolute)

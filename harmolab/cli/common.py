@@ -193,6 +193,7 @@ class JudgeOptions:
         return recommended(self.pattern, dance, self.how)
 
 
+UNUSUAL = "{}: how it is usually danced is not known, so it is judged as if no dance was named"
 SECTION = "\n\nParameters\n----------\n"  # of a docstring; behind it stand lines "name : help"
 
 
@@ -246,7 +247,7 @@ def recommended(pattern: Path | None, dance: str, how: str | None = None) -> har
     if pattern is not None:
         return harmolab.HarmonyParams.recommended(load_pattern(pattern, dance))
     if dance in DANCES and dance not in DANCE_PATTERNS:
-        screen.note(f"{dance}: how it is usually danced is not known, so it is judged as if no dance was named")
+        screen.note(UNUSUAL.format(dance))
     return harmolab.HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
 
 

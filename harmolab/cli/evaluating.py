@@ -206,7 +206,7 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> l
             raise ValueError(f"--system {text}: write it as NAME=FOLDER, such as --system ours=runs/ours")
         if name.strip() in folders:
             raise ValueError(f"--system {text}: there is a system {name.strip()!r} already; choose another name")
-        folders[name.strip()] = Path(folder)
+        folders[name.strip()] = Path(folder).expanduser()  # the shell of a Mac leaves a ~ behind the = as it is
     return lab.EvaluationSettings(folders, **others)  # type: ignore[arg-type]
 
 

@@ -124,7 +124,7 @@ def _limbs(
     skeleton: skeletons.Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool
 ) -> Iterator[Part]:
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
-    skull = set(_skull_joints(names))
+    skull = set(_skull_joints(names)) if skeleton.bones else set()
     point = {joint: name for name, joint in named.items()}
     inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
     radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]

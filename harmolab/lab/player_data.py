@@ -340,6 +340,9 @@ def player_of(
         raise ValueError(f"start must be a finite number of seconds, got {start:g}; the music begins at 0")
     if seconds is not None and not 0 < seconds < np.inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    if len({clip.name for clip in clips}) < len(clips):  # of two folders: the table has a row for each name
+        sides = zip(clips, ("left", "right"), strict=False)
+        clips = [replace(clip, name=f"{clip.name}, {side}") for clip, side in sides]
     first = clips[0]
     begun = max(0.0, *[clip.offset for clip in clips])  # by all, so that two numbers are of the same music
     begins = begun if start is None else max(begun, start)

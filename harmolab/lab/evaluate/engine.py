@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import logging
-import os
 import platform
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,7 +24,7 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from harmolab.files import PathLike, Progress, plain, read_json, reading, silent, write_json
+from harmolab.files import PathLike, Progress, is_close, plain, read_json, reading, silent, write_json
 from harmolab.lab.evaluate.parts import PART_ROWS, STAMP, Row, cell, part_frames, part_path, part_texts, write_parts
 
 if TYPE_CHECKING:
@@ -75,7 +74,8 @@ SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
 CONNECT_SECONDS = 30
 LOCK = ".lock"
 _BUSY = "another process is at this run; wait until it ends, or stop it"
-_KILLED = "kills the process that measures it, each time (out of memory, or a fault in compiled code)"
+_KILLED = "kills the process each time (no memory, or a fault in compiled code); try --resume with fewer --jobs"
+OF_INPUTS = ("ValueError: ", "FileNotFoundError: ", "MissingFrameRate: ")  # errors that stay while the inputs do
 
 
 class Task(Protocol):
@@ -119,8 +119,12 @@ def check_engine_installed(jobs: int | None, scheduler: str = "") -> None:
 
 
 def usual_jobs(n_tasks: int = FEW) -> int:
-    """Processes for so many tasks without a number: one a core, 0 for a few tasks or without dask."""
-    return (os.cpu_count() or 1) if n_tasks >= FEW and find_spec("distributed") else 0
+    """Processes for so many tasks without a number: one a core of this job, 0 for a few tasks or without dask."""
+    if n_tasks < FEW or find_spec("distributed") is None:
+        return 0
+    from dask.system import cpu_count
+
+    return int(cpu_count())  # a cluster or a container may lend a job some of the machine's cores only
 
 
 def run_rows(
@@ -165,7 +169,8 @@ def run_rows(
     settings : JSON-able mapping
         All that the rows depend on besides the tasks. A run is resumed with the same settings only.
     stamp : function of a module, from a task to a text that changes with its inputs
-        A run that is resumed measures tasks anew whose text is another one, and those after them in their part.
+        A run that is resumed measures tasks anew whose text is another one, and those after them in their part; so it
+        does with tasks that failed for want of memory, of a package or of a disk, with or without `stamp`.
     part_rows : int
         Rows of a part, 1,024 when left out. Take fewer where rows are long: a part is held in memory, and written anew
         as it grows.
@@ -297,7 +302,7 @@ def _check_folder(out: Path, *, resume: bool, force: bool) -> bool:
 def _check_same(path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
     """ValueError that names every entry in which the manifest of a run differs from that of this one."""
     before, now = dict(_leaves(old)), dict(_leaves(new))
-    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    changed = [name for name in sorted(before.keys() | now.keys()) if not is_close(before.get(name), now.get(name))]
     named = [name for name in changed if name != "keys"]
     pairs = [f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in named]
     if changed:
@@ -318,16 +323,18 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _rows_done(path: Path, tasks: Sequence[Task], place: range, stamp: Stamp | None) -> int:
-    """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
+    """Rows of a part that are there, up to the first of changed inputs, or that failed for no fault of its inputs.
+
+    0 for half a file, or rows of other tasks.
+    """
     keys = part_texts(path, KEY)
     own = [tasks[index] for index in place[: len(keys)]]
     if keys != [task.key for task in own]:
         return 0
-    if stamp is None:
-        return len(keys)
-    former = part_texts(path, STAMP)
-    same = takewhile(lambda pair: stamp(pair[0]) == pair[1], zip(own, former, strict=False))  # older parts have none
-    return sum(1 for _ in same)
+    states = [""] * len(keys) if stamp is None else part_texts(path, STAMP)  # older parts have none
+    rows = zip(own, states, part_texts(path, ERROR), strict=False)
+    same = takewhile(lambda row: stamp is None or stamp(row[0]) == row[1], rows)
+    return sum(1 for _ in takewhile(lambda row: not row[2] or row[2].startswith(OF_INPUTS), same))
 
 
 @contextmanager

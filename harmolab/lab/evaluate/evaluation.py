@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab import files
-from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
+from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, is_close, plain, silent, write_json
 from harmolab.lab.evaluate import engine, pairing, summary
 from harmolab.lab.evaluate.measured import MEASURES, NETWORK_PACKAGES, has_networks, shipped_pose_net, weights_digest
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Pairing, Unpaired
@@ -423,7 +423,7 @@ def write_reference(path: PathLike, evaluation: Evaluation, out: PathLike) -> No
 def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
     """ValueError where a run was begun with other recorded dances, from the limits of which all of its rows follow."""
     former, now = engine.read_manifest(rows).get("settings"), plain(options.to_dict())
-    if isinstance(former, dict) and former != now and {**former, "limits": None} == {**now, "limits": None}:
+    if isinstance(former, dict) and not is_close(former, now) and {**former, "limits": None} == {**now, "limits": None}:
         raise ValueError(
             f"{settings.reference}: the recorded dances have changed since {rows} was begun, and the likeness of every "
             "dance with them; begin anew by --force, without --resume"

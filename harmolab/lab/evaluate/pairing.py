@@ -418,7 +418,8 @@ def annotation_of(music: Path) -> Path | None:
 def input_stamp(*paths: Path) -> str:
     """A text that changes with files, and with the annotation and configuration beside them: sizes and times of change.
 
-    Of folders, such as a recording's, all files count. No errors: a file that is missing has a state, too.
+    Of folders, such as a recording's, all files count but hidden ones, such as .DS_Store, which no reader looks at. No
+    errors: a file that is missing has a state, too.
     """
     states = (f"{file.name} {_state(file)}\0" for path in paths for file in _input_files(path))
     return hashlib.sha256("".join(states).encode()).hexdigest()[:16]
@@ -426,7 +427,7 @@ def input_stamp(*paths: Path) -> str:
 
 def _input_files(path: Path) -> list[Path]:
     try:
-        return sorted(path.iterdir())
+        return sorted(file for file in path.iterdir() if not file.name.startswith("."))
     except OSError:  # no folder
         return [path, path.with_suffix(".beats"), path.parent / "beats.json", path.parent / "config.json"]
 
@@ -436,7 +437,7 @@ def _state(file: Path) -> tuple[int, ...]:
         status = file.stat()
     except OSError:
         return ()
-    return status.st_size, status.st_mtime_ns
+    return (status.st_size, status.st_mtime_ns) if os.access(file, os.R_OK) else ()
 
 
 def _entries(folder: PathLike) -> list[Path]:

@@ -18,10 +18,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.files import PathLike, is_close, plain, read_json, reading, write_json, write_text
 from harmolab.lab.evaluate import summary
 from harmolab.lab.evaluate.as_text import MUSICAL, number_text
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
@@ -183,12 +182,12 @@ def _command(settings: Mapping[str, Any]) -> str:
 
 
 def file_hashes(paths: Iterable[PathLike]) -> pd.DataFrame:
-    """Name and SHA-256 of some files and of all files in some folders, whatever lies above them; sorted."""
+    """Name and SHA-256 of some files and of all in some folders but hidden ones, whatever lies above them; sorted."""
     lines = sorted(
         (path.relative_to(top.parent).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest())
         for top in map(Path, set(paths))
         for path in (top.rglob("*") if top.is_dir() else [top])
-        if path.is_file()
+        if path.is_file() and not path.name.startswith(".")
     )
     return pd.DataFrame(lines, columns=["file", "sha256"])
 
@@ -215,8 +214,8 @@ def write_submission(table: PathLike, out: PathLike) -> None:
         As `submission_of`; `out` holds other files than those of a row.
     """
     out = Path(out)
-    strangers = sorted({path.name for path in out.iterdir()} - {ROW, EVIDENCE, FILES, README}) if out.is_dir() else []
-    if strangers:
+    names = {path.name for path in out.iterdir() if not path.name.startswith(".")} if out.is_dir() else set()
+    if strangers := sorted(names - {ROW, EVIDENCE, FILES, README}):
         raise ValueError(f"{out}: holds {strangers[0]}, which is no part of a row; name a new folder")
     row = submission_of(table)
     former = dict(row_content(out).get("about", {})) if (out / ROW).is_file() else {}
@@ -318,14 +317,3 @@ def _text_faults(folder: Path) -> Iterator[str]:
     for name in (ROW, EVIDENCE, FILES, README):
         if (folder / name).is_file() and (place := _PLACE.search((folder / name).read_text("utf-8"))):
             yield f"{name}: names a place on a disk ({place[0].strip()}...); it would be published"
-
-
-def is_close(a: Any, b: Any) -> bool:
-    """True for two contents of JSON that are the same but for the last digits of their numbers."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(is_close(a[key], b[key]) for key in a)
-    if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(map(is_close, a, b))
-    if isinstance(a, float) or isinstance(b, float):
-        return None not in (a, b) and bool(np.isclose(a, b, rtol=1e-9, atol=1e-9))
-    return bool(a == b)

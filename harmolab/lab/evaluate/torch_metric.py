@@ -35,7 +35,7 @@ class TorchDanceMetric(Metric):
         self.metric.reset()
         self.metric.update(*args, **options)
         text = "".join(f"{json.dumps(row)}\n" for row in self.metric.rows)
-        data = torch.frombuffer(bytearray(text.encode()), dtype=torch.uint8).to(self.device)
+        data = torch.tensor(bytearray(text.encode()), dtype=torch.uint8, device=self.device)
         self.lines = [*self._parts(), data]
 
     def compute(self) -> dict[str, float]:

@@ -220,8 +220,8 @@ def write_dance(
     else:
         check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
-        drawn, rate = _over(motion if points is None else points, video), video.fps
-        judged = drawn if points is None else motion
+        drawn, rate = _over(motion if points is None else points.span(0.0, motion.duration), video), video.fps
+        judged = drawn if points is None and has_body(motion) else motion  # of the flow no frame is drawn, all count
         drawn_score = (score or _score(clip, judged, params)) if marks else None
         frames = overlay_skeleton(video, rate, drawn, score=drawn_score, begin=begin)
     frames = stick.captioned(frames, verdict) if verdict else frames

@@ -20,7 +20,7 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from nbclient.exceptions import CellExecutionError, CellTimeoutError
 from nbconvert.filters.ansi import strip_ansi
 from tqdm import tqdm
 
@@ -246,12 +246,17 @@ async def _run_all(
 
 async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> NotebookRun:
     """One notebook in one kernel; its own errors end up in the result."""
-    node = nbformat.read(path, as_version=4)
+    try:
+        node = nbformat.read(path, as_version=4)
+    except ValueError:
+        empty = nbformat.v4.new_notebook()
+        return NotebookRun(path, empty, 0.0, "its file, which is no notebook: saved in part, or with marks of a merge")
     started: list[int] = []
     environment = {**os.environ, **variables}
     client = NotebookClient(
         node,
         timeout=timeout,
+        kernel_name="python3",  # whatever kernel its author saved it with
         # With widget state in the file, a static page shows an empty widget in place of its picture.
         store_widget_state=False,
         resources={"metadata": {"path": str(path.parent)}},
@@ -268,7 +273,7 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
         fault = f"{error.ename}: {strip_ansi(error.evalue)}"
     except CellTimeoutError:
         fault = f"still running after {timeout:g} s"
-    except DeadKernelError:
+    except RuntimeError:  # dead, or not alive in time
         fault = "the kernel died"
     # The code cell that ran last, counted as the reader counts them.
     number = sum(cell.cell_type == "code" for cell in node.cells[: max(started, default=0) + 1])
