@@ -554,6 +554,18 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path):
     assert "song.wav ends 20.0 s before the dance does: only the first 20.0 s of the dance have music" in result.stderr
 
 
+def test_frames_that_hide_the_body_are_said_with_the_joints_to_choose_from(tmp_path: Path):
+    clip = planted_dance(seconds=12.0)
+    song, motion = write_song(tmp_path / "song.wav", clip), clip.motion
+    hidden = np.arange(motion.n_frames) % 2 > 0
+    save_motion(tmp_path / "dance.npz", replace(motion, valid=~hidden))
+    said = run("score", song, tmp_path / "dance.npz").stderr
+    assert f"dance.npz: {hidden.sum()} of {motion.n_frames} frames do not count: most of the body is hidden" in said
+    assert f"(--joints, a part of {','.join(motion.skeleton.joints)})" in said
+    save_motion(tmp_path / "dance.npz", replace(motion, valid=np.arange(motion.n_frames) % 4 > 0))
+    assert "do not count" not in run("score", song, tmp_path / "dance.npz").stderr
+
+
 # A folder of recordings
 
 
