@@ -280,6 +280,9 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("1.0\t1.0\t1\n1.5\t1.5\tsecond, weak\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("time\n1.0\t1.0\tbar 1\n1.5\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("0.500000000,New Point\n1.0,New Point\n1.5,\n2.0,1\n", None, [1, 1, 1, 1]),
+    ("0.5,120.19 bpm\n1.0,120.19 bpm\n1.5,\n", None, [1, 1, 1]),
+    ('0.5,"120.19 bpm"\n1.0,"117.45 bpm"\n1.5\n', None, [1, 1, 1]),
+    ("0.5\t60 bpm\n1.5\t60 bpm\n2.5\t\n", None, [1, 1, 1]),
     ("0.5,1\n1.0,2\n1.52,3\n2.0,4\n", None, [1, 1, 1, 1]),
     ('"TIME","LABEL"\n0.5,"1"\n1.0,"2"\n1.5,"3"\n2.0,"1"\n', [0, 1, 2, 0], [1, 1, 1, 1]),
     ("0.5,1.2\n1.0,1.3\n1.5,2.1\n2.0,2.2\n", [1, 2, 0, 1], [1, 1, 1, 1]),
@@ -295,7 +298,17 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
             "with a text",
             "mixed",
         ),
-        *("Sonic Visualiser", "beats counted", "in quotes", "bar and place", "no bars", "1 where a bar begins"),
+        *(
+            "Sonic Visualiser",
+            "QM's beats",
+            "QM's beats in quotes",
+            "QM's beats in tabs",
+            "beats counted",
+            "in quotes",
+            "bar and place",
+            "no bars",
+            "1 where a bar begins",
+        ),
     ],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
