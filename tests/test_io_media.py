@@ -550,6 +550,19 @@ def test_sound_of_a_video_is_where_it_was(tmp_path: Path, name: str, start: floa
     assert numbers(video_frames(tmp_path / name)) == list(range(30))
 
 
+@cases("name, kind", ("v.MTS", "mpegts"), ("v.m2ts", "mpegts"), ("v.3gp", "3gp"), ("v.flv", "flv"))
+def test_films_of_cameras_and_old_phones_are_videos_with_sound(tmp_path: Path, name: str, kind: str):
+    write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=pulse(0.5))
+    with av.open(str(tmp_path / "v.mp4")) as film, av.open(str(tmp_path / name), "w", format=kind) as copy:
+        streams = [copy.add_stream_from_template(stream) for stream in film.streams]
+        for packet in film.demux():
+            if packet.dts is not None:
+                packet.stream = streams[packet.stream.index]
+                copy.mux(packet)
+    assert pulse_time(load_sound(tmp_path / name)) == pytest.approx(0.5, abs=1 / 30)
+    assert video_frames(tmp_path / name).fps == pytest.approx(30.0)
+
+
 @pytest.mark.parametrize("name", ["v.mp4", "v.wav"])
 def test_a_span_of_the_sound_of_a_video_is_that_of_a_sound_file(tmp_path: Path, name: str):
     soundfile.write(tmp_path / "v.wav", pulse(0.5).samples, 22050)
