@@ -530,6 +530,12 @@ def test_a_video_is_no_gif_and_takes_no_options_of_motion_files(video: Path, tmp
     assert "--scale is for motion files" in refusal("score", video, "--scale", 2)
 
 
+@cases("song, begins, words", (False, 2.5, "2.5 s later"), (True, -0.25, "0.25 s earlier"), (False, 0, ""))
+def test_an_offset_of_a_video_against_its_own_sound_is_said(video: Path, song: bool, begins: float, words: str):
+    said = run("score", video, *[video] * song, "--offset", begins).stderr
+    assert (f"take.mp4: --offset lays the picture {words} than its own sound" in said) == bool(words)
+
+
 @pytest.mark.parametrize("command", ["score", "play", "retime"])
 def test_a_song_alone_is_told_what_is_missing(command: str, tmp_path: Path):
     song = write_song(tmp_path / "song.wav", planted_dance())

@@ -26,6 +26,10 @@ UNPLACED = (
     "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or use `harmolab score --why`, which "
     "looks for the place by the movement"
 )
+APART = (
+    "{}: --offset lays the picture {:g} s {} than its own sound; leave it out where the two belong together, no matter "
+    "when the dance begins"
+)
 UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
 MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
 SAME_TEMPO = 0.03
@@ -70,6 +74,8 @@ def sources(context: typer.Context, song: Path, motion: Path | None, options: Ju
         check_dance(files.dance, None if options.dance else files.beats, options.one)
     if any(is_told(context, name) for name in FOR_FILES) and files.is_video:
         check_untold(context, FOR_FILES, f"is for motion files, and {files.motion} is a video; leave it out")
+    if files.is_video and files.song == files.motion and (offset := context.params.get("offset")):
+        note(APART.format(files.motion.name, abs(offset), "later" if offset > 0 else "earlier"))
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
             detail(f"reads {word}: {path}")
