@@ -560,6 +560,17 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path):
     assert "song.wav ends 20.0 s before the dance does: only the first 20.0 s of the dance have music" in result.stderr
 
 
+@pytest.mark.parametrize("page", [(), ("--why", "why.html")])
+def test_a_dance_that_begins_before_its_song_is_said(tmp_path: Path, page: tuple[str, ...]):
+    clip = planted_dance(seconds=20.0)
+    song = write_song(tmp_path / "song.wav", clip)
+    save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
+    out = [tmp_path / word if word == "why.html" else word for word in page]
+    said = run("score", song, tmp_path / "long.npz", "--offset", -5, *out).stderr
+    assert "the dance begins 5.0 s before song.wav: a verdict counts minutes from the begin of the song" in said
+    assert "song.wav ends 15.0 s before the dance does: only 20.0 s of the dance have music" in said
+
+
 def test_frames_that_hide_the_body_are_said_with_the_joints_to_choose_from(tmp_path: Path):
     clip = planted_dance(seconds=12.0)
     song, motion = write_song(tmp_path / "song.wav", clip), clip.motion
