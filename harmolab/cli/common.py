@@ -275,8 +275,10 @@ def frames_text(motion: harmolab.Motion) -> str:
     return f"{frames} frames of {joints} joints at {motion.fps:g} a second"
 
 
-MOST_HIDDEN = 1 / 3  # share of the frames
-HIDDEN = "do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly seen"
+HIDDEN = (
+    "{}: {} of {} frames do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly "
+    "seen (--joints, a part of {})"
+)
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
@@ -286,10 +288,9 @@ def note_assumptions(path: PathLike, file: MotionFile) -> None:
         screen.detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:
         screen.note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
-    hidden, frames = int((~file.motion.valid).sum()), file.motion.n_frames
-    if hidden > MOST_HIDDEN * frames:
-        names = ",".join(file.motion.skeleton.joints)
-        screen.note(f"{Path(path).name}: {hidden} of {frames} frames {HIDDEN} (--joints, a part of {names})")
+    motion = file.motion
+    if 3 * (hidden := int((~motion.valid).sum())) > motion.n_frames:
+        screen.note(HIDDEN.format(Path(path).name, hidden, motion.n_frames, ",".join(motion.skeleton.joints)))
 
 
 def names_in(text: str) -> tuple[str, ...]:

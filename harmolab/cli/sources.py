@@ -26,10 +26,7 @@ UNPLACED = (
     "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or use `harmolab score --why`, which "
     "looks for the place by the movement"
 )
-APART = (
-    "{}: --offset lays the picture {:g} s {} than its own sound; leave it out where the two belong together, no matter "
-    "when the dance begins"
-)
+APART = "{}: --offset lays the picture {:g} s {} than its own sound; leave it out where the two belong together"
 UNHEARD = 1.0  # seconds of a dance before or after its song that need no word
 MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
 SAME_TEMPO = 0.03
