@@ -1,7 +1,7 @@
 """Markers of a c3d file to Motion, through the library ezc3d: `pip install ezc3d`.
 
 Markers become joints without bones. Left out are angles, forces, moments, powers and scalars that a model wrote beside
-them, and pieces of tracks that nobody labelled (``*12`` in Vicon's files, ``Unlabeled 12`` in OptiTrack's), unless
+them, and unlabelled pieces of tracks (``*12`` in Vicon's files, ``Unlabeled 12`` in OptiTrack's), unless
 there are no others. The unit is that of ``POINT:UNITS``, the rate that of ``POINT:RATE``. A missing marker is filled
 in, and its frame marked not valid, as hidden joints of key points are (`harmolab.readers.keypoints`). The axis that
 points up is that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be
@@ -55,8 +55,8 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         arrays = _content(file)
         points, present = _points(arrays)
         names = _names(arrays["labels"].ravel().tolist(), points.shape[1])
-        found = [name for name in names if name not in set(arrays["outputs"].tolist())]
-        markers = [name for name in found if not UNLABELLED.match(name)] or found
+        tracks = [name for name in names if name not in set(arrays["outputs"].tolist())]
+        markers = [name for name in tracks if not UNLABELLED.match(name)] or tracks
         if not markers:
             raise ValueError("holds no markers: all of its points are angles, forces and the like")
         keep = joint_indices(Skeleton(names, (-1,) * len(names)), markers if options.joints is None else options.joints)
@@ -67,7 +67,7 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
         notes = [unit, up]
         if (others := [name for name in names if name not in markers]) and options.joints is None:
-            kind = f"no {'labelled ' * (len(markers) < len(found))}markers"
+            kind = f"no {'labelled ' * (len(markers) < len(tracks))}markers"
             reason = f"that are {kind}: {', '.join(others[:3])}{', ...' * (len(others) > 3)}"
             notes.append(Assumption(f"{len(others)} points left out {reason}", f"points left out: {kind}"))
         return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", tuple(notes))
