@@ -288,9 +288,9 @@ def note_assumptions(path: PathLike, file: MotionFile) -> None:
         screen.detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:
         screen.note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
-    motion = file.motion
-    if 3 * (hidden := int((~motion.valid).sum())) > motion.n_frames:
-        screen.note(HIDDEN.format(Path(path).name, hidden, motion.n_frames, ",".join(motion.skeleton.joints)))
+    valid, joints = file.motion.valid, ",".join(file.motion.skeleton.joints)
+    if 3 * (hidden := int((~valid).sum())) > len(valid):
+        screen.note(HIDDEN.format(Path(path).name, hidden, len(valid), joints))
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def sources(context: typer.Context, song: Path, motion: Path | None, options: Ju
         check_dance(files.dance, None if options.dance else files.beats, options.one)
     if any(is_told(context, name) for name in FOR_FILES) and files.is_video:
         check_untold(context, FOR_FILES, f"is for motion files, and {files.motion} is a video; leave it out")
-    if files.is_video and files.song == files.motion and (offset := context.params.get("offset")):
+    if (offset := context.params.get("offset")) and files.song == files.motion and files.is_video:
         note(APART.format(files.motion.name, abs(offset), "later" if offset > 0 else "earlier"))
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
