@@ -68,7 +68,7 @@ from harmolab.files import (
 )
 from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
 from harmolab.readers.audio import load_sound
-from harmolab.readers.motion import load_detected, load_offset, read_motion
+from harmolab.readers.motion import load_detected, load_offset, motion_part, read_motion
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.readers.video import average_rate, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
@@ -118,6 +118,12 @@ class Performance:
         object.__setattr__(self, "detected", detected)
         if not np.isfinite(self.offset):
             raise ValueError(f"{self.name}: offset must be finite, got {self.offset}")
+
+    def part(self, joints: Sequence[str]) -> "Performance":
+        """The performance with these points alone, in this order; ValueError for one that it has not."""
+        own = self.motion.skeleton.joints
+        motion = motion_part(self.motion, joints, self.name)
+        return replace(self, motion=motion, detected=self.detected[:, [own.index(each) for each in joints]])
 
 
 # Files of a folder: the sound, the points and the notes
