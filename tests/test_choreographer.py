@@ -631,6 +631,18 @@ def test_the_pulse_of_a_motion_is_where_it_rests():
     assert np.abs(rests[2:-2] / 0.55 - np.round(rests[2:-2] / 0.55)).max() < 0.1
 
 
+def test_seconds_in_which_nobody_was_seen_are_not_danced():
+    motions = [waltz_motion(seed) for seed in (1, 2)]
+    is_seen = np.abs(np.arange(motions[0].n_frames) / 30.0 - 10.0) > 5.0
+    seen, every = (Choreographer.of(one) for one in ([replace(each, valid=is_seen) for each in motions], motions))
+    dances = [dancer.choreograph(SILENCE, beats(meter=0), seconds=15.0) for dancer in (seen, every)]
+    inside = [
+        max(min(piece.source_end, 15.0) - max(piece.source_start, 5.0) for piece in dance.pieces) for dance in dances
+    ]
+    assert inside[0] < 0.5 < 2.0 < inside[1]  # a beat may be in it by less than a half
+    assert dances[0].distinct_minutes < 0.6 * dances[1].distinct_minutes
+
+
 def test_recordings_with_and_without_beats_do_not_mix(dancer: Choreographer):
     short, long = waltz_motion(1, 8.0), waltz_motion(1, 70.0)
     one_beat = Clip("one beat", SILENCE, short, beats=track([0.5]))

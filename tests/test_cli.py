@@ -530,6 +530,12 @@ def test_a_video_is_no_gif_and_takes_no_options_of_motion_files(video: Path, tmp
     assert "--scale is for motion files" in refusal("score", video, "--scale", 2)
 
 
+@cases("song, begins, words", (False, 2.5, "2.5 s later"), (True, -0.25, "0.25 s earlier"), (False, 0, ""))
+def test_an_offset_of_a_video_against_its_own_sound_is_said(video: Path, song: bool, begins: float, words: str):
+    said = run("score", video, *[video] * song, "--offset", begins).stderr
+    assert (f"take.mp4: --offset lays the picture {words} than its own sound" in said) == bool(words)
+
+
 @pytest.mark.parametrize("command", ["score", "play", "retime"])
 def test_a_song_alone_is_told_what_is_missing(command: str, tmp_path: Path):
     song = write_song(tmp_path / "song.wav", planted_dance())
@@ -552,6 +558,29 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path):
     save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
     result = run("score", song, tmp_path / "long.npz")
     assert "song.wav ends 20.0 s before the dance does: only the first 20.0 s of the dance have music" in result.stderr
+
+
+@pytest.mark.parametrize("page", [(), ("--why", "why.html")])
+def test_a_dance_that_begins_before_its_song_is_said(tmp_path: Path, page: tuple[str, ...]):
+    clip = planted_dance(seconds=20.0)
+    song = write_song(tmp_path / "song.wav", clip)
+    save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
+    out = [tmp_path / word if word == "why.html" else word for word in page]
+    said = run("score", song, tmp_path / "long.npz", "--offset", -5, *out).stderr
+    assert "the dance begins 5.0 s before song.wav: a verdict counts minutes from the begin of the song" in said
+    assert "song.wav ends 15.0 s before the dance does: only 20.0 s of the dance have music" in said
+
+
+def test_frames_that_hide_the_body_are_said_with_the_joints_to_choose_from(tmp_path: Path):
+    clip = planted_dance(seconds=12.0)
+    song, motion = write_song(tmp_path / "song.wav", clip), clip.motion
+    hidden = np.arange(motion.n_frames) % 2 > 0
+    save_motion(tmp_path / "dance.npz", replace(motion, valid=~hidden))
+    said = run("score", song, tmp_path / "dance.npz").stderr
+    assert f"dance.npz: {hidden.sum()} of {motion.n_frames} frames do not count: most of the body is hidden" in said
+    assert f"(--joints, a part of {','.join(motion.skeleton.joints)})" in said
+    save_motion(tmp_path / "dance.npz", replace(motion, valid=np.arange(motion.n_frames) % 4 > 0))
+    assert "do not count" not in run("score", song, tmp_path / "dance.npz").stderr
 
 
 # A folder of recordings

@@ -280,6 +280,9 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     ("1.0\t1.0\t1\n1.5\t1.5\tsecond, weak\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("time\n1.0\t1.0\tbar 1\n1.5\n2.0\t2.0\t\n", None, [1, 1, 1]),
     ("0.500000000,New Point\n1.0,New Point\n1.5,\n2.0,1\n", None, [1, 1, 1, 1]),
+    ("0.5,120.19 bpm\n1.0,120.19 bpm\n1.5,\n", None, [1, 1, 1]),
+    ('0.5,"120.19 bpm"\n1.0,"117.45 bpm"\n1.5\n', None, [1, 1, 1]),
+    ("0.5\t60 bpm\n1.5\t60 bpm\n2.5\t\n", None, [1, 1, 1]),
     ("0.5,1\n1.0,2\n1.52,3\n2.0,4\n", None, [1, 1, 1, 1]),
     ('"TIME","LABEL"\n0.5,"1"\n1.0,"2"\n1.5,"3"\n2.0,"1"\n', [0, 1, 2, 0], [1, 1, 1, 1]),
     ("0.5,1.2\n1.0,1.3\n1.5,2.1\n2.0,2.2\n", [1, 2, 0, 1], [1, 1, 1, 1]),
@@ -295,7 +298,17 @@ def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
             "with a text",
             "mixed",
         ),
-        *("Sonic Visualiser", "beats counted", "in quotes", "bar and place", "no bars", "1 where a bar begins"),
+        *(
+            "Sonic Visualiser",
+            "QM's beats",
+            "QM's beats in quotes",
+            "QM's beats in tabs",
+            "beats counted",
+            "in quotes",
+            "bar and place",
+            "no bars",
+            "1 where a bar begins",
+        ),
     ],
 )
 def test_second_column_of_other_programs_is_no_strength(tmp_path: Path, text: str, places, strengths: list[float]):
@@ -535,6 +548,19 @@ def test_sound_of_a_video_is_where_it_was(tmp_path: Path, name: str, start: floa
     assert (sound.sample_rate, sound.duration) == (22050, pytest.approx(1.0, abs=0.05))
     assert pulse_time(sound) == pytest.approx(start, abs=0.003)
     assert numbers(video_frames(tmp_path / name)) == list(range(30))
+
+
+@cases("name, kind", ("v.MTS", "mpegts"), ("v.m2ts", "mpegts"), ("v.3gp", "3gp"), ("v.flv", "flv"))
+def test_films_of_cameras_and_old_phones_are_videos_with_sound(tmp_path: Path, name: str, kind: str):
+    write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=pulse(0.5))
+    with av.open(str(tmp_path / "v.mp4")) as film, av.open(str(tmp_path / name), "w", format=kind) as copy:
+        streams = [copy.add_stream_from_template(stream) for stream in film.streams]
+        for packet in film.demux():
+            if packet.dts is not None:
+                packet.stream = streams[packet.stream.index]
+                copy.mux(packet)
+    assert pulse_time(load_sound(tmp_path / name)) == pytest.approx(0.5, abs=1 / 30)
+    assert video_frames(tmp_path / name).fps == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.wav"])

@@ -750,6 +750,20 @@ def test_what_a_model_wrote_beside_the_markers_is_no_joint(tmp_path: Path):
     refused(r"alone\.c3d: holds no markers: all of its points are angles, forces and the like", load_motion, alone)
 
 
+@cases(
+    "pieces", ("*12", "*113", "*7"), ("Anna:*1", "Anna:*2", "Anna:*3"), ("Unlabeled 17", "Unlabeled_2", "unlabelled")
+)
+def test_pieces_of_tracks_that_nobody_labelled_hide_no_frame_of_the_body(tmp_path: Path, pieces: tuple[str, ...]):
+    seldom = np.full((20, 3, 3), np.nan)
+    seldom[5:7] = suit()[5:7, :3]
+    points, names = np.concatenate([suit(), seldom], axis=1), (*NAMES, *pieces)
+    motion, _, notes = read_motion(markers(tmp_path / "raw.c3d", points, names))
+    assert motion.skeleton.joints == NAMES and motion.valid.all()
+    assert notes[-1] == f"3 points left out that are no labelled markers: {', '.join(pieces)}"
+    bare = markers(tmp_path / "bare.c3d", suit()[:, :3], pieces)
+    assert load_motion(bare, up="z").skeleton.joints == pieces
+
+
 def test_the_screen_of_a_c3d_file_tells_which_axis_points_up(tmp_path: Path):
     path = markers(tmp_path / "d.c3d", suit(), ("a", "b", "c", "d"), X_SCREEN=["+X"], Y_SCREEN=["+Z"])
     motion, _, notes = read_motion(path)

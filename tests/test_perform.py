@@ -31,7 +31,7 @@ from harmolab.musician.explain import explain_playing
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.page import Performed, performance_span, save_performed
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.performances import load_playing
+from harmolab.musician.performances import load_performance, load_playing
 from harmolab.musician.sequences import PointSpace
 from harmolab.musician.similarities import Similarity
 from harmolab.musician.synthetic import PlantedPerformance, planted_performance, planted_performances
@@ -452,6 +452,19 @@ def test_a_performance_without_notes_is_left_out_where_notes_are_learnt_from(cor
     notices: list[str] = []
     Audio2Body.learn([takes], TrainOptions(tmp_path / "run", notice=notices.append), hears="notes", epochs=1)
     assert notices[0] == f"left out: {takes / 'take_3'}: has no notes.csv, from which this network learns"
+
+
+def test_points_that_one_performance_does_not_show_are_left_out_of_all_and_names_differ(corpus: Path, tmp_path: Path):
+    takes = shutil.copytree(corpus, tmp_path / "takes")
+    whole, notices = load_performance(takes / "take_2"), list[str]()
+    part = whole.part([name for name in whole.motion.skeleton.joints if "hip" not in name])
+    save_motion(takes / "take_2" / "motion.npz", part.motion, detected=part.detected)
+    Audio2Body.learn([takes], TrainOptions(tmp_path / "run", notice=notices.append), epochs=1)
+    assert notices[0] == "left out of all performances, since takes/take_2 does not show them: left_hip, right_hip"
+    assert Audio2Body.load(tmp_path / "run").network.skeleton == part.motion.skeleton
+    roots = [takes, shutil.copytree(takes, tmp_path / "other" / "takes")]
+    fault = "other/takes/take_0: is called takes/take_0, as .*takes/take_0 is; rename a folder"
+    refused(fault, Audio2Body.learn, roots, TrainOptions(tmp_path / "none"))
 
 
 def test_options_that_a_training_does_not_take_are_named(corpus: Path, tmp_path: Path):

@@ -257,6 +257,12 @@ def test_rate_that_no_file_holds_has_to_be_passed(tmp_path: Path):
     path = saved(tmp_path, {"fps": 30, "size": SIZE, "frames": [holistic()] * 2})
     assert load_player_points(path, default_fps=24).motion.fps == 30
     assert load_player_points(path, fps=24).motion.fps == 24
+    place, audio = tmp_path / "points.npz", Audio(np.ones(8000, np.float32), 8000)
+    about = {"positions": np.zeros((2, 1, 2)), "joints": ["left_wrist"], "parents": [-1]}
+    np.savez(place, **about)
+    assert played.load_playing(place, audio, instrument="piano", fps=24).motion.fps == 24
+    np.savez(place, fps=30.0, **about)
+    assert played.load_playing(place, audio, instrument="piano", fps=24).motion.fps == 30
 
 
 UNEXPLAINED = {"fps": 30.0, "size": SIZE, "frames": [{"hands": [hand("Left", LEFT)]}] * 2}

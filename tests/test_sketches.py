@@ -1,5 +1,6 @@
 """Sketches of the songs of a corpus: who dances them, how many there are, and which of them lie beside the beat."""
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -92,6 +93,21 @@ def test_the_truth_of_training_is_the_recording_with_feet_that_stand(corpus: Pat
     recorded = coded(clip.motion, unit.fps)[first : first + unit.n_frames]
     assert np.abs(unit.motion - recorded)[:, :-3].mean() < 0.03
     assert not np.array_equal(unit.motion, recorded)
+
+
+def test_a_dance_of_one_recording_and_movement_that_begins_before_its_music_are_sketched(corpus: Path, tmp_path: Path):
+    folders = find_recordings(shutil.copytree(corpus, tmp_path / "dances")).folders
+    for folder in folders:
+        about = json.loads((folder / "beats.json").read_text("utf-8"))
+        about["dance"] = "house" if folder == folders[0] else about["dance"]
+        (folder / "beats.json").write_text(json.dumps(about | {"motion_offset_s": -1.01}), "utf-8")
+    split = split_units(load_units([tmp_path / "dances"], FeatureParams.recommended(), step=3), seed=1)
+    parts = sketched(split, folders, replace(PARAMS, sketches=1)).split
+    assert "house" in {unit.dance for side in SIDES for unit in getattr(parts, side).units}
+    unit = parts.train.units[0]
+    recorded = coded(load_recording(tmp_path / unit.sequence).clip.motion, unit.fps)
+    first = round((unit.start + 1.01) * unit.fps)
+    assert np.abs(unit.motion - recorded[first : first + unit.n_frames])[:, :-3].mean() < 0.03
 
 
 def test_bars_name_the_pattern_of_the_dance_and_the_place_of_the_first_beat(corpus: Path, of_songs: Sketched):

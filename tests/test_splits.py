@@ -130,5 +130,13 @@ def test_one_group_cannot_be_split_nor_can_nothing():
     alone = unit_set([unit(place, "a", "a") for place in (2, 4, 6)])
     refused(r"no unit is left for the \w+ side: 3 units dance 1 motion groups; .* are needed$", split_units, alone)
     refused("no unit is left for the train side: 0 units", split_units, unit_set([]))
-    apart = unit_set([unit(2, name, name, dance=name, sequence=name) for name in "abc"])
-    refused("3 motion groups; .*, or another --split-seed", split_units, apart)
+    joined = unit_set([unit(2, "abc", "abc", dance=name, sequence=name) for name in "abc"])
+    refused("3 motion groups; .*, or another --split-seed", split_units, joined)
+
+
+def test_dances_of_one_group_each_are_dealt_out_together():
+    dances = ["jive", "rumba", "samba", "tango", "waltz"]
+    parts = [unit(4 * n, {d}, {d}, dance=d, sequence=d) for d in dances for n in range(1, 5)]
+    split = split_units(unit_set(parts))
+    assert sum(map(len, split.groups.values())) == 5 and len(split.train) == 12
+    assert {one.dance for one in split.test.units} == set(split.groups["test"])

@@ -276,6 +276,12 @@ def frames_text(motion: harmolab.Motion) -> str:
     return f"{frames} frames of {joints} joints at {motion.fps:g} a second"
 
 
+HIDDEN = (
+    "{}: {} of {} frames do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly "
+    "seen (--joints, a part of {})"
+)
+
+
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
     """A line on what was guessed or assumed when a motion file was read; with --verbose on all of it."""
     screen.detail(f"{Path(path).name}: {file.kind}, {frames_text(file.motion)}")
@@ -283,6 +289,9 @@ def note_assumptions(path: PathLike, file: MotionFile) -> None:
         screen.detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:
         screen.note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
+    valid, joints = file.motion.valid, ",".join(file.motion.skeleton.joints)
+    if 3 * (hidden := int((~valid).sum())) > len(valid):
+        screen.note(HIDDEN.format(Path(path).name, hidden, len(valid), joints))
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -102,7 +102,8 @@ def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **
         result = lab.explain_performance(
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
         )
-    note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
+    until = result.skipped + result.motion.duration
+    note_music(result.skipped, until, performance.motion.duration, files.song)
     note_tempo(files.song, files.dance, result.music)
     return result
 

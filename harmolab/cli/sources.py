@@ -26,7 +26,8 @@ UNPLACED = (
     "{0.motion}: no sound in it tells where in {0.song} it begins; pass --offset, or use `harmolab score --why`, which "
     "looks for the place by the movement"
 )
-UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
+APART = "{}: --offset lays the picture {:g} s {} than its own sound; leave it out where the two belong together"
+UNHEARD = 1.0  # seconds of a dance before or after its song that need no word
 MULTIPLES = (1 / 3, 1 / 2, 1, 2, 3)  # of a tempo that count the same music
 SAME_TEMPO = 0.03
 OTHER_TEMPO = (
@@ -70,6 +71,8 @@ def sources(context: typer.Context, song: Path, motion: Path | None, options: Ju
         check_dance(files.dance, None if options.dance else files.beats, options.one)
     if any(is_told(context, name) for name in FOR_FILES) and files.is_video:
         check_untold(context, FOR_FILES, f"is for motion files, and {files.motion} is a video; leave it out")
+    if (offset := context.params.get("offset")) and files.song == files.motion and files.is_video:
+        note(APART.format(files.motion.name, abs(offset), "later" if offset > 0 else "earlier"))
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
             detail(f"reads {word}: {path}")
@@ -149,7 +152,7 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
             report=note_assumptions, **options,
         )  # fmt: skip
         seconds, duration = clip.audio.duration - clip.offset, clip.motion.duration if clip.motion else 0.0
-    note_music(seconds, duration, files.song)
+    note_music(-clip.offset, seconds, duration, files.song)
     if files.dance and clip.beats is not None:
         note_tempo(files.song, files.dance, clip.beats)
     return clip
@@ -228,10 +231,11 @@ def tempo_remark(song: Path, dance: str, beats: BeatTrack) -> str:
     return OTHER_TEMPO.format(song=song.name, own=own.tempo, dance=dance, low=low, high=high, tempo=beats.tempo)
 
 
-def note_music(seconds: float, duration: float, song: Path) -> None:
-    """A line where so many seconds of music are under a dance of a longer duration."""
-    if duration - seconds > UNHEARD:
-        note(
-            f"{song.name} ends {duration - seconds:.1f} s before the dance does: only the first {seconds:.1f} s of the "
-            "dance have music and are judged"
-        )
+def note_music(before: float, until: float, duration: float, song: Path) -> None:
+    """Lines where a dance of a duration begins seconds `before` its music, or goes on when its music has ended."""
+    if before > UNHEARD:
+        note(f"the dance begins {before:.1f} s before {song.name}: a verdict counts minutes from the begin of the song")
+    if duration - until > UNHEARD:
+        only = f"{until - before:.1f} s" if before > 0 else f"the first {until:.1f} s"
+        ends = f"{song.name} ends {duration - until:.1f} s before the dance does"
+        note(f"{ends}: only {only} of the dance have music and are judged")

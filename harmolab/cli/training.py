@@ -101,10 +101,10 @@ def train(
     each performance: its sound, or a video; key points of body and hands from OpenPose, COCO-WholeBody or MediaPipe;
     and performance.json, which says `{"instrument": "piano"}` where the folder's name does not.
     docs/pose_estimation.md says how to make such a folder; `harmolab data check DATA` says how each was read. All must
-    be of one instrument, with the same points. A quarter of an hour and six pieces are the least to begin with. Whole
-    pieces are kept for testing: their error stands under "errors" in model.json, beside that of the mean pose, which
-    hears nothing. Presets: *recommended* (125 ms of delay, semitones, 40 epochs), *tables* (the captions of Tables 1
-    and 2, 300 epochs), *section_4* (the text).
+    be of one instrument; points that one does not show are left out of all. A quarter of an hour and six pieces are the
+    least to begin with. Whole pieces are kept for testing: their error stands under "errors" in model.json, beside that
+    of the mean pose, which hears nothing. Presets: *recommended* (125 ms of delay, semitones, 40 epochs), *tables* (the
+    captions of Tables 1 and 2, 300 epochs), *section_4* (the text).
 
         harmolab train DATA --system audio2body --out RUN
 

@@ -68,7 +68,7 @@ from harmolab.files import (
 )
 from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
 from harmolab.readers.audio import load_sound
-from harmolab.readers.motion import load_detected, load_motion, load_offset
+from harmolab.readers.motion import load_detected, load_offset, motion_part, read_motion
 from harmolab.readers.player_points import INSTRUMENTS
 from harmolab.readers.video import average_rate, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
@@ -118,6 +118,12 @@ class Performance:
         object.__setattr__(self, "detected", detected)
         if not np.isfinite(self.offset):
             raise ValueError(f"{self.name}: offset must be finite, got {self.offset}")
+
+    def part(self, joints: Sequence[str]) -> "Performance":
+        """The performance with these points alone, in this order; ValueError for one that it has not."""
+        own = self.motion.skeleton.joints
+        motion = motion_part(self.motion, joints, self.name)
+        return replace(self, motion=motion, detected=self.detected[:, [own.index(each) for each in joints]])
 
 
 # Files of a folder: the sound, the points and the notes
@@ -429,7 +435,8 @@ def _points(
     if any(file.suffix.lower() == ".npz" for file in files.points):
         if len(files.points) > 1:
             raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
-        return load_motion(path, fps=rate), load_detected(path), load_offset(path)
+        motion = read_motion(path, fps=fps if rate is None else rate, as_defaults=rate is None).motion
+        return motion, load_detected(path), load_offset(path)
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
     picture: dict[str, Any] = {"size": about.get("size"), "mirrored": about.get("mirrored")}
     try:

@@ -1,5 +1,6 @@
 """The system: from the sound of an instrument to the points of the musician, trained or shipped."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any, Self
 
 from harmolab.data.oddities import Oddity, motion_oddities, sound_oddities, training_lines
 from harmolab.files import PathLike
+from harmolab.musician.cleaning import SHOULDERS
 from harmolab.musician.networks import SoundToPoints, synthesize_performance
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import (
@@ -170,10 +172,14 @@ def _performances(
     performances: list[Performance] = []
     left_out: list[str] = []
     odd: dict[Path, list[Oddity]] = {}
+    named: dict[str, Path] = {}
     for root in map(Path, data):
         folders, problems = find_performances(root)
         left_out += [problem.message for problem in problems]
         for folder in options.progress(folders, "loading performances"):
+            name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
+            if (first := named.setdefault(name, folder)) is not folder:
+                raise ValueError(f"{folder}: is called {name}, as {first} is; rename a folder, so that names differ")
             try:
                 own = load_performance(folder, instrument=instrument, fps=fps)
                 if (own.audio if hears_sound else own.notes) is None:
@@ -183,13 +189,26 @@ def _performances(
                 continue
             sound = [] if own.audio is None else sound_oddities(own.audio)
             odd[folder] = [*sound, *motion_oddities(own.motion)]
-            performances.append(replace(own, name=Path(root.resolve().name, folder.relative_to(root)).as_posix()))
+            performances.append(replace(own, name=name))
     for line in (*(f"left out: {reason}" for reason in left_out), *training_lines(odd)):
         options.notice(line)
     if not performances:
         reason = left_out[0] if left_out else "there is none"
         raise ValueError(f"no performance to train on below {', '.join(map(str, data))}: {reason}")
-    return performances
+    return _of_shared_points(performances, options)
+
+
+def _of_shared_points(performances: list[Performance], options: TrainOptions) -> list[Performance]:
+    """Performances with the points that all have, if shoulders are among them; a notice for each that lacks some."""
+    every = dict.fromkeys(itertools.chain(*(each.motion.skeleton.joints for each in performances)))
+    missing = {each.name: [name for name in every if name not in each.motion.skeleton.joints] for each in performances}
+    shared = [name for name in every if not any(name in lacking for lacking in missing.values())]
+    if len(shared) == len(every) or not set(SHOULDERS) <= set(shared):
+        return performances
+    for name, lacking in missing.items():
+        if lacking:
+            options.notice(f"left out of all performances, since {name} does not show them: {', '.join(lacking)}")
+    return [each.part(shared) for each in performances]
 
 
 def piece_split(performances: Sequence[Performance], params: Audio2BodyParams, *, seed: int = 0) -> PlayedSplit:

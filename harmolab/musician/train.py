@@ -15,7 +15,6 @@ from harmolab.musician.bow import Bowing, turn_signal
 from harmolab.musician.networks import SoundToPoints, predicted_points
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows
-from harmolab.readers.motion import motion_part
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import drawn_by
 from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
@@ -270,8 +269,7 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
     joints = [joint for joint in network.skeleton.joints if joint in own]
     if not joints:
         raise ValueError(f"{name}: has no point that this player has; its points are {', '.join(own[:6])} ...")
-    motion = motion_part(performance.motion, joints, name)
-    part = replace(performance, motion=motion, detected=performance.detected[:, [own.index(each) for each in joints]])
+    part = performance.part(joints)
     sequence = sequences.read_sequence(part, network.params, network.reference, is_test=True)
     if not sequence.accepted.any():
         raise ValueError(f"{name}: every frame of its points is rejected, so there is nothing to compare with")
@@ -281,9 +279,10 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
     errors = [frame_errors(each, sequence.points)[sequence.accepted].mean() for each in (predicted, mean)]
     own_error, mean_error = map(float, errors)
     width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
+    fps, skeleton = network.params.fps, part.motion.skeleton
     return Compared(
-        Motion(sequence.points.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton, sequence.accepted),
-        Motion(predicted.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton),
+        Motion(sequence.points.reshape(len(predicted), -1, 2), fps, skeleton, sequence.accepted),
+        Motion(predicted.reshape(len(predicted), -1, 2), fps, skeleton),
         TruthErrors(own_error, mean_error, width, len(joints), accepted),
     )
 

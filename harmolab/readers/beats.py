@@ -45,9 +45,9 @@ _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 _FIT = re.compile(r"^# fit ([01]\.\d+):", re.MULTILINE)  # of tracked beats that are unsure, as `save_beats` writes it
 _MOMENT = re.compile(r"^\s*(\S+)\t\1\s*$")  # a moment in Audacity's labels: its time twice
 _LABEL = re.compile(r"^\s*(\S+)\t\1\t.*$")  # the same with a text
-# A moment of Sonic Visualiser: "0.5,New Point"; flags and NaN are no names.
-_NAMED = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?(?!(true|false|nan)\b)[^\W\d][^,;\t]*$', re.IGNORECASE)
-_STRENGTH = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?\d*\.\d')  # beside one: a name in such a file is a typing error
+# A moment of Sonic Visualiser: "0.5,New Point", or "0.5,120.19 bpm"; flags and NaN are no names.
+_NAMED = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?(?!(true|false|nan)\b)([\d.]+ bpm|[^\W\d])[^,;\t]*$', re.IGNORECASE)
+_STRENGTH = re.compile(r'^\s*[\d.]+ *[,;\t]\s*"?\d*\.\d\S*\s*$')  # beside one: a name in such a file is a typing error
 
 
 @dataclass(frozen=True)

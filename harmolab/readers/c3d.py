@@ -1,12 +1,15 @@
 """Markers of a c3d file to Motion, through the library ezc3d: `pip install ezc3d`.
 
-Markers become joints without bones; angles, forces, moments, powers and scalars that a model wrote beside them are left
-out. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A missing marker is filled in, and its
-frame marked not valid, as hidden joints of key points are (`harmolab.readers.keypoints`). The axis that points up is
-that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be passed.
+Markers become joints without bones. Left out are angles, forces, moments, powers and scalars that a model wrote beside
+them, and unlabelled pieces of tracks (``*12`` in Vicon's files, ``Unlabeled 12`` in OptiTrack's), unless
+there are no others. The unit is that of ``POINT:UNITS``, the rate that of ``POINT:RATE``. A missing marker is filled
+in, and its frame marked not valid, as hidden joints of key points are (`harmolab.readers.keypoints`). The axis that
+points up is that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be
+passed.
 """
 
 import io
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -28,6 +31,7 @@ UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "meters": 1.0, "metres": 
 SECONDS = 20.0  # that reading may take, and one more for every `BYTES_A_SECOND`
 BYTES_A_SECOND = 4 * 2**20
 MARK = 0x50  # second byte of every c3d file
+UNLABELLED = re.compile(r"(.*:)?(\*\d+$|unlabell?ed)", re.IGNORECASE)  # perhaps after the name of a subject
 
 
 def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -51,8 +55,8 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         arrays = _content(file)
         points, present = _points(arrays)
         names = _names(arrays["labels"].ravel().tolist(), points.shape[1])
-        outputs = [name for name in names if name in set(arrays["outputs"].tolist())]
-        markers = [name for name in names if name not in outputs]
+        tracks = [name for name in names if name not in set(arrays["outputs"].tolist())]
+        markers = [name for name in tracks if not UNLABELLED.match(name)] or tracks
         if not markers:
             raise ValueError("holds no markers: all of its points are angles, forces and the like")
         keep = joint_indices(Skeleton(names, (-1,) * len(names)), markers if options.joints is None else options.joints)
@@ -62,9 +66,10 @@ def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
         places, up = _upright(in_metres(filled, factor), skeleton.joints, str(arrays["y_screen"]), options)
         own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
         notes = [unit, up]
-        if outputs and options.joints is None:
-            reason = f"that are no markers: {', '.join(outputs[:3])}{', ...' * (len(outputs) > 3)}"
-            notes.append(Assumption(f"{len(outputs)} points left out {reason}", "points left out: no markers"))
+        if (others := [name for name in names if name not in markers]) and options.joints is None:
+            kind = f"no {'labelled ' * (len(markers) < len(tracks))}markers"
+            reason = f"that are {kind}: {', '.join(others[:3])}{', ...' * (len(others) > 3)}"
+            notes.append(Assumption(f"{len(others)} points left out {reason}", f"points left out: {kind}"))
         return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", tuple(notes))
 
 

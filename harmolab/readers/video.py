@@ -24,7 +24,9 @@ from harmolab.types import Audio
 
 Frame = NDArray[np.uint8]
 
-SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm", ".wmv")
+SUFFIXES = (  # of cameras and old phones too
+    ".3gp", ".avi", ".flv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv", ".webm", ".wmv",
+)  # fmt: skip
 FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,flv,ogg,asf,gif,mxf,nut,ivf,h264,hevc,m4v,mpegvideo"
 MAX_PIXELS = 2**26
 SMALLEST_SIDE = 16  # pixels

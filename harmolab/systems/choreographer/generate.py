@@ -145,7 +145,7 @@ def distinct_minutes(moves: Moves, params: ChoreographerParams) -> float:
     for first in range(0, len(moves), 500):
         rows = np.arange(first, min(first + 500, len(moves)))
         is_new[rows] = ~(_twins(moves, rows, params) & (np.arange(len(moves)) < rows[:, None])).any(axis=1)
-    return float(moves.lengths[is_new].sum()) / 60
+    return float(moves.lengths[is_new & ~moves.gaps].sum()) / 60
 
 
 def _twins(moves: Moves, nodes: IntArray, params: ChoreographerParams) -> BoolArray:

@@ -97,7 +97,7 @@ def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, see
     off = np.abs(np.log(music.lengths)[:, None] - np.log(moves.lengths))
     # Drawn by the seed and by the beats: another song of the same tempo gets another dance.
     luck = np.random.default_rng([seed, zlib.crc32(np.round(music.times, 3).tobytes())]).gumbel(size=len(moves))
-    own = params.harmony * (1 - moves.shares) - NOISE_SHARE * params.noise * luck
+    own = params.harmony * (1 - moves.shares) - NOISE_SHARE * params.noise * luck + mv.TOO_LONG * moves.gaps
     effort = params.energy * np.square(music.ranks[:, None] - moves.ranks) if music.ranks.size else 0.0
     return (params.tempo / meter * off + own + effort).astype(np.float32)
 

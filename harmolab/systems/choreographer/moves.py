@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.ndimage import binary_opening
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
@@ -179,6 +180,7 @@ Complex64 = NDArray[np.complex64]
 CENTIMETRES = 100.0  # in a metre
 BLOCK = 2**22  # distances computed at a time: 32 MB
 UNKNOWN_SHARE = 0.5  # rank of a beat of which no pattern is known
+GAP, MOSTLY = 1.0, 0.5  # seconds of filler in a row that are no movement, and share of a beat in them that counts
 
 
 class Course:
@@ -214,6 +216,13 @@ class Course:
         shape = shape_speed(self.take.motion)
         way = np.interp(self.beats, shape.times, np.cumsum(shape.speed) / shape.fps)
         return np.asarray(np.diff(way) / np.diff(self.beats))
+
+    def gaps(self) -> BoolArray:
+        """True for each beat (B - 1,) that lies mostly in a gap: filler for a second or more."""
+        motion = self.take.motion
+        is_gap = binary_opening(~motion.valid, np.ones(max(1, round(GAP * motion.fps)), bool))
+        frames = np.interp(self.beats * motion.fps, np.arange(is_gap.size + 1), np.insert(np.cumsum(is_gap), 0, 0))
+        return np.asarray(np.diff(frames) > MOSTLY * np.diff(self.beats) * motion.fps)
 
     def turns(self) -> FloatArray:
         """Turn of the hips in each beat (B - 1,), in whole turns to the left; 0 where no joint is named a hip."""
@@ -315,6 +324,7 @@ class Moves:
     shares : (N,) array in (0, 1), rank of the beat among all moments of its recording, by the pattern of its dance
     ranks : (N,) array in (0, 1), rank of the speed of the body's shape among all nodes
     turns : (N,) array, turns of the hips to the left
+    gaps : (N,) mask, beats that are mostly filler
     edges : borders at which a seam reaches beyond a recording or into filler, bool
     seams, alike : Distances between borders, and between middles of beats
     weights : (J,) array, of the joints in a cloud
@@ -331,6 +341,7 @@ class Moves:
     shares: FloatArray
     ranks: FloatArray
     turns: FloatArray
+    gaps: BoolArray
     edges: BoolArray
     seams: Distances
     alike: Distances
@@ -376,6 +387,7 @@ def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Seq
         shares=np.concatenate([one[:-1] for one in shares]),
         ranks=(ranks(np.concatenate([one.speeds() for one in courses])) - 0.5) / beat.size,
         turns=np.concatenate([one.turns() for one in courses]),
+        gaps=np.concatenate([one.gaps() for one in courses]),
         edges=np.concatenate([_edges(one) for one in courses]),
         seams=Distances(_clouds(courses, borders, weights, params), params),
         alike=Distances(_clouds(courses, [one[:-1] + 0.5 for one in borders], weights, params), params),

@@ -116,14 +116,17 @@ def dance_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
 def _danced(
     bank: Choreographer, recording: Recording, params: TrainParams, fps: float, pattern: int, *, cleans: bool
 ) -> Song:
-    """The sketches of a recording's song, over the time of its movement; and that movement, if it `cleans` it."""
+    """The sketches of a recording's song, while there is movement to it; and that movement, if it `cleans` it."""
     clip, motion = recording.clip, motion_in_space(recording)
+    before = clip.shared_frame() / motion.fps  # seconds of movement before the music begins
+    motion = motion.span(before, motion.duration)
     track = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
-    start, seconds, name = clip.offset, motion.duration, clip.dance or None
+    start, seconds = max(clip.offset + before, 0.0), motion.duration
+    name = clip.dance if clip.dance in bank.dances else None  # of a dance that no other recording has: any of theirs
     seeds = range(params.seed * params.sketches, (params.seed + 1) * params.sketches)
     dances = (bank.generate(clip.audio, track, start=start, seconds=seconds, dance=name, seed=seed) for seed in seeds)
     recorded = _clean(motion, fps) if cleans else None
-    return Song([coded(motion, fps) for motion in dances], recorded, track, clip.offset, pattern)
+    return Song([coded(motion, fps) for motion in dances], recorded, track, start, pattern)
 
 
 def _clean(motion: Motion, fps: float) -> SingleArray:

@@ -48,6 +48,8 @@ class Split:
 def split_units(units: UnitSet, *, seed: int = 0) -> Split:
     """Units dealt out by motion group, dance by dance, at random but so that few are lost.
 
+    Where that leaves a side empty, as of dances with a group or two each, all dances are dealt out together.
+
     A training unit touches groups of the training side only, its beats before the meter included. A test or validation
     unit has its meter wholly in groups of its side, and overlaps no other meter of that side; additional units
     (`DanceUnit.extra`) fill the gaps there. All other units go nowhere.
@@ -62,16 +64,11 @@ def split_units(units: UnitSet, *, seed: int = 0) -> Split:
     ValueError
         When a side would be empty.
     """
-    names: dict[int, list[str]] = {side: [] for side in range(3)}
-    sides: dict[str, int] = {}
-    for number, dance in enumerate(sorted({unit.dance for unit in units.units})):
-        rng = np.random.default_rng([seed, number])
-        table = _Table([unit for unit in units.units if unit.dance == dance])
-        dealt = _deal(table, sides, rng)
-        sides |= dict(zip(table.groups, dealt.tolist(), strict=True))
-        for side, rows in enumerate(table.members(dealt)):
-            names[side] += [table.units[row].name for row in rows]
-    for side, members in names.items():
+    dances = sorted({unit.dance for unit in units.units})
+    names, sides = _dealt([[unit for unit in units.units if unit.dance == dance] for dance in dances], seed)
+    if dances[1:] and not all(names):
+        names, sides = _dealt([units.units], seed)
+    for side, members in enumerate(names):
         if not members:
             other = ", or another --split-seed" if len(sides) >= len(SIDES) else ""
             raise ValueError(
@@ -82,6 +79,19 @@ def split_units(units: UnitSet, *, seed: int = 0) -> Split:
     settings = {"seed": seed, "test_share": TEST_SHARE, "validation_share": VALIDATION_SHARE}
     train, validation, test = (units.select(names[side]) for side in range(3))
     return Split(train, validation, test, groups, settings)
+
+
+def _dealt(parts: Sequence[Sequence[DanceUnit]], seed: int) -> tuple[list[list[str]], dict[str, int]]:
+    """Names of the units on each side, and the side of each motion group, dealt out part by part."""
+    names: list[list[str]] = [[], [], []]
+    sides: dict[str, int] = {}
+    for number, part in enumerate(parts):
+        table = _Table(part)
+        dealt = _deal(table, sides, np.random.default_rng([seed, number]))
+        sides |= dict(zip(table.groups, dealt.tolist(), strict=True))
+        for side, rows in enumerate(table.members(dealt)):
+            names[side] += [table.units[row].name for row in rows]
+    return names, sides
 
 
 class _Table:
