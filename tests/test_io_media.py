@@ -860,10 +860,11 @@ def test_a_pose_of_the_frame_before_or_after_is_noticed(swinging_arm: Callable[.
     assert early[0] < -0.5 < early[1] == 0 < 0.5 < early[2]
 
 
-@cases("bars", [4] * 5 + [2] + [4] * 5, [4, 3] * 6, ids=["a bar of two", "four and three"])
+@cases("bars", [4] * 5 + [2] + [4] * 5, [4, 3] * 6, [4] * 5 + [5, 4], ids=["a bar of two", "four and three", "of five"])
 def test_places_that_a_file_names_stay_as_they_are(tmp_path: Path, bars: list[int]):
     places = [place for count in bars for place in range(count)]
     lines = [f"{0.5 * number:.2f} {place + 1}" for number, place in enumerate(places)]
+    assert load_annotation(write(tmp_path, "song.beats", "\n".join(lines))).meter == 4  # as most bars, or the longer
     for kept in (lines, lines[:10] + lines[11:]):  # whole, and with a beat that was missed
         found = load_beats(write(tmp_path, "song.beats", "\n".join(kept))).bar_places
         assert [f"{place + 1}" for place in found] == [line.split()[1] for line in kept]
