@@ -90,6 +90,20 @@ def test_channels_of_a_video_that_cancel_each_other_are_not_mixed(tmp_path: Path
     np.testing.assert_allclose(video_sound(tmp_path / "two.mkv", sample_rate=None).samples, ramp(), atol=1e-6)
 
 
+@cases("levels, taken", ((0.0, 0.5), 1), ((0.0, 0.0, 0.5), 2), ((0.25, 0.5), 0), ((0.0, 0.0), 0))
+def test_of_several_sound_tracks_of_a_video_the_first_that_is_not_silent_counts(
+    tmp_path: Path, levels: tuple[float, ...], taken: int
+):
+    with av.open(str(tmp_path / "game_and_microphone.mkv"), "w") as container:
+        streams = [container.add_stream("pcm_f32le", rate=RATE, layout="mono") for _ in levels]
+        for stream, level in zip(streams, levels, strict=True):
+            block = av.AudioFrame.from_ndarray(np.float32([level * ramp()]), "flt", "mono")
+            block.sample_rate, block.pts = RATE, 0
+            container.mux([*stream.encode(block), *stream.encode(None)])
+    sound = load_sound(tmp_path / "game_and_microphone.mkv", sample_rate=None)
+    np.testing.assert_allclose(sound.samples, levels[taken] * ramp(), atol=1e-6)
+
+
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
     soundfile.write(tmp_path / "ramp.wav", ramp(), RATE, subtype="FLOAT")
     audio = load_audio(tmp_path / "ramp.wav", start=0.25, duration=0.5, sample_rate=None)
