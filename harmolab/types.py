@@ -217,6 +217,16 @@ class Motion(Display):
         return Motion(self.positions[part], self.fps, self.skeleton, self.valid[part])
 
 
+def usual_meter(bar_places: IntArray) -> int:
+    """Beats in most bars of (B,) places in the bar, one or more; of lengths that are as frequent, the longest.
+
+    >>> usual_meter(np.array([2, 0, 1, 2, 0, 1, 2, 3, 4, 5, 0, 1, 2, 0]))  # a downbeat was missed
+    3
+    """
+    counts = np.bincount(bar_places[np.append(bar_places[1:] == 0, True)] + 1)
+    return int(np.flatnonzero(counts == counts.max())[-1])
+
+
 @dataclass(frozen=True, eq=False)
 class BeatTrack(Display):
     """Beats on a time line: those of the music, or those of a movement.
@@ -296,7 +306,7 @@ class BeatTrack(Display):
 
     def __repr__(self) -> str:
         tempo = f", {self.tempo:.1f} a minute" if len(self) > 1 else ""
-        bars = f", bars of {self.bar_places.max() + 1}" if self.bar_places is not None and len(self) else ""
+        bars = f", bars of {usual_meter(self.bar_places)}" if self.bar_places is not None and len(self) else ""
         return f"BeatTrack({len(self)} beats in {self.duration:.2f} s{tempo}{bars}{'' if self.is_sure else ', unsure'})"
 
     def __len__(self) -> int:

@@ -450,6 +450,17 @@ def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path,
         assert (lines[0], places) == (WORSE, [has_start] * 3), lines
 
 
+def test_a_bent_movement_that_is_too_long_for_the_player_is_kept_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    for module in ("harmolab.lab.player_data", "harmolab.cli.app_work"):
+        monkeypatch.setattr(f"{module}.LONGEST", 5.0)
+    said: list[dict[str, Any]] = []
+    files = write_pair(tmp_path, planted_dance())[:2]
+    work(Order("fit", *files, "", 0.0, tmp_path), Teller(said.append))
+    assert [one["view"]["title"] for one in said if "view" in one] == ["The movement"]
+
+
 def test_a_page_that_is_left_out_is_said_and_each_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("harmolab.lab.player_data.LONGEST", 5.0)
     said: list[dict[str, Any]] = []

@@ -648,6 +648,7 @@ def test_a_one_that_cannot_be_is_refused(count: int, seconds: float, meter: int,
 
 
 STEADY = metronome([1.0] * 5, period=0.5, duration=6.0)  # 120 in a minute
+LONG_BAR = 'annotated, 120.0 bpm; "one" known, 4 beats a bar'  # one of them has five
 IN_THREES = replace(meters.with_one(STEADY, 1.0, 3), quality=0.97)
 ON_GRID, OFF_GRID = "(97% of tracked beats on one grid)", "(50% of tracked beats on one grid)"
 
@@ -656,6 +657,7 @@ ON_GRID, OFF_GRID = "(97% of tracked beats on one grid)", "(50% of tracked beats
     "beats, line",
     (STEADY, 'annotated, 120.0 bpm; "one": not known'),
     (IN_THREES, f'120.0 bpm, steady {ON_GRID}; "one" known, 3 beats a bar'),
+    (replace(metronome(np.ones(15)), bar_places=[*range(4), *range(5), *range(4), 0, 1]), LONG_BAR),
     (replace(STEADY, quality=0.5), f'120.0 bpm, not steady {OFF_GRID}, followed beat by beat; "one": not known'),
     (replace(STEADY, quality=0.0, fit=0.0), '120.0 bpm, too few beats to call it steady; "one": not known'),
     (

@@ -1068,6 +1068,15 @@ def test_a_dreamt_bank_dances_on_the_beat_as_its_takes_do():
     assert numbers["foot_skating"] < 0.15 and numbers["rests"] > max(0.15, numbers["rests_late"])
 
 
+def test_a_missed_downbeat_takes_the_bars_neither_from_a_song_nor_from_a_recording(dancer: Choreographer):
+    threes = beats()
+    missed = replace(threes, bar_places=np.r_[np.arange(12) % 3, np.arange(6), threes.bar_places[18:]])
+    dance = dancer.choreograph(SILENCE, missed, seconds=8.0, seed=0)
+    assert not [line for line in dance.warnings if "the bar is not danced" in line]
+    take = take_of(Clip("waltz", SILENCE, waltz_motion(1, 20.0), beats=missed))
+    assert (take.meter, set(take.places)) == (3, {0, 1, 2})
+
+
 def test_puppets_know_their_bars_and_dance_any_dance():
     clips = puppets("waltz", clips=2, seconds=6.0)
     assert [clip.dance for clip in clips] == ["waltz", "waltz"]

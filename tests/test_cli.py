@@ -251,7 +251,11 @@ def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_
     assert said in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
     assert said not in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "copy.npz").output
     song = write_song(tmp_path / "song.wav", planted_dance(seconds=15.0))
-    assert said in succeed("retime", song, tmp_path / "late.npz", "--out", tmp_path / "bent.bvh").output
+    bent = ("--out", tmp_path / "bent.bvh")
+    known = succeed("retime", song, tmp_path / "late.npz", *bent).output
+    assert said in known and (taken := "is taken to begin with the song; --offset says where else") not in known
+    assert f"late.bvh {taken}" in succeed("retime", song, tmp_path / "late.bvh", *bent).output
+    assert taken not in succeed("retime", song, tmp_path / "late.bvh", "--offset", 0, *bent).output
 
 
 def test_data_synth_writes_as_many_clips_as_are_asked_for(tmp_path: Path):

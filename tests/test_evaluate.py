@@ -218,11 +218,16 @@ def test_what_does_not_pair_is_listed(tmp_path: Path, planted: Path) -> None:
     (folder / "clip_0001_cha-cha.npz").rename(folder / "stranger.npz")
     (folder / "notes.txt").write_text("mine")
     (folder / "corpus.json").write_text('{"source": "synthetic"}')
+    first = next(folder.glob("clip_0002*"))
+    (folder / f"{first.stem}_info.json").write_text('{"epochs": 100}')
+    for number, fault in enumerate(('{"frames": [', '{"frames": [{}]}', '[{"x": 1}]')):  # dances that are missed
+        (folder / f"{first.stem}_{number}.json").write_text(fault)
     found = folder_pairs("x", folder, songs_in(planted / "recorded"))
-    assert len(found.pairs) == CLIPS - 1
+    assert len(found.pairs) == CLIPS + 2
     assert {(one.file.name, one.reason) for one in found.unpaired} == {
         ("stranger.npz", "no song has its name, or a word of its name"),
         ("notes.txt", "is no motion file"),
+        (f"{first.stem}_info.json", "is no motion file"),
     }
 
 

@@ -90,6 +90,20 @@ def test_channels_of_a_video_that_cancel_each_other_are_not_mixed(tmp_path: Path
     np.testing.assert_allclose(video_sound(tmp_path / "two.mkv", sample_rate=None).samples, ramp(), atol=1e-6)
 
 
+@cases("levels, taken", ((0.0, 0.5), 1), ((0.0, 0.0, 0.5), 2), ((0.25, 0.5), 0), ((0.0, 0.0), 0))
+def test_of_several_sound_tracks_of_a_video_the_first_that_is_not_silent_counts(
+    tmp_path: Path, levels: tuple[float, ...], taken: int
+):
+    with av.open(str(tmp_path / "game_and_microphone.mkv"), "w") as container:
+        streams = [container.add_stream("pcm_f32le", rate=RATE, layout="mono") for _ in levels]
+        for stream, level in zip(streams, levels, strict=True):
+            block = av.AudioFrame.from_ndarray(np.float32([level * ramp()]), "flt", "mono")
+            block.sample_rate, block.pts = RATE, 0
+            container.mux([*stream.encode(block), *stream.encode(None)])
+    sound = load_sound(tmp_path / "game_and_microphone.mkv", sample_rate=None)
+    np.testing.assert_allclose(sound.samples, levels[taken] * ramp(), atol=1e-6)
+
+
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
     soundfile.write(tmp_path / "ramp.wav", ramp(), RATE, subtype="FLOAT")
     audio = load_audio(tmp_path / "ramp.wav", start=0.25, duration=0.5, sample_rate=None)
@@ -860,10 +874,11 @@ def test_a_pose_of_the_frame_before_or_after_is_noticed(swinging_arm: Callable[.
     assert early[0] < -0.5 < early[1] == 0 < 0.5 < early[2]
 
 
-@cases("bars", [4] * 5 + [2] + [4] * 5, [4, 3] * 6, ids=["a bar of two", "four and three"])
+@cases("bars", [4] * 5 + [2] + [4] * 5, [4, 3] * 6, [4] * 5 + [5, 4], ids=["a bar of two", "four and three", "of five"])
 def test_places_that_a_file_names_stay_as_they_are(tmp_path: Path, bars: list[int]):
     places = [place for count in bars for place in range(count)]
     lines = [f"{0.5 * number:.2f} {place + 1}" for number, place in enumerate(places)]
+    assert load_annotation(write(tmp_path, "song.beats", "\n".join(lines))).meter == 4  # as most bars, or the longer
     for kept in (lines, lines[:10] + lines[11:]):  # whole, and with a beat that was missed
         found = load_beats(write(tmp_path, "song.beats", "\n".join(kept))).bar_places
         assert [f"{place + 1}" for place in found] == [line.split()[1] for line in kept]

@@ -284,6 +284,16 @@ def test_who_moves_otherwise_in_three_beats_does_not_waltz(seed: int, every: flo
     assert judgement.verdict == f"In time, but not with each beat: you move {words} in 3 beats."
 
 
+NUMBERS = np.arange(len(BEATS))
+MISSED = np.r_[NUMBERS[:18] % 3, NUMBERS[:6], NUMBERS[:22] % 3]  # one downbeat of a waltz was missed
+
+
+@cases("places", NUMBERS % 3, NUMBERS % 6, NUMBERS % 12, MISSED)
+def test_who_moves_in_threes_is_in_time_also_with_bars_of_six_and_one_that_is_too_long(places: np.ndarray) -> None:
+    judgement = judged(dancer(every=3), replace(BEATS, bar_places=places))
+    assert judgement.verdict == "In time, but not with each beat: you move once in 3 beats."
+
+
 @pytest.mark.parametrize("power", [0.199, 0.201])
 def test_a_waltz_has_a_fifth_of_its_power_at_one_movement_a_bar(power: float) -> None:
     rates = {Fraction(1, 3): power, Fraction(2, 3): 0.9, Fraction(1): 0.9, Fraction(4, 3): 1.0}
@@ -898,8 +908,9 @@ def test_a_gaussian_of_one_second_is_the_drift_that_is_taken_off(period: float, 
     assert signal.pulse == pytest.approx(left, rel=0.01)
 
 
-def test_a_short_first_bar_or_a_missed_beat_does_not_move_the_bars_of_a_dance():
-    places = np.arange(60) % 3
+def test_a_bar_of_another_length_or_a_missed_beat_does_not_move_the_bars_of_a_dance():
+    places, fours = np.arange(60) % 3, np.arange(24) % 4
+    assert [bar_pattern.first_place(np.r_[fours[first:], np.arange(5), fours]) for first in range(4)] == [0, 1, 2, 3]
     short, missed = np.r_[places[:2], places], np.delete(places, 7)
     assert [bar_pattern.first_place(one) for one in (places, places[1:], short)] == [0, 1, 1]
     assert bar_pattern.first_place(missed) == 1  # as most beats say, which come after it

@@ -465,6 +465,9 @@ def test_points_that_one_performance_does_not_show_are_left_out_of_all_and_names
     roots = [takes, shutil.copytree(takes, tmp_path / "other" / "takes")]
     fault = "other/takes/take_0: is called takes/take_0, as .*takes/take_0 is; rename a folder"
     refused(fault, Audio2Body.learn, roots, TrainOptions(tmp_path / "none"))
+    Audio2Body.learn([takes, takes], TrainOptions(tmp_path / "twice", notice=notices.append), epochs=1)
+    models = [(tmp_path / run / "split.json").read_text() for run in ("run", "twice")]
+    assert models[0] == models[1]
 
 
 def test_options_that_a_training_does_not_take_are_named(corpus: Path, tmp_path: Path):

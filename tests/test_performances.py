@@ -427,6 +427,15 @@ def test_fields_of_performance_json_are_taken(tmp_path: Path):
     assert (one.offset, one.piece, one.name, one.source, one.rendered) == (0.1, "BWV 1004", "me", "home", True)
 
 
+def test_an_offset_that_is_passed_counts_in_place_of_the_folders_own(tmp_path: Path):
+    folder, audio = song_folder(tmp_path / "take", instrument="piano", offset_s=99.0), sound()
+    assert played.load_playing(folder, audio, instrument="piano", offset=0.1).offset == 0.1
+    for passed in ({}, {"offset": 99.0}):
+        refused("and offset 99 s", played.load_playing, folder, audio, instrument="piano", **passed)
+    (folder / "performance.json").write_text(json.dumps({"instrument": "piano"}))
+    refused("and offset 99 s", played.load_playing, folder, audio, instrument="piano", offset=99.0)
+
+
 def test_mirrored_recording_is_turned_back(tmp_path: Path):
     plain = load_performance(song_folder(tmp_path / "a", instrument="piano"))
     turned = load_performance(song_folder(tmp_path / "b", instrument="piano", mirrored=True))

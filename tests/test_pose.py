@@ -254,6 +254,19 @@ def test_of_two_people_the_one_who_moves_most_is_taken(tmp_path: Path, left: np.
     np.testing.assert_allclose(wrist, LIVELY / 255, atol=0.08)
 
 
+def test_of_somebody_who_is_found_too_seldom_to_be_judged_a_line_tells(video: Path, tmp_path: Path, cache: Path):
+    read_pose(video, command=stand_in(tmp_path))
+    (kept,) = cache.glob("poses_*.npz")
+    people = np.tile(standing_body(), (2, 40, 1, 1))
+    people[1, 16:] = np.nan
+    np.savez(kept, people=people)
+    notes = ("another person is found in 40% of the pictures only, and was not looked at", "a body is seen in 100% of")
+    assert [note[: len(start)] for note, start in zip(read_pose(video).notes, notes, strict=True)] == [*notes]
+    people[1, 8:] = np.nan  # such as somebody who walks by
+    np.savez(kept, people=people)
+    assert len(read_pose(video).notes) == 1
+
+
 def two_people(folder: Path) -> list[str]:
     """A process that follows who is in the left half, or in the right one where the left one is painted over."""
     command = stand_in(folder)

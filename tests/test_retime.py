@@ -119,6 +119,8 @@ def test_bounds_of_one_leave_no_freedom_and_beats_in_time_are_left_alone():
 def test_a_phase_of_a_half_lands_between_the_beats_and_a_lag_is_kept():
     warped = partial(beat_warp, track(np.arange(1.3, 9.5)), MUSIC, 10.0)
     np.testing.assert_allclose(warped(phase=0.5)(np.arange(2.3, 8.5)), np.arange(2.5, 8.6), atol=0.02)
+    weak = partial(beat_warp, track(np.arange(1.3, 9.5)), replace(MUSIC, strengths=np.arange(1, 10) != 5), 10.0)
+    np.testing.assert_allclose(weak(phase=0.5)([4.3, 6.3]), [4.5, 6.5], atol=0.02)  # the beat at 5 is too weak
     late = warped(params=replace(VALLEYS, lag=0.05))
     np.testing.assert_allclose(late(np.arange(2.3, 8.5)), np.arange(2.05, 8.1), atol=0.02)
 

@@ -114,6 +114,20 @@ def test_what_does_not_belong_together_is_not_merged(sharded: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_an_unfinished_run_is_not_replaced_unasked_but_for_one_that_the_shards_hold(sharded: Path, tmp_path: Path):
+    shutil.copytree(sharded / "one", out := tmp_path / "table")
+    max((out / "rows").glob("part-*")).unlink()
+    mark = read_json(out / MARK)
+    write_json(out / MARK, {**mark, "settings": {**mark["settings"], "seed": 1}})
+    asked = partial(merge_shards, folders(sharded / "shards"), out)
+    refused(r"rows: holds \d+ of 20 rows; go on with --resume, or begin anew with --force", asked)
+    assert read_json(out / MARK)["settings"]["seed"] == 1
+    write_json(out / MARK, mark)  # as a merge that was killed leaves it
+    asked()
+    assert (out / "clips.csv").read_bytes() == (sharded / "one" / "clips.csv").read_bytes()
+
+
+@pytest.mark.slow
 def test_shards_of_processors_that_differ_in_the_last_digit_are_resumed_and_merged(sharded: Path, tmp_path: Path):
     shards = copied(sharded, tmp_path / "shards")
     manifest = read_json(shards / "s2" / "rows" / "run.json")

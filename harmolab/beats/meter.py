@@ -9,7 +9,7 @@ import numpy as np
 
 from harmolab.beats.audio import LATENESS, onset_envelope
 from harmolab.beats.tempo import STEADY
-from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray, Record, check_kind
+from harmolab.types import SURE, Audio, BeatTrack, BoolArray, FloatArray, Record, check_kind, usual_meter
 
 COURSE = 8  # beats over which the tempo of a moment is told
 MOMENTS, FEWEST = 4, 24  # of a beat at which onsets are heard; beats of music whose bar can be heard
@@ -158,9 +158,8 @@ def describe_beats(track: BeatTrack) -> str:
     check_kind(track, BeatTrack)
     if track.times.size < 2:
         return "no beats" if track.times.size == 0 else "one beat: no tempo"
-    one = '"one": not known'
-    if track.bar_places is not None:
-        one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
+    places = track.bar_places
+    one = '"one": not known' if places is None else f'"one" known, {usual_meter(places)} beats a bar'
     if track.quality is None and track.is_sure:
         return f"annotated, {track.tempo:.1f} bpm; {one}"
     return f"{track.tempo:.1f} bpm, {_steadiness(track)}; {one}"

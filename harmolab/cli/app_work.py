@@ -112,8 +112,9 @@ def fit(order: Order, teller: Teller) -> None:
         teller.view("film", out, "Your video, in time")
         return
     clip = load_clip(song, out, offset=order.offset, dance=order.style, sample_rate=None)
-    player = player_of([replace(clip, has_start=order.has_start)], params=params)
-    _view(order, teller, "in_time.html", "Your dance, in time", player.save)
+    if clip.shared().audio.duration <= LONGEST:
+        player = player_of([replace(clip, has_start=order.has_start)], params=params)
+        _view(order, teller, "in_time.html", "Your dance, in time", player.save)
     teller.view("file", out, "The movement")
 
 

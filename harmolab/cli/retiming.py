@@ -74,9 +74,10 @@ def retime(
     common.check_out(out, "this", VIDEOS_OUT if files.is_video else (".npz", ".bvh", *VIDEOS_OUT))
     is_video = out.suffix.lower() in VIDEOS_OUT
     common.check_untold(context, ("height",), f"is for a video, not for {out}", when=not is_video)
-    if files.is_video and files.song != files.motion and offset is None:
+    offset = recorded_offset(files.motion) if offset is None else offset
+    if offset is None and files.song != files.motion:
         with suppress(ValueError):  # it has no sound
-            offset = sound_offset(files, video_sound(files.motion))
+            offset = sound_offset(files, video_sound(files.motion)) if files.is_video else None
         if offset is None:
             note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
     retimed = retime_files(
@@ -88,7 +89,7 @@ def retime(
     _print(retimed, files.motion, place)
     wrote(out)
     if out.suffix.lower() == ".bvh":
-        common.say_begin(recorded_offset(files.motion) if offset is None else offset, out)
+        common.say_begin(offset, out)
 
 
 def instead(score: HarmonyScore, source: Path, retimed: Retimed) -> str:

@@ -124,14 +124,15 @@ def _limbs(
     skeleton: skeletons.Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool
 ) -> Iterator[Part]:
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
-    skull = set(_skull_joints(names)) if skeleton.bones else set()
+    skull = set(_skull_joints(names))
     point = {joint: name for name, joint in named.items()}
     inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
     radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]
     bones = list(skeleton.bones) if has_trunk else skeletons.skull_and_limbs(skeleton)[1]
     thin = joint_widths(skeleton)
     if not bones:
-        yield from (Part((joint,), (STICK,), "stick") for joint in range(len(skeleton.joints)) if joint not in skull)
+        dots = sorted({*range(len(names))} - (skull if skeleton.bones else set()))
+        yield from (Part((joint,), (STICK,), "stick") for joint in dots)
     for (start, end), width in zip(bones, limb_widths(skeleton, bones), strict=True):
         is_prop, ends = skeleton.joints[start] in PROPS, {start, end}
         is_hidden = ends <= inside | skull or ends & skull or any(ends <= set(foot) for foot in feet)

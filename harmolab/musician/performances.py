@@ -343,6 +343,7 @@ def load_performance(
     sample_rate: float | None = SAMPLE_RATE,
     is_musician: IsMusician | None = None,
     audio: Audio | None = None,
+    offset: float | None = None,
 ) -> Performance:
     """The performance in a folder.
 
@@ -356,6 +357,7 @@ def load_performance(
         Sound of any other rate is resampled to it. None keeps the file's.
     is_musician : as in `load_player_points`
     audio : Audio, the sound in place of the folder's, which then needs none
+    offset : float, seconds, audio time of the first frame, in place of what the folder says
 
     Raises
     ------
@@ -374,7 +376,7 @@ def load_performance(
     motion, detected, begin = _points(files, about, fps, is_musician)
     if audio is None and files.sound is not None:
         audio = load_sound(files.sound, sample_rate=sample_rate)
-    offset, full = about.get("offset_s", begin) or 0.0, folder.resolve()
+    offset, full = (about.get("offset_s", begin) or 0.0) if offset is None else offset, folder.resolve()
     with named_faults(folder):
         if audio is not None:
             _check_end(motion, offset, audio)
@@ -406,10 +408,10 @@ def load_playing(
     """
     path = Path(path)
     if path.is_dir():
-        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio)
+        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio, offset=offset)
         if performance.instrument != instrument:
             raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
-        return performance if offset is None else replace(performance, offset=offset)
+        return performance
     motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
     offset = (begin or 0.0) if offset is None else offset
     with named_faults(path):

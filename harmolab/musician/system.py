@@ -178,8 +178,10 @@ def _performances(
         left_out += [problem.message for problem in problems]
         for folder in options.progress(folders, "loading performances"):
             name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
-            if (first := named.setdefault(name, folder)) is not folder:
+            if not (first := named.setdefault(name, folder)).samefile(folder):
                 raise ValueError(f"{folder}: is called {name}, as {first} is; rename a folder, so that names differ")
+            if first is not folder:  # of a root that was named twice
+                continue
             try:
                 own = load_performance(folder, instrument=instrument, fps=fps)
                 if (own.audio if hears_sound else own.notes) is None:

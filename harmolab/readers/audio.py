@@ -278,6 +278,7 @@ def _possible_rate(sample_rate: float) -> float:
 
 GAP = 0.05  # seconds between two blocks of sound that are silence; less is rounding of their time stamps
 MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
+SILENT = 1e-3  # of full scale, which no sample of a silent track exceeds
 
 
 def load_sound(
@@ -304,6 +305,8 @@ def _span(
 def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seconds: float = 3600.0) -> Audio:
     """The sound of a video, mixed to one channel; it starts with the file, so that it fits `video_frames`.
 
+    Of several tracks, as programs that record a screen write them, the first that is not silent counts.
+
     Parameters
     ----------
     path : str or path
@@ -321,21 +324,31 @@ def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seco
     FileNotFoundError, ValueError
         Both name the file; a video without sound is an error.
     """
-    with _sound_stream(path) as (container, stream):
-        rate = round(stream.codec_context.sample_rate if sample_rate is None else _possible_rate(sample_rate))
-        pieces = list(_pieces(container, stream, rate, max_seconds))
-        if not any(map(len, pieces)):
-            raise ValueError("holds no samples of sound")
-        return Audio(_mixed(np.concatenate(pieces)), rate)
+    tracks = _tracks(path, sample_rate, max_seconds)
+    first = next(tracks)
+    return next((sound for sound in itertools.chain([first], tracks) if np.abs(sound.samples).max() > SILENT), first)
+
+
+def _tracks(path: PathLike, sample_rate: float | None, max_seconds: float) -> Iterator[Audio]:
+    """The sound of each track of a video, one after the other."""
+    number, count = 0, 1
+    while number < count:
+        with _sound_stream(path, number) as (container, stream):
+            rate = round(stream.codec_context.sample_rate if sample_rate is None else _possible_rate(sample_rate))
+            pieces = list(_pieces(container, stream, rate, max_seconds))
+            if not any(map(len, pieces)):
+                raise ValueError("holds no samples of sound")
+            number, count = number + 1, len(container.streams.audio)
+        yield Audio(_mixed(np.concatenate(pieces)), rate)
 
 
 @contextmanager
-def _sound_stream(path: PathLike) -> Iterator[tuple[Any, Any]]:
-    """The container and its first stream of sound, of a rate that can be read."""
+def _sound_stream(path: PathLike, number: int = 0) -> Iterator[tuple[Any, Any]]:
+    """The container and a stream of its sound, of a rate that can be read."""
     with opened_container(Path(path)) as container:
         if not container.streams.audio:
             raise ValueError("holds no sound; name the music's own file, before the film or in its place")
-        stream = container.streams.audio[0]
+        stream = container.streams.audio[number]
         if stream.codec_context is None or not MIN_RATE <= stream.codec_context.sample_rate <= MAX_RATE:
             raise ValueError(f"holds sound that cannot be read; {MIN_RATE} to {MAX_RATE} Hz can be sound")
         yield container, stream

@@ -35,7 +35,7 @@ from harmolab.beats.audio import audio_beats, beat_strengths, sounding_span
 from harmolab.beats.tempo import NEAR, STEADY, Grid
 from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, named_faults, read_json, read_text, reading, write_text
 from harmolab.readers.arrays import number_array
-from harmolab.types import Audio, BeatTrack, FloatArray, IntArray, check_kind
+from harmolab.types import Audio, BeatTrack, FloatArray, IntArray, check_kind, usual_meter
 
 # Annotations are not read from a curve; they are good to a millisecond at best.
 ANNOTATION_RATE = 1000.0
@@ -362,7 +362,8 @@ def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
         return BeatAnnotation(times, bpm=bpm)
     if ((places != places.round()) | (places < 1) | (places > 32)).any():
         raise ValueError("the second column must be the beat's place in its bar: 1, 2, ...")
-    return BeatAnnotation(times, times[places == 1], int(places.max()), bpm, places=places.astype(np.int64) - 1)
+    places = places.astype(np.int64) - 1
+    return BeatAnnotation(times, times[places == 0], usual_meter(places), bpm, places=places)
 
 
 def _from_json(path: Path) -> BeatAnnotation:

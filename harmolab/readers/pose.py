@@ -405,8 +405,8 @@ def _dancer(people: Sequence[SingleArray], fps: float) -> PoseReading:
         No person is, or too little of a body is seen.
     """
     candidates = [person for person in people if _is_found(person)]
+    shares = [float(np.isfinite(person[:, 0, 0]).mean()) for person in people]
     if not candidates:
-        shares = [float(np.isfinite(person[:, 0, 0]).mean()) for person in people]
         few = f"a person is found in {max(shares):.0%} of the pictures only"
         raise ValueError(UNREAD + (few if max(shares) > 0 else "nobody is found in the picture"))
     readings = []
@@ -419,10 +419,11 @@ def _dancer(people: Sequence[SingleArray], fps: float) -> PoseReading:
     if not readings:
         raise faults[0]
     dancer = max(readings, key=lambda reading: _movement(reading.motion))
-    if len(candidates) == 1:
-        return dancer
-    note = f"{len(candidates)} people are in the picture; the one who moves most was taken"
-    return replace(dancer, notes=(note, *dancer.notes))
+    several = f"{len(candidates)} people are in the picture; the one who moves most was taken"
+    notes = [several] if len(candidates) > 1 else []
+    if fewer := [share for share in shares if OFTEN <= share < FEWEST_FOUND]:
+        notes.append(f"another person is found in {max(fewer):.0%} of the pictures only, and was not looked at")
+    return replace(dancer, notes=(*notes, *dancer.notes))
 
 
 def _movement(motion: Motion) -> float:

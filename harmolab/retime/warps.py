@@ -275,7 +275,8 @@ def _beats_and_targets(
     """Visual beats (M,), their targets (N,) and the beat periods there (N,), all strictly inside the clip."""
     beats, moves = salient_audio(music, params).times, salient_visual(visual, params).times
     periods = _periods(beats)
-    targets = beats + phase * periods + params.lag
+    every = _periods(music.times)[np.isin(music.times, beats)]  # the next beat is one that may be too weak to count
+    targets = beats + phase * every + params.lag
     inside = (targets > 0) & (targets < duration)
     return moves[(moves > 0) & (moves < duration)], targets[inside], periods[inside]
 

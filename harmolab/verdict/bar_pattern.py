@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from harmolab.files import PathLike, read_json, reading, write_json
 from harmolab.params import BarPattern
 from harmolab.significance import ranks
-from harmolab.types import BeatTrack, FloatArray, IntArray
+from harmolab.types import BeatTrack, FloatArray, IntArray, usual_meter
 
 GRID = 24  # moments a beat of `beat_curve` and `beat_ranks`
 MOST_MOMENTS = 5_000_000  # a day of music on the grid
@@ -260,5 +260,4 @@ def first_place(bar_places: IntArray) -> int:
     >>> first_place(np.array([0, 1, 0, 1, 2, 0, 1, 2]))
     1
     """
-    shifts = (bar_places - np.arange(bar_places.size)) % (int(bar_places.max()) + 1)
-    return int(np.bincount(shifts).argmax())
+    return int(np.bincount((bar_places - np.arange(bar_places.size)) % usual_meter(bar_places)).argmax())

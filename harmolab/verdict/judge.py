@@ -41,7 +41,7 @@ from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.score import HarmonyScore, check_whole, hit_pairs, score_harmony, score_of_shares
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed
-from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind
+from harmolab.types import Audio, BeatTrack, Clip, Display, Motion, check_kind, usual_meter
 from harmolab.verdict import evidence, sentences
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
@@ -125,12 +125,12 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
 
 
 def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
-    """Beats after which a movement may recur: one, and the cycle of the dance or bar; 1, 2 and 3 where unknown."""
+    """Beats after which a movement may recur: one, and the cycle of dance or bar; 1, 2, 3 in six or where unknown."""
     if pattern is not None:
         return tuple(sorted({1, pattern.beats}))
-    if beats.bar_places is None:
-        return (1, 2, 3)
-    return tuple(sorted({1, cycle_of_meter(int(beats.bar_places.max()) + 1)}))
+    meter = 6 if beats.bar_places is None else usual_meter(beats.bar_places)
+    # Six beats may be twice three or three times two.
+    return (1, 2, 3) if meter % 6 == 0 else tuple(sorted({1, cycle_of_meter(meter)}))
 
 
 def own_reading(time: evidence.TimeTest) -> BarPattern:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harmolab.data.recordings import find_audio, natural, read_any_motion, recording_files
-from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, reading
+from harmolab.files import SOUNDS, MissingFrameRate, PathLike, column_lines, read_json, reading
 from harmolab.readers.keypoints import FRAME_ENDS
 from harmolab.readers.motion_file import same_dance
 
@@ -150,6 +150,8 @@ def folder_pairs(
         song = song_of(motion, songs)
         if twin := same_dance(motion, MOTIONS):
             unpaired.append(Unpaired(motion, f"has the name of {twin.name}, which alone counts"))
+        elif _is_about_another(motion):
+            unpaired.append(Unpaired(motion, NO_MOTION))
         elif isinstance(song, str):
             unpaired.append(Unpaired(motion, song, system) if _is_dance(motion) else Unpaired(motion, NO_MOTION))
         else:
@@ -285,6 +287,20 @@ def _is_dance(path: Path) -> bool:
     except (ValueError, OSError) as error:
         return isinstance(error, MissingFrameRate)
     return True
+
+
+def _is_about_another(path: Path) -> bool:
+    """True for a JSON object without frames that is named by a motion beside it, as mBR0_info.json by mBR0.npz."""
+    parts = re.finditer(r"[\W_]", path.stem) if path.is_file() and path.suffix.lower() == ".json" else ()
+    if not any(path.with_name(path.stem[: part.start()] + ending).exists() for part in parts for ending in MOTIONS):
+        return False
+    try:
+        with reading(path, "JSON") as file:
+            content = read_json(file)
+    except (ValueError, OSError):  # a dance that is damaged, and missed
+        return False
+    values = content.values() if isinstance(content, dict) else [content]
+    return not any(isinstance(value, list) and value and isinstance(value[0], list | dict) for value in values)
 
 
 def is_motion(path: Path) -> bool:

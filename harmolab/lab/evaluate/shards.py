@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harmolab.files import PathLike, Progress, check_output, reading, silent
-from harmolab.lab.evaluate import evaluation
+from harmolab.lab.evaluate import engine, evaluation
 from harmolab.lab.evaluate.engine import KEY, adopt_rows, check_alike, check_engine_installed, read_manifest
 from harmolab.lab.evaluate.evaluation import MARK, PART_DANCES, ROWS, Evaluation, EvaluationSettings
 from harmolab.lab.evaluate.pairing import Pair
@@ -97,6 +97,9 @@ def merge_shards(
     _check_complete(shards)
     settings = _common_settings(shards)
     evaluation.check_table_folder(out, settings, force=force)
+    measured = next(iter(shards.values()))["settings"]
+    if not force and (out / ROWS / engine.MANIFEST).is_file() and evaluation.read_mark(out)["settings"] != measured:
+        engine.read_rows(out / ROWS)  # an error where it was cut off: no shard holds what it measured
     plan = evaluation.planned(settings, progress=progress)
     manifests = {path: read_manifest(path / ROWS) for path, about in shards.items() if about["rows"]}
     tasks = evaluation.in_order(plan.tasks)

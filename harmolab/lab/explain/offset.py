@@ -135,7 +135,7 @@ def find_offset(
     curve = rest_at_beats(times, speed, beats, lags)
     if beats.size < FEWEST_BEATS or np.isnan(curve).all():
         raise ValueError(f"fewer than {FEWEST_BEATS} music beats fall into the dance: is there music, and enough?")
-    period = float(np.polyfit(np.arange(beats.size), beats, 1)[0])
+    period = 60.0 / track.tempo  # in which a pause is whole beats
     seconds = _nearest_peak(lags, curve, period, guess)
     most = int(2 * search / period) + 1
     others = seconds + period * np.delete(np.arange(-most, most + 1), most)

@@ -40,7 +40,7 @@ from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
 from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
-from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind
+from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind, usual_meter
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
 FARTHEST = 32.0  # metres from the middle of a recording
@@ -125,7 +125,8 @@ def _take(
     if inside.sum() > 1:
         take = replace(take, beats=track.times[inside] - offset)
         if track.bar_places is not None:
-            take = replace(take, places=track.bar_places[inside], meter=meter or meter_of(track, dance))
+            meter = meter or meter_of(track, dance)
+            take = replace(take, places=track.bar_places[inside] % meter, meter=meter)
     return take
 
 
@@ -139,12 +140,12 @@ def mirrored(take: Take) -> Take:
 
 
 def meter_of(track: BeatTrack, dance: str = "") -> int:
-    """Beats in a bar of a track: as many places as occur, or those of the dance where no bar is whole; 0: unknown."""
+    """Beats in a bar of a track: those of most bars, or those of the dance where no bar is whole; 0: unknown."""
     places = track.bar_places
     if places is None or places.size == 0:
         return 0
     usual = DANCES[dance].meter if dance in DANCES else 0
-    return usual if places.size < usual else int(places.max()) + 1  # less than a bar does not show all of its places
+    return usual if places.size < usual else usual_meter(places)  # less than a bar does not show all of its places
 
 
 def _kept(name: str, motion: Motion) -> Motion:
