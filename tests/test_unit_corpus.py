@@ -13,14 +13,12 @@ import soundfile
 from harmolab import Audio, Clip, Motion, Recording, load_motion, meter_units, save_motion, write_corpus
 from harmolab.body.kinematics import resample_motion
 from harmolab.readers.beats import BeatAnnotation, Unit
-from harmolab.systems.music2dance.sequences import load_sequences
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.network_system import noticed_split
 from harmolab.systems.training.splits import split_units
 from harmolab.systems.training.units import DanceUnit, cut_recording, grouped_units, load_units, meter_spans
 from tests.builders import cases, metronome, refused
-from tests.tiny_music2dance import TINY
 
 PARAMS = FeatureParams(fps=10.0, n_mfcc=4)
 # Accents of two 4/4 meters, as in the tests of Eq. 22.
@@ -306,7 +304,6 @@ def test_a_recording_that_gives_no_unit_or_is_of_another_unit_of_length_is_named
     np.savez(second / "motion.npz", **(content | {name: content[name][:90] for name in ("positions", "valid")}))
     (note,) = load_units(tmp_path, PARAMS).notes
     assert note.startswith(f"{second}: no unit to learn from") and str(first) not in note
-    assert load_sequences([tmp_path], TINY).units.notes == (note,)
     np.savez(second / "motion.npz", **(content | {"positions": 100 * content["positions"]}))
     (note,) = load_units(tmp_path, PARAMS).notes
     assert note.startswith(f"{second}: the body extends over 1") and "other units?" in note

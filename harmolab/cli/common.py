@@ -177,9 +177,9 @@ class JudgeOptions:
 
     Parameters
     ----------
-    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. It takes the
-        place of what is usual in a --dance. With neither, a rest or a waltz counts as on the beat; of anything else
-        you read when you are fastest and stillest.
+    how : What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one (1 and
+        3 where "one" is known). It takes the place of what is usual in a --dance. With neither, a rest or a waltz
+        counts as on the beat; of anything else you read when you are fastest and stillest.
     """
 
     dance: DanceName = ""

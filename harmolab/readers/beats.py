@@ -362,8 +362,8 @@ def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
         return BeatAnnotation(times, bpm=bpm)
     if ((places != places.round()) | (places < 1) | (places > 32)).any():
         raise ValueError("the second column must be the beat's place in its bar: 1, 2, ...")
-    places = places.astype(np.int64) - 1
-    return BeatAnnotation(times, times[places == 0], usual_meter(places), bpm, places=places)
+    counted = places.astype(np.int64) - 1
+    return BeatAnnotation(times, times[counted == 0], usual_meter(counted), bpm, places=counted)
 
 
 def _from_json(path: Path) -> BeatAnnotation:

@@ -30,14 +30,7 @@ from harmolab.systems.training.groups import Segment, motion_in_space
 from harmolab.systems.training.layers import PATH_CHANNELS, Statistics, channel_statistics
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.splits import Split
-from harmolab.systems.training.units import (
-    NO_UNIT,
-    CutRecording,
-    UnitSet,
-    cut_recording,
-    grouped_units,
-    read_recordings,
-)
+from harmolab.systems.training.units import CutRecording, UnitSet, cut_recording, grouped_units, read_recordings
 from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, IntArray, Motion, SingleArray
 
 VALID_SHARE = 0.9  # of a window's frames must be recorded movement
@@ -138,9 +131,6 @@ def load_sequences(
     """
     read, notes = read_recordings(roots, lambda recording: _read(recording, params, step), progress)
     units, segments = grouped_units([item.cut for item in read], FeatureParams.paper(), roots, notes)
-    dealt = {group for unit in units.units for group in unit.groups}
-    unused = (item.cut for item, spans in zip(read, segments, strict=True) if dealt.isdisjoint(s.group for s in spans))
-    units = replace(units, notes=(*units.notes, *(f"{item.folder}: {NO_UNIT}" for item in unused)))
     code = motion_code([item.motion for item in read], params)
     sequences = [_coded(item, code, tuple(spans)) for item, spans in zip(read, segments, strict=True)]
     return SequenceSet(tuple(sequences), code, params, units)
