@@ -240,9 +240,9 @@ MEASURES = ("paper_harmony", "paper_hit_rate", "above_chance", "count_ratio", "j
 # Of the picture, with the name of the axis and of the subject; the table has them all.
 SHOWN: Mapping[str, tuple[str, str]] = {
     "above_chance": ("0: as many beats as chance meets; 1: every music beat", "Harmony above chance, {}"),
-    "fid": ("0: the same; each losses' own unit", "FID to recorded dance"),
+    "fid": ("0: the same; by the paper's network", "FID to recorded dance"),
 }
-PRICES: Mapping[str, str] = {"jerk": "jerk (m/s³)", "fid": "distance to recorded dance (FID); each losses' own unit"}
+PRICES: Mapping[str, str] = {"jerk": "jerk (m/s³)", "fid": "distance to recorded dance (FID) by the paper's network"}
 
 
 def draw_measure(ax: Axes, rows: pd.DataFrame, measure: str) -> None:
