@@ -425,6 +425,10 @@ def test_sentences_say_the_numbers_of_the_score():
     assert words.verdict == f"The hands meet the sound: 100% of it, where {score.score.chance:.0%} would be chance."
     assert words.sentences[0].startswith(f"{len(onsets)} of {len(onsets)} onsets have a strike within 50 ms.")
     assert [finding.kind for finding in words.findings] == ["score", "hand", "hand", "lag", "body"]
+    late = playing_score(planted_hands(notes), notes.select(notes.onsets > 15), "piano")  # fingers move before, too
+    for side, sentence in zip(SIDES, playing_findings(late).sentences[1:3], strict=True):
+        strays, every = re.search(r"(\d+) of its (\d+) strikes", sentence).groups()
+        assert int(every) == len(strikes(planted_hands(notes), hand=side)) > int(strays)
     other = playing_findings(playing_score(planted_hands(random_notes(60)), random_notes(61), "piano"))
     assert other.verdict == "There is no evidence that these hands play this sound."
     assert not {"lag", "stretch"} & {finding.kind for finding in other.findings}

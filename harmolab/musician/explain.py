@@ -261,10 +261,10 @@ def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
     events = MANY_EVENTS[score.instrument]
     findings = []
     for hand, own in score.hands.items():
-        strays = sum(parting.kind == "stray" and parting.hand == hand for parting in partings)
+        strays, every = sum(each.kind == "stray" and each.hand == hand for each in partings), len(score.events[hand])
         sentence = (
             f"The {hand} hand meets {int((own.pairs >= 0).sum())} of its {own.n_audio} onsets "
-            f"({own.harmony_above_chance:.2f} above chance); {strays} of its {own.n_visual} {events} are at no onset."
+            f"({own.harmony_above_chance:.2f} above chance); {strays} of its {every} {events} are at no onset."
         )
         findings.append(Finding("hand", own.harmony_above_chance, sentence, own.interval))
     if count := sum(parting.kind == "other hand" for parting in partings):
