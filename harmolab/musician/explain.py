@@ -148,13 +148,15 @@ def explain_playing(
         raise ValueError(f"{name}: has neither notes nor sound to compare the hands with; add audio or notes to it")
     clip = Clip(name, performance.audio or _silence(performance), motion, performance.offset)
     shared = clip.shared()
-    skipped = clip.shared_frame() / motion.fps
-    part = cast(Motion, shared.motion)
+    first, part = clip.shared_frame(), cast(Motion, shared.motion)
+    skipped, detected = first / motion.fps, performance.detected[first : first + part.n_frames]
     notes = performance.notes
     whole = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
     sound = whole.span(performance.offset + skipped, part.duration)
     with named_faults(name):
-        score = playing_score(part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed)
+        score = playing_score(
+            part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed, detected=detected
+        )
     audio = None if performance.audio is None else shared.audio
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, playing_findings(score))
 
