@@ -359,7 +359,7 @@ def test_a_movement_and_its_song_get_a_player_are_made_to_fit_and_wrong_files_a_
     assert re.match("wrong.mp4: cannot be read as video: .* kind of file, such as a photo", page.inner_text("#fault"))
     (tmp_path / "wrong.txt").write_text("x")
     dropped(page, tmp_path / "wrong.txt")
-    assert re.match(r"wrong.txt: a song ends in \.wav.*; a dance in \.avi", page.inner_text("#fault"))
+    assert re.match(r"wrong.txt: a song ends in \.wav.*; a dance in \.3gp, \.avi", page.inner_text("#fault"))
     dropped(page, tmp_path / "wrong.mp4", dance)
     fault = f"wrong.mp4, {dance.name}: several files for the dance; drop each on its own field."
     assert page.inner_text("#fault") == fault

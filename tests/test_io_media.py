@@ -900,3 +900,24 @@ def test_a_gap_in_the_sound_of_a_video_is_silence_of_its_length(tmp_path: Path, 
     late = np.abs(sound.samples[(165 * 1024) :])
     first = 165 * 1024 + int(np.argmax(late > 0.2 * late.max()))
     assert first / 48000 == pytest.approx(170 * 1024 / 48000, abs=0.03)
+
+
+@cases("suffix", ".mkv", ".webm", ".mp4")
+def test_a_block_of_sound_that_comes_late_does_not_delay_the_rest(tmp_path: Path, suffix: str):
+    size, last = 960, -1000  # blocks of 20 ms
+    click = np.zeros((1, size), np.float32)
+    click[0, :200] = 0.9 * np.sin(np.arange(200))
+    with av.open(str(tmp_path / f"late{suffix}"), "w") as container:
+        stream = container.add_stream("libopus", rate=48000, layout="mono")
+        for number in range(250):
+            frame = av.AudioFrame.from_ndarray(click if number % 50 == 25 else 0 * click, "flt", "mono")
+            frame.sample_rate, frame.pts, frame.time_base = 48000, size * number, Fraction(1, 48000)
+            for packet in stream.encode(frame):  # one comes .3 s late, and those after it as soon as they can
+                packet.pts = packet.dts = last = max(packet.pts + 14400 * (number == 60), last + 48)
+                container.mux(packet)
+        container.mux(stream.encode(None))
+    sound = video_sound(tmp_path / f"late{suffix}", sample_rate=48000)
+    assert sound.duration == pytest.approx(5.0, abs=0.03)
+    for second in (2, 3, 4):
+        around = np.abs(sound.samples[48000 * second : 48000 * (second + 1)])
+        assert np.argmax(around > 0.2) / 48000 == pytest.approx(0.5, abs=0.02)

@@ -11,7 +11,7 @@ import pytest
 
 from harmolab.body.skeletons import joint_indices, skeleton_part
 from harmolab.cli.sources import check_signs
-from harmolab.lab.explain.filmed import PictureWatch, check_sign, filmed_motion, limb_spread
+from harmolab.lab.explain.filmed import HANDLED, SHAKES, PictureWatch, check_sign, filmed_motion, limb_spread
 from harmolab.lab.explain.offset import PICTURE
 from harmolab.readers.keypoints import MEDIAPIPE_33
 from harmolab.readers.video import write_video
@@ -75,6 +75,15 @@ def test_the_limit_lies_between_two_shares_of_the_edge(columns: int, is_read: bo
         watch.check()
     else:
         refused("the background moves", watch.check)
+
+
+@cases("begin, end, reason", (9, 0, HANDLED), (0, 9, HANDLED), (9, 9, HANDLED), (90, 0, SHAKES), (0, 200, SHAKES))
+def test_a_camera_that_moves_as_the_film_begins_or_ends_is_told_apart(begin: int, end: int, reason: str):
+    cells = np.zeros((240, 6, 8), np.float32)
+    cells[:, 2:5, 3:5] = 0.1  # the dancer
+    PictureWatch(list(cells)).check()
+    cells[[*range(begin), *range(240 - end, 240)]] = 2.0
+    refused(re.escape(UNREAD + reason), PictureWatch(list(cells)).check)
 
 
 def test_no_sign_in_the_flow_is_no_verdict_and_in_a_body_it_is_one():

@@ -26,6 +26,7 @@ from harmolab.musician.players import planted_piece, rendered_notes
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance, planted_performances
 from harmolab.params import HarmonyParams
 from harmolab.readers import player_points as names_of
+from harmolab.readers.keypoints import filled_points
 from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.score import hit_pairs
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Notes
@@ -185,6 +186,20 @@ def test_noise_of_a_pixel_hides_hardly_a_strike_and_invents_few():
         times, onsets = strikes(planted_hands(notes, noise=1.0, seed=seed)).times, note_beats(notes, SECONDS).times
         assert share_near(onsets, times, 0.03) >= 0.97
         assert times.size <= 1.2 * onsets.size
+
+
+@pytest.mark.parametrize("share", [0.3, 0.4])
+def test_a_hand_that_is_hidden_for_a_while_makes_no_more_strikes(share: float):
+    notes = random_notes(0)
+    motion, hidden = planted_hands(notes, noise=1.0), np.arange(round(SECONDS * FPS)) % 120 < 120 * share
+    detected = np.ones(motion.positions.shape[:2], bool)
+    detected[np.ix_(hidden, HANDS["left"])] = False
+    motion = replace(motion, positions=filled_points(motion.positions, detected, PLAYER_50))
+    score = explain_playing(performance(notes, motion, detected=detected)).score
+    onsets = events.hand_onsets(notes, SECONDS)["left"].times
+    in_view = onsets[~hidden[(onsets * FPS).astype(int)]]
+    corners = 2 * np.count_nonzero(np.diff(hidden.astype(int)) == 1)  # where a line over a gap begins and ends
+    assert 0.8 * in_view.size <= len(score.events["left"]) <= in_view.size + corners
 
 
 def test_each_hand_has_its_own_strikes_for_which_wrists_and_fingertips_are_enough():
@@ -425,6 +440,10 @@ def test_sentences_say_the_numbers_of_the_score():
     assert words.verdict == f"The hands meet the sound: 100% of it, where {score.score.chance:.0%} would be chance."
     assert words.sentences[0].startswith(f"{len(onsets)} of {len(onsets)} onsets have a strike within 50 ms.")
     assert [finding.kind for finding in words.findings] == ["score", "hand", "hand", "lag", "body"]
+    late = playing_score(planted_hands(notes), notes.select(notes.onsets > 15), "piano")  # fingers move before, too
+    for side, sentence in zip(SIDES, playing_findings(late).sentences[1:3], strict=True):
+        strays, every = re.search(r"(\d+) of its (\d+) strikes", sentence).groups()
+        assert int(every) == len(strikes(planted_hands(notes), hand=side)) > int(strays)
     other = playing_findings(playing_score(planted_hands(random_notes(60)), random_notes(61), "piano"))
     assert other.verdict == "There is no evidence that these hands play this sound."
     assert not {"lag", "stretch"} & {finding.kind for finding in other.findings}

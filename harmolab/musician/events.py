@@ -29,7 +29,7 @@ from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingerti
 from harmolab.score import HarmonyScore, hit_mask, hit_pairs, hitting_score, score_harmony
 from harmolab.significance import bootstrap_interval_of, p_value, rotated_hits, rotations
 from harmolab.systems.training.features import check_choice
-from harmolab.types import FRAME_EDGE, Audio, BeatTrack, FloatArray, Motion, Notes, check_kind
+from harmolab.types import FRAME_EDGE, Audio, BeatTrack, BoolArray, FloatArray, Motion, Notes, check_kind
 
 MERGE = 0.04  # seconds within which events are one: the notes of a chord, the fingers that strike it
 PALM_SHARE = 0.03  # of the palm's length that a strike goes down at least: 1.5 pixels where it is 50 pixels long
@@ -111,7 +111,9 @@ def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
     return _merged(_Events(times[inside], peaks.strengths[inside]), merge, rate, audio.duration)
 
 
-def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None = None) -> BeatTrack:
+def strikes(
+    motion: Motion, *, hand: str | None = None, prominence: float | None = None, detected: BoolArray | None = None
+) -> BeatTrack:
     """The strikes of a pianist's fingers: moments at which a fingertip is lowest, seen from its hand.
 
     The hand is the mean of its wrist and, where the motion has them, the roots of its fingers, smoothed over 0.2 s.
@@ -126,6 +128,8 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     prominence : float, unit of the positions, optional
         Depth of the shallowest strike; 3 % of the palm when left out. A strike is never shallower than 4.5 standard
         deviations of the fingertip's smoothed noise.
+    detected : (T, P) mask, optional
+        False where a point's place is filled in, which has no noise; all True when left out.
 
     Returns
     -------
@@ -142,7 +146,7 @@ def strikes(motion: Motion, *, hand: str | None = None, prominence: float | None
     -----
     A camera above the keys does not see fingers go down: strikes read from such points are no evidence.
     """
-    return _track([_fingertip_events(motion, side, prominence) for side in _hands(motion, hand)], motion)
+    return _track([_fingertip_events(motion, side, prominence, detected) for side in _hands(motion, hand)], motion)
 
 
 def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
@@ -186,13 +190,13 @@ def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | 
     return _track([_peaks(sign * smooth, _rate(motion), least) for sign in (1.0, -1.0)], motion)
 
 
-def playing_events(motion: Motion, instrument: str) -> BeatTrack:
-    """The events of an instrument: `strikes` of a piano, `bow_turns` of a violin.
+def playing_events(motion: Motion, instrument: str, *, detected: BoolArray | None = None) -> BeatTrack:
+    """The events of an instrument: `strikes` of a piano, where `detected` counts, or `bow_turns` of a violin.
 
     ValueError for another instrument, or as those.
     """
     check_choice("instrument", instrument, INSTRUMENTS)
-    return strikes(motion) if instrument == "piano" else bow_turns(motion)
+    return strikes(motion, detected=detected) if instrument == "piano" else bow_turns(motion)
 
 
 def playing_hands(motion: Motion) -> tuple[str, ...]:
@@ -242,7 +246,7 @@ def _peaks(curve: FloatArray, fps: float, prominence: float) -> _Events:
     return _Events(refine_extrema(curve, frames) / fps, properties["prominences"])
 
 
-def _fingertip_events(motion: Motion, side: str, prominence: float | None) -> _Events:
+def _fingertip_events(motion: Motion, side: str, prominence: float | None, detected: BoolArray | None) -> _Events:
     """Lowest points of the fingertips of one hand."""
     skeleton = motion.skeleton
     tips, wrist = fingertips(skeleton, side), _numbers_of(motion, wrist_names(side))[:1]
@@ -252,7 +256,10 @@ def _fingertip_events(motion: Motion, side: str, prominence: float | None) -> _E
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
     curves = curves - _smooth_curves(heights[:, -1:], motion, HAND_SMOOTHING)
     least = PALM_SHARE * _palm(motion, side) if prominence is None else prominence
-    bounds = [max(least, NOISE * _noise(beside, motion.fps)) for beside in (heights[:, :-1] - heights[:, -1:]).T]
+    beside = heights[:, :-1] - heights[:, -1:]
+    if detected is not None:
+        beside[~(detected[:, tips] & detected[:, hand].all(axis=1, keepdims=True))] = np.nan
+    bounds = [max(least, NOISE * _noise(each, motion.fps)) for each in beside.T]
     return _joined(_peaks(curve, _rate(motion), bound) for curve, bound in zip(curves.T, bounds, strict=True))
 
 
@@ -332,8 +339,10 @@ def _noise(curve: FloatArray, fps: float) -> float:
     """Standard deviation that is left of the white noise on a curve (T,) once it is smoothed.
 
     Noise shows in fourth differences, in which hands hardly move. A Gaussian of s samples leaves (2 sqrt(pi) s)^-1/2.
+    Frames that are NaN do not count.
     """
     steps = np.diff(curve, DIFFERENCE)
+    steps = steps[~np.isnan(steps)]
     left = min(1.0, (2 * np.sqrt(np.pi) * SMOOTHING * fps) ** -0.5)
     return left * MAD * float(np.median(np.abs(steps))) / DIFFERENCE_NORM if steps.size else 0.0
 
@@ -422,6 +431,7 @@ def playing_score(
     params: HarmonyParams | None = None,
     n_rotations: int = 1000,
     seed: int = 0,
+    detected: BoolArray | None = None,
 ) -> PlayingScore:
     """The score of a musician's hands with the onsets of the sound: do the hands meet the notes?
 
@@ -437,6 +447,7 @@ def playing_score(
     params : HarmonyParams of measure "hits"
         ``HarmonyParams.playing()`` when left out.
     n_rotations, seed : as in `score_harmony`; without rotations there is no lag
+    detected : as in `strikes`
 
     Returns
     -------
@@ -453,10 +464,10 @@ def playing_score(
     params = params or HarmonyParams.playing()
     score = partial(_scored, params=params, n_rotations=n_rotations, seed=seed)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
-    events = playing_events(motion, instrument)
+    events = playing_events(motion, instrument, detected=detected)
     by_hand, own = {BOW_HAND: events}, {}
     if instrument == "piano":
-        by_hand = {side: strikes(motion, hand=side) for side in playing_hands(motion)}
+        by_hand = {side: strikes(motion, hand=side, detected=detected) for side in playing_hands(motion)}
         own = hand_onsets(sound, motion.duration) if isinstance(sound, Notes) else {}
     whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=params))
     hands = {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand}

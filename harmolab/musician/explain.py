@@ -148,13 +148,15 @@ def explain_playing(
         raise ValueError(f"{name}: has neither notes nor sound to compare the hands with; add audio or notes to it")
     clip = Clip(name, performance.audio or _silence(performance), motion, performance.offset)
     shared = clip.shared()
-    skipped = clip.shared_frame() / motion.fps
-    part = cast(Motion, shared.motion)
+    first, part = clip.shared_frame(), cast(Motion, shared.motion)
+    skipped, detected = first / motion.fps, performance.detected[first : first + part.n_frames]
     notes = performance.notes
     whole = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
     sound = whole.span(performance.offset + skipped, part.duration)
     with named_faults(name):
-        score = playing_score(part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed)
+        score = playing_score(
+            part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed, detected=detected
+        )
     audio = None if performance.audio is None else shared.audio
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, playing_findings(score))
 
@@ -261,10 +263,10 @@ def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
     events = MANY_EVENTS[score.instrument]
     findings = []
     for hand, own in score.hands.items():
-        strays = sum(parting.kind == "stray" and parting.hand == hand for parting in partings)
+        strays, every = sum(each.kind == "stray" and each.hand == hand for each in partings), len(score.events[hand])
         sentence = (
             f"The {hand} hand meets {int((own.pairs >= 0).sum())} of its {own.n_audio} onsets "
-            f"({own.harmony_above_chance:.2f} above chance); {strays} of its {own.n_visual} {events} are at no onset."
+            f"({own.harmony_above_chance:.2f} above chance); {strays} of its {every} {events} are at no onset."
         )
         findings.append(Finding("hand", own.harmony_above_chance, sentence, own.interval))
     if count := sum(parting.kind == "other hand" for parting in partings):

@@ -358,11 +358,12 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
     """Blocks (samples, channels) from the start of the file on; silence first, or the beginning cut, where the sound
     starts apart.
 
-    Silence, too, where sound is missing between two blocks, as players give it.
+    Silence, too, where sound is missing between two blocks, as players give it. It goes again where the blocks after it
+    are in time: then none was missing, and one block came late, as where a browser records.
     """
     layout = stream.codec_context.layout
     resampler, channels = av.AudioResampler(format="flt", layout=layout, rate=rate), layout.nb_channels
-    skip, count, due, max_seconds = None, 0, None, min(max_seconds, MAX_SAMPLES / channels / rate)
+    skip, count, due, put, max_seconds = None, 0, None, 0.0, min(max_seconds, MAX_SAMPLES / channels / rate)
     for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
         if skip is None:
             late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
@@ -371,6 +372,8 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             skip, count = max(0, -round(late * rate)), max(0, round(late * rate))
             yield np.zeros((count, channels), np.float32)
         gap = 0.0 if block is None or block.time is None or due is None else block.time - due
+        taken = min(max(-gap, 0.0), put)  # seconds of the silence that was put in
+        skip, put = skip + round(taken * rate), put + (gap if gap > GAP else -taken)
         frames = resampler.resample(None if gap > GAP else block)
         parts = [frame.to_ndarray().reshape(-1, channels) for frame in frames]
         if gap > GAP:
@@ -378,7 +381,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             parts.append(np.zeros((round(min(gap, max_seconds + 1) * rate), channels), np.float32))
             parts += [frame.to_ndarray().reshape(-1, channels) for frame in resampler.resample(block)]
         if block is not None and block.time is not None:
-            due = (block.time if due is None or gap > GAP else due) + block.samples / block.sample_rate
+            due = (block.time if due is None or gap > GAP else due - taken) + block.samples / block.sample_rate
         for part in parts:
             samples, skip = part[skip:], max(0, skip - len(part))
             count += len(samples)

@@ -34,6 +34,9 @@ JUMPS = 0.25  # share of the movement: lights, cuts, zooms on the beat .30 to 1,
 LEAST_RATE = 8.0  # hertz, the slowest that was tried
 SHAKES = "the camera moves; put it on something that stands still (or the light changes or the film is cut: avoid both)"
 MOVES = "the background moves, or others do; film with only yourself in the picture"
+HANDLED = (
+    "the camera moves as the film begins or ends, as where it is put down or picked up; cut these moments off the film"
+)
 NOTHING = "nothing moves in the picture"
 
 
@@ -70,13 +73,28 @@ class PictureWatch:
         """Share of the picture that moves in the liveliest tenth of the pictures, at least."""
         return float(np.percentile(self._moving.mean(axis=(1, 2)), 90))
 
+    @property
+    def fault(self) -> str:
+        """The reason why the flow is not that of a dancer; "" where it may be."""
+        if not self.cells or not self.most:
+            return NOTHING
+        is_restless = self.edges.mean() > EDGE_MOVES
+        if not is_restless and self.jumps <= JUMPS:
+            return ""
+        return MOVES if is_restless and self.most <= ALL_MOVES else SHAKES
+
+    @property
+    def between(self) -> "PictureWatch":
+        """The pictures between the jumps in the first and those in the last quarter of the film."""
+        quarter, jumps = len(self.cells) // 4, self.edges > 0.5
+        begin = max(np.flatnonzero(jumps[:quarter]), default=-1) + 1
+        end = min(np.flatnonzero(jumps[-quarter:]), default=quarter) if quarter else 0
+        return PictureWatch(self.cells[begin : len(self.cells) - quarter + end])
+
     def check(self) -> None:
         """ValueError, with the reason, where the flow is not that of a dancer."""
-        if not self.cells or not self.most:
-            raise ValueError(UNREAD + NOTHING)
-        is_restless = self.edges.mean() > EDGE_MOVES
-        if is_restless or self.jumps > JUMPS:
-            raise ValueError(UNREAD + (MOVES if is_restless and self.most <= ALL_MOVES else SHAKES))
+        if fault := self.fault:
+            raise ValueError(UNREAD + (HANDLED if fault == SHAKES and not self.between.fault else fault))
 
 
 # The movement in a video, by body or by flow
