@@ -9,7 +9,7 @@ FILES = {"violin": "a2b_table01_violin", "piano": "a2b_table02_piano"}
 DIRTY, HALF = "frames not dropped", "50 % of the training data"
 RANDOM = "random features"
 OTHER, PLACE, RIDGE = "sound of another piece", "mean place of each hand", "ridge regression"
-LUCK = "most rows differ by no more than trainings of one row do; in an earlier run the piano's order agreed, and not the violin's"
+LUCK = "most rows differ by no more than trainings of one row do; in earlier runs the piano's order agreed once, and the violin's once"
 PEOPLE = "people who judge (the page that shows it is built)"
 
 
@@ -126,8 +126,9 @@ BODY_DYNAMICS = (
     ),
     Claim(
         "Table 1", "the order of the violin's settings", "twelve rows",
-        lambda tables: _order(tables, "violin"), lambda tables: f"{_no_agreement(tables, 'violin')}; {LUCK}",
-        "reproduced", lambda tables: _tau(tables, "violin", "p") <= 0.05, "19_sound_to_hands", "test_players.py",
+        lambda tables: _order(tables, "violin"), lambda tables: _no_agreement(tables, "violin"),
+        "not reproduced", lambda tables: _tau(tables, "violin", "p") > 0.05, "19_sound_to_hands", "test_players.py",
+        f"more trainings ({LUCK})",
     ),
     Claim(
         "Fig. 6", "to a random sequence nothing moves", "one picture",
