@@ -118,7 +118,7 @@ def test_a_shift_is_told_only_with_a_known_offset(folder: Path, clip: Clip, tmp_
 
 def test_a_motion_file_that_keeps_its_song_time_needs_no_offset(folder: Path, clip: Clip, tmp_path: Path):
     save_motion(tmp_path / "kept.npz", danced(clip, lambda beats: np.zeros(beats.shape)), offset=START)
-    kept = told_of(folder, tmp_path / "kept.npz")
+    kept = told_of(folder, tmp_path / "kept.npz", guess=5.0)  # notebook 13 always has a guess, for what says nothing
     assert kept.placement == Placement(START, "folder")
     assert str(kept.placement) == "Your dance begins at 0.40 s of the song, as its recording says."
     assert kept.verdict.startswith("You are on the beat")

@@ -363,7 +363,7 @@ def place_performance(
     song : Audio
     music : BeatTrack, the song's beats
     guess : float, seconds, optional
-        Offset around which the movement is searched; the sound searches everywhere.
+        Offset around which the movement is searched, where neither folder nor sound says it.
     search : float, seconds
         Largest distance from the guess, to either side.
 
@@ -372,7 +372,7 @@ def place_performance(
     ValueError
         As `harmolab.lab.explain.offset.find_offset`.
     """
-    if performance.start is not None and guess is None:
+    if performance.start is not None:
         return Placement(performance.start, "folder")
     if performance.sound is not None:
         with suppress(ValueError):  # too short, or silent
@@ -498,7 +498,8 @@ def explain_performance(
         Moment of the song at which the dance begins. When left out it comes from the dance's file or folder, else from
         its sound, else from its movement.
     guess : float, seconds, optional
-        Moment around which the movement is placed; the sound is compared everywhere.
+        Moment around which the movement is placed, where neither file nor sound says it. The sound is compared
+        everywhere.
     search : float, seconds
         Largest distance from the guess, to either side.
     beats, one, dance : as in `harmolab.load_clip`
