@@ -37,7 +37,7 @@ $(STAMP): pyproject.toml constraints.txt
 	set -- "$$@" -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
 	$$uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" \
 	    || { echo "uv could not install; pip does ..." >&2; $(BIN)/python -m pip install --quiet --disable-pip-version-check "$$@"; }
-	@mkdir -p $(VENV)/etc/jupyter && cp tools/jupyter_nbconvert_config.py $(VENV)/etc/jupyter/
+	@mkdir -p $(VENV)/etc/jupyter && cp tools/jupyter_*_config.py $(VENV)/etc/jupyter/
 	@echo "Compiling librosa's beat tracker (half a minute) ..."
 	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.
 	@find $(VENV) \( -name '*.nbi' -o -name '*.nbc' \) -delete

@@ -36,13 +36,20 @@ from harmolab.verdict.judge import Judgement, music_and_motion, score_motion, wi
 
 SONGS = "audio/*"
 DANCES = ".npz,.npy,.pkl,.csv,.json,.bvh,.c3d,.zip,video/*"
+NONE = "none yet; over 10 MB only by its path"
 
 
 class OwnFiles(ipywidgets.VBox):
     """Pick a song and a dance of your own in JupyterLab: for each a button to upload a file, and a line for its path.
 
-    Take the line for large files. An uploaded file is written into a temporary folder; of its own name only the ending
-    is kept.
+    Of button and line the one that was used last counts, and words beside them name its file. A file of more than 10 MB
+    needs the line: JupyterLab drops it without a word, unless it was set up by `make setup`. An uploaded file is
+    written into a temporary folder; of its own name only the ending is kept.
+
+    Raises
+    ------
+    ValueError
+        On asking for either where one of the two was picked alone, unless it is a video as the dance.
 
     Examples
     --------
@@ -59,17 +66,25 @@ class OwnFiles(ipywidgets.VBox):
     @property
     def song(self) -> Path | None:
         """The song's file, else the video in which it plays; None when neither was picked."""
-        return self._file("song") or (self.dance if self.dance and is_video(self.dance) else None)
+        return self._files()[0]
 
     @property
     def dance(self) -> Path | None:
         """The file of the motion or video, or a folder of key points; None when nothing was picked."""
-        return self._file("dance")
+        return self._files()[1]
+
+    def _files(self) -> tuple[Path | None, Path | None]:
+        song, dance = self._file("song"), self._file("dance")
+        song = song or (dance if dance and is_video(dance) else None)
+        if (song is None) != (dance is None):
+            there, missing = ("dance", "song") if song is None else ("song", "dance")
+            raise ValueError(f"a {there} arrived, and no {missing}: pick one, too; over 10 MB it comes by its path")
+        return song, dance
 
     def _file(self, kind: str) -> Path | None:
-        upload, line = self._rows[kind]
-        if line.value.strip():
-            return Path(line.value.strip()).expanduser()
+        upload, line, _ = self._rows[kind]
+        if path := line.value.strip().strip("\"'"):  # quotes, as Windows puts them around a path that is copied
+            return Path(path).expanduser()
         if not upload.value:
             return None
         picked = upload.value[0]
@@ -84,10 +99,21 @@ class OwnFiles(ipywidgets.VBox):
         return {**(super()._repr_mimebundle_(**kwargs) or {}), "text/plain": "pick your files in JupyterLab"}
 
 
-def _row(kind: str, accept: str) -> tuple[ipywidgets.FileUpload, ipywidgets.Text]:
-    """A button and a line for one file."""
+def _row(kind: str, accept: str) -> tuple[ipywidgets.FileUpload, ipywidgets.Text, ipywidgets.Label]:
+    """A button and a line for one file, and words on what arrived."""
     upload = ipywidgets.FileUpload(accept=accept, description=kind)
-    return upload, ipywidgets.Text(placeholder=f"or the path of the {kind}", layout={"width": "28rem"})
+    line = ipywidgets.Text(placeholder=f"or the path of the {kind}", layout={"width": "28rem"})
+    words = ipywidgets.Label(NONE)
+
+    def tell(change: Any) -> None:
+        if change["owner"] is upload and upload.value:
+            line.value = ""
+        name = line.value.strip() or (upload.value[0]["name"] if upload.value else "")
+        words.value = f"{name} is taken" if name else NONE
+
+    upload.observe(tell, "value")
+    line.observe(tell, "value")
+    return upload, line, words
 
 
 # The scoring lab
