@@ -56,7 +56,7 @@ def ask(address: str, method: str, form: object = None, *, path: str = "", **opt
 
 
 def test_page_and_frame_ask_every_trial_each_answer_is_on_disk_and_thanks_are_the_end(trials: TrialSet, log: AnswerLog):
-    server = StudyServer(trials, log, shown).start()
+    server = StudyServer(trials, log, shown).start().start()  # as by the cell of notebook 14 that is run again
     assert urlsplit(server.address).hostname == "127.0.0.1"
     for number, trial in enumerate(trials.trials, 1):
         status, page = ask(server.address, "GET")

@@ -104,8 +104,9 @@ class LocalPage:
         return f"http://{HOST}:{self._server.server_port}{self.path}"
 
     def start(self) -> Self:
-        """Itself, serving until `stop` or the end of the program."""
-        self._thread.start()
+        """Itself, serving until `stop` or the end of the program. A cell that is run again may start it again."""
+        if not self._thread.is_alive():
+            self._thread.start()
         return self
 
     def stop(self) -> None:
