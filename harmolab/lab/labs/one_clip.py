@@ -77,8 +77,8 @@ class OwnFiles(ipywidgets.VBox):
         song, dance = self._file("song"), self._file("dance")
         song = song or (dance if dance and is_video(dance) else None)
         if (song is None) != (dance is None):
-            there, missing = ("dance", "song") if song is None else ("song", "dance")
-            raise ValueError(f"a {there} arrived, and no {missing}: pick one, too; over 10 MB it comes by its path")
+            picked, missing = ("dance", "song") if song is None else ("song", "dance")
+            raise ValueError(f"a {picked} arrived, and no {missing}: pick one, too; over 10 MB it comes by its path")
         return song, dance
 
     def _file(self, kind: str) -> Path | None:
