@@ -69,7 +69,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_song(root / "songs" / f"{song}.wav", clip)
         poses, way = smpl_dance(clip.beats, fps=FPS)
         name = RECORDED_NAME.format(song)
-        content = {"smpl_poses": poses, "smpl_trans": way, "smpl_scaling": np.ones(1)}
+        content = {"smpl_poses": poses, "smpl_trans": way * 93.8, "smpl_scaling": np.array([93.8])}
         (root / "recorded" / f"{name}.pkl").write_bytes(pickle.dumps(content))
         joints = load_motion(root / "recorded" / f"{name}.pkl").positions
         edge_file(root / "edge" / f"2000_{number}_{name}_slice7.pkl", joints[210:840:2])

@@ -13,6 +13,7 @@ AMASS, `.npz`                ``poses`` (T, 156 or 165), ``trans``, ``betas``,   
                              ``mocap_framerate`` or ``mocap_frame_rate``                                 studios' floor
 AIST++, `.pkl`               ``smpl_poses`` (T, 72), ``smpl_trans``,                  60 by its name     y: its cameras'
                              ``smpl_scaling``, by which trans is divided                                 calibration
+                             (of a generator, which writes 1 or 100: no rate)
 EDGE, `.pkl`                 ``smpl_poses`` (T, 72), ``smpl_trans``, ``full_pose``    none               z: its training
                              (T, 24, 3), the joints as EDGE placed them                                  turned AIST++
 others, `.npz`, `.pkl`       ``smpl_poses`` or ``poses``, ``smpl_trans`` or           ``fps``, or none   guessed from
@@ -459,8 +460,8 @@ def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -
     own, reason = None, ""
     if (name := next((name for name in _RATES if name in content), None)) is not None:
         own, reason = _number(content, name), f"{name} of the file"
-    # A generator may name its dances as AIST++ does, and run at another rate; the scaling is AIST++'s own.
-    elif is_aist_name(path) and "smpl_scaling" in content:
+    # A generator may name its dances as AIST++ does, and run at another rate; a scaling that is fitted is AIST++'s own.
+    elif is_aist_name(path) and "smpl_scaling" in content and _number(content, "smpl_scaling") not in (1, 100):
         own, reason = AIST_FPS, "AIST++"
     rate = options.rate(own, _EDGE_HINT if "full_pose" in content else "")
     is_own = own is not None and (options.fps is None or options.as_defaults)
