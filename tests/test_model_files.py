@@ -310,6 +310,9 @@ def test_betas_shape_the_joints_at_rest(tmp_path: Path):
     assert "joints of the body in smpl.npz shaped by 2 of 3 betas" in notes
     mean = pickled(tmp_path / "mean.pkl", smpl_poses=poses, smpl_trans=way, betas=np.zeros((1, 10)))
     assert "joints of the mean body in smpl.npz" in read_motion(mean, fps=30, smpl=body).notes
+    each = betas + np.linspace(-1, 1, len(poses))[:, None]  # a shape for each frame, as GVHMR and WHAM write
+    np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=each, gender="male", mocap_framerate=120.0)
+    np.testing.assert_allclose(load_motion(tmp_path / "walk.npz", smpl=body).positions, motion.positions, atol=1e-9)
 
 
 def test_betas_that_cannot_be_used_are_said_to_be_left_out(tmp_path: Path):
