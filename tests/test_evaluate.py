@@ -191,6 +191,7 @@ def song_among(motion: str, music: tuple[str, ...]) -> Song | str:
     ("test_mBR0.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
     ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
     ("2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl", ("gBR_sBM_cAll_d04_mBR0_ch01_slice7.wav", "mBR0.wav"), "gBR_sBM"),
+    ("test_3_063z@005.pkl", ("063.wav", "005.wav", "003.wav"), "063.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mJB4.wav"), "mJB4.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mJB4_full.wav"), "mJB4_full.wav"),
     ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mjb4.wav"), "mjb4.wav"),
@@ -207,6 +208,7 @@ def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: t
     ("tune.npz", ("tune.wav", "tune.mp3"), "2 songs: tune.mp3, tune.wav"),
     ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
     ("gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy", ("mBR0.wav", "mLH1.wav"), "no song has its name"),  # not that of its seed
+    ("test_3_063z@005.pkl", ("005.wav",), "no song has its name"),  # not that of its piece's number
 )
 def test_a_dance_without_a_song_has_the_reason(motion: str, music: tuple[str, ...], reason: str) -> None:
     answer = song_among(motion, music)

@@ -21,7 +21,7 @@ from harmolab.cli import app
 from harmolab.cli.data_check import check
 from harmolab.lab.evaluate import pairing
 from harmolab.lab.evaluate.evaluation import EvaluationSettings, evaluate_dances, evaluation_pairs
-from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs, song_of
+from harmolab.lab.evaluate.pairing import Pair, Song, folder_pairs, listed_pairs, slice_start, song_of
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
 from harmolab.lab.evaluate.submission import file_hashes
 from harmolab.readers.motion import load_motion, save_motion
@@ -69,7 +69,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_song(root / "songs" / f"{song}.wav", clip)
         poses, way = smpl_dance(clip.beats, fps=FPS)
         name = RECORDED_NAME.format(song)
-        content = {"smpl_poses": poses, "smpl_trans": way, "smpl_scaling": np.ones(1)}
+        content = {"smpl_poses": poses, "smpl_trans": way * 93.8, "smpl_scaling": np.array([93.8])}
         (root / "recorded" / f"{name}.pkl").write_bytes(pickle.dumps(content))
         joints = load_motion(root / "recorded" / f"{name}.pkl").positions
         edge_file(root / "edge" / f"2000_{number}_{name}_slice7.pkl", joints[210:840:2])
@@ -154,6 +154,7 @@ def test_a_slice_begins_where_its_number_says_and_is_not_guessed_without_a_strid
     refused(r"slice7\.pkl: is slice 7 of its song; pass --slice-stride", folder_pairs, "edge", tmp_path, songs)
     sliced = [Song("mBR0_slice7", Path("gBR_sBM_cAll_d04_mBR0_ch01_slice7.wav"))]
     assert folder_pairs("edge", tmp_path, sliced).pairs[0].offset == 0.0  # the sound is the slice itself
+    assert slice_start(Path("test_3_063z@005.pkl"), Song("063", Path("063.wav")), 4.0) == (20.0, "slice")
     (tmp_path / "test_mBR0.pkl").touch()
     (_, whole) = folder_pairs("edge", tmp_path, songs, slice_stride=0.5).pairs
     assert (whole.motion.name, whole.offset, whole.begins) == ("test_mBR0.pkl", None, "")

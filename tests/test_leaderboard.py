@@ -161,6 +161,10 @@ def test_a_row_of_an_evaluation_has_its_numbers_and_none_of_its_paths(table: Pat
         "harmolab evaluate --system ours=ours --music songs --reference recorded "
         "--fps 30.0 --resamples 200 --seed 0 --out table"
     )
+    edit(table / "evaluation.json", lambda content: content["settings"].update(smpl=str(table / "body.npz")))
+    leaderboard.write_evaluate_row("NAME", table)  # on a body of one's own, which its numbers depend on
+    measured = leaderboard.load_row(row)
+    assert measured["settings"]["smpl"] == "body.npz" and " --smpl body.npz " in measured["command"]
     assert str(table.parent) not in (row / "evidence.csv").read_text() + (row / "row.json").read_text()
 
 

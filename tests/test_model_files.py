@@ -110,7 +110,7 @@ def asks_for_rate(path: Path, message: str = "holds no frame rate") -> None:
 
 
 def test_neutral_body_at_rest_is_an_adult_with_arms_spread(tmp_path: Path):
-    still = {"smpl_poses": np.zeros((3, 72)), "smpl_trans": np.zeros((3, 3)), "smpl_scaling": np.ones(1)}
+    still = {"smpl_poses": np.zeros((3, 72)), "smpl_trans": np.zeros((3, 3)), "smpl_scaling": np.array([93.8])}
     path = pickled(tmp_path / f"{AIST}.pkl", **still)
     places = dict(zip(SMPL_24.joints, load_motion(path).positions[0], strict=True))
     # By hand: hip and knee and ankle below each other; 0.06 + 0.13 + 0.316 + 0.248 from the middle to the left wrist.
@@ -155,8 +155,10 @@ def test_aist_recordings_have_60_frames_a_second_and_are_scaled(tmp_path: Path):
     assert "60 frames a second (AIST++)" in notes
     other = pickled(tmp_path / "other.pkl", **content)
     asks_for_rate(other, r"other\.pkl: holds no frame rate; pass fps, such as --fps 25")
-    del content["smpl_scaling"]  # a generator's dance to the same song
-    asks_for_rate(pickled(tmp_path / f"{AIST}.pkl", **content))
+    for scaling in ({}, {"smpl_scaling": np.ones(1)}, {"smpl_scaling": np.array([100])}):  # a generator's to that song
+        content = {"smpl_poses": poses.reshape(-1, 72), "smpl_trans": way, **scaling}
+        asks_for_rate(pickled(tmp_path / f"{AIST}.pkl", **content))
+        assert read_motion(tmp_path / f"{AIST}.pkl", fps=30.0, as_defaults=True).motion.fps == 30
 
 
 def test_edge_joints_are_as_edge_placed_them_and_its_rate_is_asked_for(tmp_path: Path):
@@ -308,6 +310,9 @@ def test_betas_shape_the_joints_at_rest(tmp_path: Path):
     assert "joints of the body in smpl.npz shaped by 2 of 3 betas" in notes
     mean = pickled(tmp_path / "mean.pkl", smpl_poses=poses, smpl_trans=way, betas=np.zeros((1, 10)))
     assert "joints of the mean body in smpl.npz" in read_motion(mean, fps=30, smpl=body).notes
+    each = betas + np.linspace(-1, 1, len(poses))[:, None]  # a shape for each frame, as GVHMR and WHAM write
+    np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=each, gender="male", mocap_framerate=120.0)
+    np.testing.assert_allclose(load_motion(tmp_path / "walk.npz", smpl=body).positions, motion.positions, atol=1e-9)
 
 
 def test_betas_that_cannot_be_used_are_said_to_be_left_out(tmp_path: Path):

@@ -13,6 +13,7 @@ AMASS, `.npz`                ``poses`` (T, 156 or 165), ``trans``, ``betas``,   
                              ``mocap_framerate`` or ``mocap_frame_rate``                                 studios' floor
 AIST++, `.pkl`               ``smpl_poses`` (T, 72), ``smpl_trans``,                  60 by its name     y: its cameras'
                              ``smpl_scaling``, by which trans is divided                                 calibration
+                             (of a generator, which writes 1 or 100: no rate)
 EDGE, `.pkl`                 ``smpl_poses`` (T, 72), ``smpl_trans``, ``full_pose``    none               z: its training
                              (T, 24, 3), the joints as EDGE placed them                                  turned AIST++
 others, `.npz`, `.pkl`       ``smpl_poses`` or ``poses``, ``smpl_trans`` or           ``fps``, or none   guessed from
@@ -31,7 +32,8 @@ Motion-X, `.npy`             (T, 322): axis-angle of 22 joints, hands, face (309
 Where the body stands along the other one of y and z, that is up.
 
 Translations are in metres once `smpl_scaling` is divided out; it is the size of a dancer in AIST++'s own unit. Where a
-file holds ``betas`` (S,), the shape of its body, joints at rest of the user's own SMPL file are shaped by them.
+file holds ``betas`` (S,), the shape of its body, joints at rest of the user's own SMPL file are shaped by them; of one
+shape for each frame, (T, S), as GVHMR and WHAM write, by the mean.
 """
 
 import itertools
@@ -370,8 +372,8 @@ def parameter_motion(content: Mapping[str, Any], path: PathLike, options: Readin
     rate, rate_note = _rate(content, path, options)
     places, scale_note = _metres(content, translation, options)
     turns, turns_note = rotation_matrices(poses, " and ".join(names))
-    kind, up, reason = _kind(content)
-    motion, notes = _placed(turns, places, rate, (up, reason), body_for(options.smpl, _betas(content)), options)
+    (kind, up, reason), body = _kind(content), body_for(options.smpl, _betas(content, len(poses)))
+    motion, notes = _placed(turns, places, rate, (up, reason), body, options)
     return MotionFile(motion, kind, (turns_note, *notes, scale_note, *rate_note))
 
 
@@ -433,14 +435,15 @@ def _array(content: Mapping[str, Any], name: str) -> NDArray[Any]:
     return values
 
 
-def _betas(content: Mapping[str, Any]) -> FloatArray | None:
-    """The shape of the body (S,), None where there is none."""
+def _betas(content: Mapping[str, Any], n_frames: int) -> FloatArray | None:
+    """The shape of the body (S,), the mean of those of the frames, None where there is none."""
     if "betas" not in content:
         return None
     values = _array(content, "betas")
-    if values.ndim not in (1, 2) or (values.ndim == 2 and len(values) != 1) or values.size > _MOST_BETAS:
+    rows = values[None] if values.ndim == 1 else values
+    if rows.ndim != 2 or len(rows) not in (1, n_frames or 1) or rows.shape[1] > _MOST_BETAS:
         raise ValueError(f"betas must be the shape of one body, (S,) or (1, S), got shape {values.shape}")
-    betas = values.reshape(-1).astype(np.float64)
+    betas = rows.mean(axis=0, dtype=np.float64)
     if not np.isfinite(betas).all():
         raise ValueError("betas hold NaN or infinity")
     return betas
@@ -459,8 +462,8 @@ def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -
     own, reason = None, ""
     if (name := next((name for name in _RATES if name in content), None)) is not None:
         own, reason = _number(content, name), f"{name} of the file"
-    # A generator may name its dances as AIST++ does, and run at another rate; the scaling is AIST++'s own.
-    elif is_aist_name(path) and "smpl_scaling" in content:
+    # A generator may name its dances as AIST++ does, and run at another rate; a scaling that is fitted is AIST++'s own.
+    elif is_aist_name(path) and "smpl_scaling" in content and _number(content, "smpl_scaling") not in (1, 100):
         own, reason = AIST_FPS, "AIST++"
     rate = options.rate(own, _EDGE_HINT if "full_pose" in content else "")
     is_own = own is not None and (options.fps is None or options.as_defaults)

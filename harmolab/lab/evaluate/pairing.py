@@ -10,6 +10,7 @@ The published codes name their dances so, and the rules above pair them:
 * EDGE, ``test.py``: ``test_mBR0.pkl``, which begins at a random slice of the song; which one is not written.
 * EDGE, in training: ``2000_3_gBR_sBM_cAll_d04_mBR0_ch01_slice7.pkl``; slice 7 begins 7 strides into the song.
 * FACT: ``gBR_sBM_cAll_d04_mBR0_ch01_mJB4.npy``, the recording of its seed and then the song, which alone counts.
+* FineDance, ``generate_all.py``: ``test_3_063z@005.pkl``; piece 5 of song 063, counted in strides as slices are.
 * Bailando: ``gBR_sBM_cAll_d04_mBR0_ch01.json.npy``, or a folder ``gBR_sBM_cAll_d04_mBR0_ch01.json`` of frames.
 """
 
@@ -34,7 +35,7 @@ GENERATED, RECORDED = "generated", "recorded"
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
 _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
 _SEED_AND_SONG = re.compile(r"_ch\d\d_(m[A-Z]{2}\d)$")  # of FACT: the end of a recording's name, then the song
-_SLICE = re.compile(r"(?:^|_)slice(\d{1,6})$")  # of EDGE
+_SLICE = re.compile(r"(?:(?:^|_)slice|z@)(\d{1,6})$")  # of EDGE, and of FineDance
 COLUMNS = ("motion", "music", "system", "seed", "offset")  # of a list of pairs; the first two must be there
 NO_MOTION = "is no motion file"
 CLOSED = "cannot be opened: permission denied"
@@ -199,7 +200,7 @@ def slice_start(motion: Path, song: Song, stride: float | None) -> tuple[float |
     if stride is None:
         raise ValueError(
             f"{motion}: is slice {number[1]} of its song; pass --slice-stride, the seconds between the starts of two "
-            "slices (0.5 in EDGE's training, 2.5 in its test.py), or name the offset in --pairs"
+            "slices (0.5 in EDGE's training, 2.5 in its test.py, 4 in FineDance's z@), or name the offset in --pairs"
         )
     return int(number[1]) * stride, SLICED
 
@@ -210,7 +211,8 @@ def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
 
 def _folded(name: str) -> str:
     """A name that does not depend on case, nor on how a letter with an accent is written."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+    # The piece 005 of FineDance's 063z@005 is not the song 005.
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold()).replace("z@", " slice")
 
 
 def is_named_by_seed(motion: Path) -> bool:

@@ -42,7 +42,7 @@ TABLE_MEASURES = (
     *("beat_align_music", "mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness"),
 )
 # Settings of an evaluation that its numbers depend on, beside the folders.
-OPTIONS = ("protocols", "fps", "scale", "up", "slice_stride", "seed_frames", "resamples", "seed")
+OPTIONS = ("protocols", "fps", "scale", "smpl", "up", "slice_stride", "seed_frames", "resamples", "seed")
 _OPTION = {"protocols": "protocol"}  # settings whose option is called otherwise
 LARGEST = 100_000  # bytes of the evidence
 MOST_RESAMPLES = 100_000  # of the intervals of a row that others send
@@ -112,7 +112,7 @@ def submission_of(table: PathLike) -> Submission:
     table = Path(table)
     with reading(table / MARK, "an evaluation") as path:
         about = read_json(path)
-        settings = about["settings"]
+        settings = about["settings"] | {"smpl": Path(about["settings"].get("smpl") or "").name}
         if about.get("rows", 0) is None:
             raise ValueError("holds a run that is not finished; go on with it by --resume")
         if is_saved(settings["reference"]):
