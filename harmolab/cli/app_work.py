@@ -13,7 +13,7 @@ from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, instead, is_worse
 from harmolab.cli.screen import WATCHER
-from harmolab.cli.sources import tempo_remark
+from harmolab.cli.sources import music_remarks, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -59,6 +59,8 @@ def judge(order: Order, teller: Teller) -> None:
     if order.style and not order.how:
         judged = "Judged as a {}, as you said." if params.pattern else UNUSUAL
         notes.append(sentence(judged.format(order.style)))
+    until = result.skipped + result.motion.duration
+    notes += map(sentence, music_remarks(result.skipped, until, performance.motion.duration, song))
     notes += _tempo(song, order.style, result.music)
     lines, place = [*result.summary, *notes], result.placement
     teller.lines(lines, is_good=result.is_together, offset=place.seconds, has_start=place.is_absolute)
