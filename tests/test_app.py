@@ -457,6 +457,18 @@ def test_a_dance_that_has_no_music_at_both_ends_is_said_as_by_score(tmp_path: Pa
     assert ends in lines, lines
 
 
+@pytest.mark.slow
+def test_sliders_of_the_first_minute_alone_are_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    files = write_pair(tmp_path, planted_dance(seconds=12.0, fps=30.0))[:2]
+    for seconds, words in ((5.0, ", first minute"), (60.0, "")):
+        for module in ("common", "app_work"):
+            monkeypatch.setattr(sys.modules[f"harmolab.cli.{module}"], "OF_LAB", seconds)
+        said: list[dict[str, Any]] = []
+        work(Order("judge", *files, "", 0.0, tmp_path), Teller(said.append))
+        assert f"Sliders{words}" in [one["view"]["title"] for one in said if "view" in one]
+        assert f"<title>dance to song{words}: the scoring lab</title>" in (tmp_path / "lab.html").read_text("utf-8")
+
+
 def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     files = write_pair(tmp_path, synthetic_clip("rumba", seconds=24.0, jitter=0.15, seed=3))[:2]
     monkeypatch.setattr("harmolab.cli.app_work.is_worse", lambda retimed: True)

@@ -8,7 +8,7 @@ from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 
-from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, recommended
+from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, of_lab, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, instead, is_worse
@@ -67,9 +67,9 @@ def judge(order: Order, teller: Teller) -> None:
     if not performance.is_video and result.motion.duration <= LONGEST:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
-    clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
-    lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song), mode="recommended")
-    _view(order, teller, "lab.html", "Sliders", lab.save)
+    clip, part = result.clip.span(0.0, min(OF_LAB, result.audio.duration)), of_lab(result.clip)
+    lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song) + part, mode="recommended")
+    _view(order, teller, "lab.html", f"Sliders{part}", lab.save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result, params), "Your video with its beats")
 
