@@ -127,6 +127,21 @@ def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
 
 
 @pytest.mark.browser
+def test_a_double_click_answers_one_trial(address: str, trials: TrialSet, log: AnswerLog, chromium: Any):
+    page = at_address(chromium, address)
+    for number in (2, 3):
+        page.wait_for_timeout(700)  # nobody looks at a dance for less
+        place = page.locator("button").first.bounding_box()
+        for _ in range(2):
+            page.mouse.click(place["x"] + 9, place["y"] + 9)
+            page.get_by_text(f"Trial {number} of 4").wait_for()
+    page.wait_for_timeout(500)
+    assert page.inner_text("#count") == "Trial 3 of 4"
+    assert [one.trial for one in log.read().answers] == [one.id for one in trials.trials[:2]]
+    closed(page)
+
+
+@pytest.mark.browser
 def test_who_goes_back_in_the_browser_finds_no_marks_of_another_trial_in_the_form(log: AnswerLog, chromium: Any):
     trials = make_trials(CLIPS, kind="rate", n=4, seed=1, rater="Ada")
     with StudyServer(trials, log, shown).running() as address:
