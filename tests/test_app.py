@@ -27,7 +27,9 @@ from harmolab.cli.app_work import work
 from harmolab.cli.dancers import THREES
 from harmolab.cli.retiming import WORSE
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
+from harmolab.readers.motion import save_motion
 from harmolab.readers.video import write_video
+from harmolab.types import Motion
 from tests.builders import cases, complaint, planted_dance, refused, write_pair, write_song
 from tests.phone_videos import Phone, film, filmed_part
 from tests.test_labs_browser import PHONE, WIDE, at_address, closed
@@ -437,6 +439,34 @@ def test_who_says_that_they_hit_the_beat_is_judged_by_that_and_bent_to_it(tmp_pa
     music, rests = (json.loads(re.search(rf'"{name}": (\[.*?\])', page)[1]) for name in ("music", "visual"))
     beats = np.array([beat["time"] for beat in music[2:-2]])
     assert np.abs(beats[:, None] - rests).min(axis=1).max() < 0.1  # it shows what the line says
+
+
+@pytest.mark.slow
+def test_a_dance_that_has_no_music_at_both_ends_is_said_as_by_score(tmp_path: Path):
+    clip = planted_dance(seconds=20.0, fps=30.0)
+    song, positions = write_song(tmp_path / "song.wav", clip), np.tile(clip.motion.positions, (2, 1, 1))
+    long = Motion(positions, 30.0, clip.motion.skeleton)
+    save_motion(tmp_path / "long.npz", long)
+    said: list[dict[str, Any]] = []
+    work(Order("judge", song, tmp_path / "long.npz", "", -5.0, tmp_path), Teller(said.append))
+    lines = next(one["lines"] for one in said if "lines" in one)
+    assert "The dance begins 5.0 s before song.wav: a verdict counts minutes from the begin of the song." in lines
+    ends = (
+        "The music of song.wav ends 15.0 s before the dance does: only 20.0 s of the dance have music and are judged."
+    )
+    assert ends in lines, lines
+
+
+@pytest.mark.slow
+def test_sliders_of_the_first_minute_alone_are_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    files = write_pair(tmp_path, planted_dance(seconds=12.0, fps=30.0))[:2]
+    for seconds, words in ((5.0, ", first minute"), (60.0, "")):
+        for module in ("common", "app_work"):
+            monkeypatch.setattr(sys.modules[f"harmolab.cli.{module}"], "OF_LAB", seconds)
+        said: list[dict[str, Any]] = []
+        work(Order("judge", *files, "", 0.0, tmp_path), Teller(said.append))
+        assert f"Sliders{words}" in [one["view"]["title"] for one in said if "view" in one]
+        assert f"<title>dance to song{words}: the scoring lab</title>" in (tmp_path / "lab.html").read_text("utf-8")
 
 
 def test_what_bending_spoilt_is_said_and_no_place_that_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

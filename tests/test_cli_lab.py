@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -48,6 +49,14 @@ def test_a_lab_opens_with_the_sentence_of_score(pair: tuple[Path, Path]):
     now = round((data["start"]["lag"] - live.LAG.low) / live.LAG.step)
     assert data["start"]["mode"] == "recommended"
     assert data["evidence"]["verdicts"][now]["sentence"] == first
+
+
+@pytest.mark.slow
+def test_a_lab_of_the_first_minute_alone_says_so_in_its_title(pair: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sys.modules["harmolab.cli.common"], "OF_LAB", 5.0)
+    for words, part in (((), ", first minute"), (("--seconds", 6), "")):
+        succeed("lab", *pair, *words, "--no-open", "--out", "lab.html")
+        assert data_of(Path("lab.html"))["title"] == f"dance to song{part}: the scoring lab"
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode, urlsplit
 from urllib.request import urlopen
 
@@ -19,10 +20,11 @@ import soundfile
 from harmolab.beats.audio import with_clicks
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.local_page import StudyServer, TapServer
-from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
+from harmolab.lab.listening.trials import MARKED, Item, Trial, TrialSet, make_trials
 from harmolab.readers.beats import tap_grid, tapped_beats
 from harmolab.types import Audio
 from tests.builders import cases, refused, track
+from tests.test_labs_browser import at_address, closed
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 
@@ -122,6 +124,37 @@ def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
             ask(address, "GET")
         assert server.finished.wait(10)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.browser
+def test_a_double_click_answers_one_trial(address: str, trials: TrialSet, log: AnswerLog, chromium: Any):
+    page = at_address(chromium, address)
+    for number in (2, 3):
+        page.wait_for_timeout(700)  # nobody looks at a dance for less
+        place = page.locator("button").first.bounding_box()
+        for _ in range(2):
+            page.mouse.click(place["x"] + 9, place["y"] + 9)
+            page.get_by_text(f"Trial {number} of 4").wait_for()
+    page.wait_for_timeout(500)
+    assert page.inner_text("#count") == "Trial 3 of 4"
+    assert [one.trial for one in log.read().answers] == [one.id for one in trials.trials[:2]]
+    closed(page)
+
+
+@pytest.mark.browser
+def test_who_goes_back_in_the_browser_finds_no_marks_of_another_trial_in_the_form(log: AnswerLog, chromium: Any):
+    trials = make_trials(CLIPS, kind="rate", n=4, seed=1, rater="Ada")
+    with StudyServer(trials, log, shown).running() as address:
+        page = at_address(chromium, address)
+        for mark, name in enumerate(MARKED):
+            page.select_option(f"#{name}", str(mark))
+        page.click("text=Save")
+        page.get_by_text("Trial 2 of 4").wait_for()
+        page.go_back()
+        assert page.inner_text("#count") == "Trial 2 of 4"
+        assert [page.input_value(f"#{name}") for name in MARKED] == [""] * 4
+        closed(page)
+    assert [(one.trial, one.choice) for one in log.read().answers] == [(trials.trials[0].id, "0 1 2 3")]
 
 
 # The page on which a song is tapped

@@ -8,12 +8,12 @@ from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 
-from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, recommended
+from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, of_lab, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, instead, is_worse
 from harmolab.cli.screen import WATCHER
-from harmolab.cli.sources import tempo_remark
+from harmolab.cli.sources import music_remarks, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
 from harmolab.files import named_faults
@@ -59,15 +59,17 @@ def judge(order: Order, teller: Teller) -> None:
     if order.style and not order.how:
         judged = "Judged as a {}, as you said." if params.pattern else UNUSUAL
         notes.append(sentence(judged.format(order.style)))
+    until = result.skipped + result.motion.duration
+    notes += map(sentence, music_remarks(result.skipped, until, performance.motion.duration, song))
     notes += _tempo(song, order.style, result.music)
     lines, place = [*result.summary, *notes], result.placement
     teller.lines(lines, is_good=result.is_together, offset=place.seconds, has_start=place.is_absolute)
     if not performance.is_video and result.motion.duration <= LONGEST:
         _view(order, teller, "player.html", "Player", dance_player(result).save)
     _view(order, teller, "why.html", "Why", lambda path: save_page(path, result))
-    clip = result.clip.span(0.0, min(OF_LAB, result.audio.duration))
-    lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song), mode="recommended")
-    _view(order, teller, "lab.html", "Sliders", lab.save)
+    clip, part = result.clip.span(0.0, min(OF_LAB, result.audio.duration)), of_lab(result.clip)
+    lab = scoring_lab(clip, pattern=params.pattern, name=dance_title(dance, song) + part, mode="recommended")
+    _view(order, teller, "lab.html", f"Sliders{part}", lab.save)
     if performance.is_video:
         teller.view("film", _film(order, teller, song, result, params), "Your video with its beats")
 

@@ -578,6 +578,11 @@ def dance_title(motion: Path, song: Path) -> str:
     return " to ".join(dict.fromkeys((plain_name(motion), plain_name(song))))
 
 
+def of_lab(clip: harmolab.Clip) -> str:
+    """Words for the title where a lab shows the first `OF_LAB` seconds of what music and motion share; else ""."""
+    return ", first minute" if clip.audio.duration > OF_LAB else ""
+
+
 def video_command(song: Path, motion: Path, out: Path, **options: object) -> str:
     """The line that writes the same as a video beside the page `out`; options that are None or "" are left out.
 

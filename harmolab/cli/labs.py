@@ -101,13 +101,14 @@ def lab(
         raise ValueError(f"--seconds {fault}, got {length:g}; a lab shows {LONGEST:g} at most")
     if begin >= clip.audio.duration:
         raise ValueError(f"--start {begin:g}: {files.song} ends at {clip.audio.duration:.1f} s")
+    is_cut = part.start is None and part.seconds is None
+    name = common.dance_title(files.motion, files.song) + (common.of_lab(clip.shared()) if is_cut else "")
     clip = clip.span(begin, min(length, clip.audio.duration - begin))
     if files.is_video:
         check_signs(files, clip, [harmolab.score_clip(clip, params)])
     if not clip.has_start:
         note("nothing says where in the song this dance begins; here it begins with the song: --offset says otherwise")
     with waiting("making the lab"):
-        name = common.dance_title(files.motion, files.song)
         scoring_lab(clip, pattern=params.pattern, name=name, mode="recommended").save(out)
     wrote(out)
     if not no_open:

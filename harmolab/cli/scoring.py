@@ -19,7 +19,7 @@ from harmolab import __version__, lab, musician
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, check_untold, is_told
 from harmolab.cli.screen import is_verbose, note, printable, progress, refuse, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, note_music, note_tempo, sources, video_performance
+from harmolab.cli.sources import Sources, check_signs, clip_of, music_remarks, note_tempo, sources, video_performance
 from harmolab.files import write_text
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
         )
     until = result.skipped + result.motion.duration
-    note_music(result.skipped, until, performance.motion.duration, files.song)
+    for remark in music_remarks(result.skipped, until, performance.motion.duration, files.song):
+        note(remark)
     note_tempo(files.song, files.dance, result.music)
     return result
 

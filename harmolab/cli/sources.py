@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -152,7 +152,8 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
             report=note_assumptions, **options,
         )  # fmt: skip
         seconds, duration = clip.audio.duration - clip.offset, clip.motion.duration if clip.motion else 0.0
-    note_music(-clip.offset, seconds, duration, files.song)
+    for remark in music_remarks(-clip.offset, seconds, duration, files.song):
+        note(remark)
     if files.dance and clip.beats is not None:
         note_tempo(files.song, files.dance, clip.beats)
     return clip
@@ -231,11 +232,11 @@ def tempo_remark(song: Path, dance: str, beats: BeatTrack) -> str:
     return OTHER_TEMPO.format(song=song.name, own=own.tempo, dance=dance, low=low, high=high, tempo=beats.tempo)
 
 
-def note_music(before: float, until: float, duration: float, song: Path) -> None:
-    """Lines where a dance of a duration begins seconds `before` its music, or goes on when its music has ended."""
+def music_remarks(before: float, until: float, duration: float, song: Path) -> Iterator[str]:
+    """Sentences where a dance of a duration begins seconds `before` its music, or goes on when its music has ended."""
     if before > UNHEARD:
-        note(f"the dance begins {before:.1f} s before {song.name}: a verdict counts minutes from the begin of the song")
+        yield f"the dance begins {before:.1f} s before {song.name}: a verdict counts minutes from the begin of the song"
     if duration - until > UNHEARD:
         only = f"{until - before:.1f} s" if before > 0 else f"the first {until:.1f} s"
-        ends = f"{song.name} ends {duration - until:.1f} s before the dance does"
-        note(f"{ends}: only {only} of the dance have music and are judged")
+        ends = f"the music of {song.name} ends {duration - until:.1f} s before the dance does"
+        yield f"{ends}: only {only} of the dance have music and are judged"
