@@ -28,7 +28,8 @@ from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
 from harmolab.metrics.likeness import Likeness
 from harmolab.readers.audio import load_audio
 from harmolab.readers.motion import load_motion, load_offset, save_motion
-from harmolab.systems.choreographer import banks
+from harmolab.systems.choreographer import banks, takes
+from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.features import FeatureParams
@@ -38,7 +39,7 @@ from harmolab.systems.training.song_to_dance import synthesize_dance
 from harmolab.systems.training.weights import save_weights
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
-from tests.builders import called, cases, done, planted_dance, write_song
+from tests.builders import called, cases, done, planted_dance, refused, write_song
 
 FPS = 15.0
 
@@ -464,6 +465,17 @@ def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cac
         save_motion(folder / f"take {number}.npz", swaying(number))
         assert ("take 2" in danced(song, "--from", folder, "--out", "dance.npz", "--verbose").stdout) == (number == 2)
     assert len(list((own_cache / "corpora").iterdir())) == 1
+
+
+def test_a_corpus_of_more_than_is_kept_is_danced_all_the_same(
+    song: Path, tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(takes, "MOST_VALUES", 10_000)
+    save_motion(tmp_path / "take.npz", swaying(1))
+    danced(song, "--from", tmp_path / "take.npz", "--seconds", 4, "--out", "dance.npz")
+    assert not (own_cache / "corpora").exists()
+    refused("run: describes .* take fewer recordings", Choreographer.train, [tmp_path / "take.npz"], tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def swaying(seed: int, *, seconds: float = 15.0) -> Motion:

@@ -559,9 +559,9 @@ def _digest(text: str) -> str:
 def _keep(choreographer: Choreographer, place: Path) -> Choreographer:
     """Keep a choreographer in place of what was kept of the same folder; it comes back as it will be read.
 
-    A cache that cannot be written is no error.
+    A cache that cannot be written is no error, nor is a corpus of more than is kept.
     """
-    with suppress(OSError):
+    with suppress(OSError, ValueError):
         choreographer.save(place)
         for older in place.parent.glob(f"{place.name.partition('_')[0]}_*"):
             if older != place:
