@@ -28,7 +28,7 @@ from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
 from harmolab.metrics.likeness import Likeness
 from harmolab.readers.audio import load_audio
 from harmolab.readers.motion import load_motion, load_offset, save_motion
-from harmolab.systems.choreographer import banks, takes
+from harmolab.systems.choreographer import banks, generate, takes
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
@@ -458,13 +458,19 @@ def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Pat
     assert "Heard" not in danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 6, "--out", "dance.npz").stdout
 
 
-def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cache: Path):
+def test_a_corpus_that_changed_and_each_in_another_version_is_read_again(
+    song: Path, tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     folder = tmp_path / "moves"
     folder.mkdir()
     for number in (1, 2):
         save_motion(folder / f"take {number}.npz", swaying(number))
         assert ("take 2" in danced(song, "--from", folder, "--out", "dance.npz", "--verbose").stdout) == (number == 2)
-    assert len(list((own_cache / "corpora").iterdir())) == 1
+    (kept,) = (own_cache / "corpora").iterdir()
+    monkeypatch.setattr(generate, "version", lambda name: "another")
+    danced(song, "--from", folder, "--seconds", 4, "--out", "dance.npz")
+    (again,) = (own_cache / "corpora").iterdir()
+    assert again != kept
 
 
 def test_a_corpus_of_more_than_is_kept_is_danced_all_the_same(
