@@ -400,8 +400,8 @@ def _shapes(entries: Any, joints: int) -> dict[str, tuple[int, ...]]:
     frames = sum(_count(entry, "frames", 2, 2**31) for entry in entries)
     beats = sum(_count(entry, "beats", 0, MOST_BEATS) for entry in entries)
     if frames * joints * 3 > MOST_VALUES:
-        size = f"{frames} frames of {joints} joints, more than {MOST_VALUES} numbers"
-        raise ValueError(f"describes {size}; take fewer recordings, or a lower frame rate")
+        fault = f"describes {frames} frames of {joints} joints, more than {MOST_VALUES} numbers"
+        raise ValueError(f"{fault}; take fewer recordings, or a lower frame rate")
     return {"positions": (frames, joints, 3), "valid": (frames,), "beats": (beats,), "places": (beats,)}
 
 
