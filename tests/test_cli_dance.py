@@ -98,6 +98,9 @@ def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result
     assert "--offset" not in kept.output
     written = dance(tmp_path / "dance.bvh", "--start", 1.5)
     assert "the movement begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
+    # Of a BVH that is scored without it nothing more than "in time" is told.
+    assert "begins at 0 s of the song: pass --offset 0 with it" in dance(tmp_path / "dance.bvh").output
+    assert "--offset" not in dance(tmp_path / "dance.html").output
 
 
 def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path):
