@@ -28,7 +28,8 @@ from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
 from harmolab.metrics.likeness import Likeness
 from harmolab.readers.audio import load_audio
 from harmolab.readers.motion import load_motion, load_offset, save_motion
-from harmolab.systems.choreographer import banks
+from harmolab.systems.choreographer import banks, generate, takes
+from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.training.features import FeatureParams
@@ -38,7 +39,7 @@ from harmolab.systems.training.song_to_dance import synthesize_dance
 from harmolab.systems.training.weights import save_weights
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_motion
-from tests.builders import called, cases, done, planted_dance, write_song
+from tests.builders import called, cases, done, planted_dance, refused, write_song
 
 FPS = 15.0
 
@@ -97,6 +98,9 @@ def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result
     assert "--offset" not in kept.output
     written = dance(tmp_path / "dance.bvh", "--start", 1.5)
     assert "the movement begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
+    # Of a BVH that is scored without it nothing more than "in time" is told.
+    assert "begins at 0 s of the song: pass --offset 0 with it" in dance(tmp_path / "dance.bvh").output
+    assert "--offset" not in dance(tmp_path / "dance.html").output
 
 
 def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path):
@@ -457,13 +461,30 @@ def test_what_was_heard_of_the_song_is_said_everywhere(clip: Clip, tmp_path: Pat
     assert "Heard" not in danced(tmp_path / "song.wav", "--seed", 0, "--seconds", 6, "--out", "dance.npz").stdout
 
 
-def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path, own_cache: Path):
+def test_a_corpus_that_changed_and_each_in_another_version_is_read_again(
+    song: Path, tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     folder = tmp_path / "moves"
     folder.mkdir()
     for number in (1, 2):
         save_motion(folder / f"take {number}.npz", swaying(number))
         assert ("take 2" in danced(song, "--from", folder, "--out", "dance.npz", "--verbose").stdout) == (number == 2)
-    assert len(list((own_cache / "corpora").iterdir())) == 1
+    (kept,) = (own_cache / "corpora").iterdir()
+    monkeypatch.setattr(generate, "version", lambda name: "another")
+    danced(song, "--from", folder, "--seconds", 4, "--out", "dance.npz")
+    (again,) = (own_cache / "corpora").iterdir()
+    assert again != kept
+
+
+def test_a_corpus_of_more_than_is_kept_is_danced_all_the_same(
+    song: Path, tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(takes, "MOST_VALUES", 10_000)
+    save_motion(tmp_path / "take.npz", swaying(1))
+    danced(song, "--from", tmp_path / "take.npz", "--seconds", 4, "--out", "dance.npz")
+    assert not (own_cache / "corpora").exists()
+    refused("run: describes .* take fewer recordings", Choreographer.train, [tmp_path / "take.npz"], tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def swaying(seed: int, *, seconds: float = 15.0) -> Motion:

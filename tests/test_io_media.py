@@ -19,7 +19,7 @@ from av.video.reformatter import VideoReformatter
 from harmolab.files import WRITTEN_BY
 from harmolab.lab.render.scene import render_dance
 from harmolab.readers import audio, beats
-from harmolab.readers.audio import audio_info, load_audio, load_sound, video_sound
+from harmolab.readers.audio import audio_info, load_audio, load_sound, resampled, video_sound
 from harmolab.readers.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
 from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
@@ -63,6 +63,7 @@ def test_m4a_of_a_phone_is_read_at_its_time_whole_or_in_part_and_a_damaged_one_i
     whole = load_audio(path, sample_rate=None).samples
     assert np.correlate(noise[2900:45100], whole[3000:45000], "valid").argmax() == 100
     assert (load_audio(path, start=0.25, duration=0.5, sample_rate=None).samples == whole[12000:36000]).all()
+    assert (load_audio(path).samples == resampled(load_audio(path, sample_rate=None), 22050.0).samples).all()
     for wrong in ({"start": -1.0}, {"duration": 0.0}, {"sample_rate": 0.0}, {"sample_rate": 10.0}):
         refused(rf"memo\.m4a: {next(iter(wrong))} must", load_audio, path, **wrong)
     path.write_bytes(b"no sound" * 99)

@@ -354,8 +354,12 @@ def show(value: Any) -> str:
 
 
 def say_begin(begin: float | None, *paths: Path, err: bool = False) -> None:
-    """Say where in its song a dance begins, if one of its files does not keep that."""
-    if begin and any(path.suffix.lower() != ".npz" for path in paths):
+    """Say where in its song a dance begins, if one of its files does not keep that; of 0 for a BVH alone.
+
+    A page and a video of a dance from the song's begin have their sound.
+    """
+    lost = {path.suffix.lower() for path in paths} - {".npz"}
+    if begin is not None and (".bvh" in lost or (begin and lost)):
         typer.echo(f"the movement begins at {begin:g} s of the song: pass --offset {begin:g} with it", err=err)
 
 

@@ -104,7 +104,9 @@ def load_audio(
     >>> audio = load_audio("song.mp3", start=10.0, duration=30.0)  # doctest: +SKIP
     """
     if Path(path).suffix.lower() == ".m4a":
-        return _span(path, start, duration, sample_rate, max_seconds)
+        with named_faults(path):
+            audio = _span(path, start, duration, None, max_seconds)
+            return audio if sample_rate is None else resampled(audio, sample_rate)
     with reading(path, _WHAT, max_bytes=None) as file:
         if duration is None:
             _check_whole(file)

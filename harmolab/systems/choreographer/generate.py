@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import Any, Self
@@ -515,7 +516,7 @@ class Choreographer(DanceSystem):
 
 # Corpora that were read before are kept, not read and measured again
 
-SIGNATURE = 3  # raise it when the same files give another choreographer than before
+SIGNATURE = 4  # raise it when the same files give another choreographer than before, within a version
 MOST_FILES = 50_000  # below a folder that holds more nothing is kept
 
 
@@ -523,7 +524,7 @@ def load_corpus(corpus: PathLike, *, scale: float | None = None, progress: Progr
     """The choreographer of a corpus, a saved model or a motion file, with its limits of likeness.
 
     What was read once is kept in the user's cache (`harmolab.files.cache_folder`), as long as no file below the
-    folder changes in name, size or time. `scale` is as in `Choreographer.read`.
+    folder changes in name, size or time, and for this version of harmolab. `scale` is as in `Choreographer.read`.
 
     Raises
     ------
@@ -549,7 +550,8 @@ def _place(corpus: Path, scale: float | None) -> Path | None:
     if not 0 < len(files) <= MOST_FILES:
         return None
     lines = [f"{path.relative_to(corpus)} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files]
-    return folder / "corpora" / f"{_digest(str(corpus.resolve()))}_{_digest(f'{SIGNATURE} {scale} {sorted(lines)}')}"
+    read = f"{version('harmolab')} {SIGNATURE} {scale} {sorted(lines)}"
+    return folder / "corpora" / f"{_digest(str(corpus.resolve()))}_{_digest(read)}"
 
 
 def _digest(text: str) -> str:
@@ -559,9 +561,9 @@ def _digest(text: str) -> str:
 def _keep(choreographer: Choreographer, place: Path) -> Choreographer:
     """Keep a choreographer in place of what was kept of the same folder; it comes back as it will be read.
 
-    A cache that cannot be written is no error.
+    A cache that cannot be written is no error, nor is a corpus of more than is kept.
     """
-    with suppress(OSError):
+    with suppress(OSError, ValueError):
         choreographer.save(place)
         for older in place.parent.glob(f"{place.name.partition('_')[0]}_*"):
             if older != place:

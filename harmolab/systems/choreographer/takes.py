@@ -33,7 +33,7 @@ from harmolab.body.skeletons import Skeleton, named_joints, sides_and_parts, tre
 from harmolab.data.oddities import faults_of
 from harmolab.data.recordings import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
 from harmolab.data.synthetic.clips import PlantedClip
-from harmolab.files import PathLike, Progress, reading, silent
+from harmolab.files import PathLike, Progress, named_faults, reading, silent
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
@@ -313,9 +313,11 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
     Raises
     ------
     ValueError
-        A joint jumps by more than 16 bits of millimetres hold.
+        A joint jumps by more than 16 bits of millimetres hold, or they are more than `load_takes` reads.
     """
-    stem, takes = Path(folder) / DEFAULT_STEM, kept.takes
+    stem, takes, entries = Path(folder) / DEFAULT_STEM, kept.takes, [_entry(take) for take in kept.takes]
+    with named_faults(folder):
+        _shapes(entries, len(takes[0].motion.skeleton.joints))
     arrays = {
         # The frames of one coordinate follow each other: up to an eighth smaller once compressed.
         "positions": np.asfortranarray(np.concatenate([_packed(take) for take in takes])),
@@ -329,7 +331,7 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
     about = {
         "system": "choreographer",
         "class": CLASS,
-        "build": {"skeleton": asdict(takes[0].motion.skeleton), "takes": [_entry(take) for take in takes]},
+        "build": {"skeleton": asdict(takes[0].motion.skeleton), "takes": entries},
         "sha256": hashlib.sha256(data).hexdigest(),
         "notes": list(kept.notes),
         "limits": None if kept.limits is None else kept.limits.to_dict(),
@@ -398,7 +400,8 @@ def _shapes(entries: Any, joints: int) -> dict[str, tuple[int, ...]]:
     frames = sum(_count(entry, "frames", 2, 2**31) for entry in entries)
     beats = sum(_count(entry, "beats", 0, MOST_BEATS) for entry in entries)
     if frames * joints * 3 > MOST_VALUES:
-        raise ValueError(f"describes {frames} frames of {joints} joints, more than {MOST_VALUES} numbers")
+        fault = f"describes {frames} frames of {joints} joints, more than {MOST_VALUES} numbers"
+        raise ValueError(f"{fault}; take fewer recordings, or a lower frame rate")
     return {"positions": (frames, joints, 3), "valid": (frames,), "beats": (beats,), "places": (beats,)}
 
 
