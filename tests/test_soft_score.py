@@ -252,6 +252,16 @@ def test_only_the_span_counts():
         assert float(getattr(soft, ours)) == pytest.approx(getattr(hard, theirs), abs=1e-6), ours
 
 
+def test_a_mask_of_sixteen_bits_counts_every_frame():
+    mask = torch.arange(600) < torch.tensor([[599], [301]])
+    positions, beats = torch.randn(2, 600, 4, 3, generator=torch.Generator().manual_seed(1)), torch.arange(0.95, 20.0)
+    scores = [
+        softly(positions, beats.expand(2, -1), mask=each, tau=0.3, params=HarmonyParams.recommended()).above_chance
+        for each in (mask, mask.bfloat16())
+    ]
+    assert torch.equal(*scores)
+
+
 def test_sixteen_bit_positions_are_scored_in_thirty_two():
     clips = Clips(8)
     half = torch.tensor(clips.positions).bfloat16()
