@@ -512,7 +512,7 @@ def soft_harmony(
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
     mask = mask.to(positions.dtype)  # whose sums are numbers of frames, which 16 bits would round
     counted, real = beat_mask.bool(), frames_before_end(mask)
-    positions = positions.nan_to_num(posinf=0.0, neginf=0.0)  # padding, which would have no gradient of 0
+    positions = positions.masked_fill(real[(..., *[None] * (positions.ndim - 2))] == 0, 0.0)  # padding may overflow
     beats, end = beats.to(positions.dtype).nan_to_num(), real.sum(dim=1, keepdim=True) / fps
     if span is not None:
         span = span.to(positions.dtype)

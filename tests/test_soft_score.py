@@ -145,7 +145,7 @@ def test_padding_clips_and_beats_of_others_change_nothing(params: HarmonyParams)
 @cases("params", PAPER, HarmonyParams.valleys(), HarmonyParams.recommended())
 def test_padding_that_is_not_finite_changes_neither_score_nor_gradient(params: HarmonyParams):
     scores, gradients = [], []
-    for filler in (0.0, np.nan, np.inf):
+    for filler in (0.0, np.nan, np.inf, 1e200):
         clips = Clips(4, frames=90)
         clips.beats[~clips.beat_mask] = filler
         clips.positions[~clips.mask] = filler
