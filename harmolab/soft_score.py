@@ -206,6 +206,8 @@ def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: 
     """
     last = frames_before_end(mask).sum(dim=1).long().clamp(min=1) - 1
     centred = positions - positions.mean(dim=2, keepdim=True)
+    at_one = centred.abs().amax((1, 2, 3)) <= 64 * torch.finfo(centred.dtype).eps * positions.abs().amax((1, 2, 3))
+    centred = centred.masked_fill(at_one[:, None, None, None], 0.0)  # else errors of rounding are scored
     n_joints, n_axes = positions.shape[2:]
     source = unturned(centred) if n_axes == 3 and n_joints >= FEWEST else centred
     shape, velocity, rate = _smoothed(source, last, fps, smoothing)
