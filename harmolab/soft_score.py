@@ -76,8 +76,7 @@ def soft_beats(curve: Tensor, mask: Tensor, *, fps: float, tau: float, detector:
     ----------
     curve : (N, T) tensor, the (smoothed) joint speed
     mask : (N, T) tensor, 1 at real frames
-    fps : float, hertz
-    tau : float
+    fps, tau : float, hertz, and softness
     detector : "turns", "valleys" or "peaks"
 
     Returns
@@ -102,8 +101,7 @@ def soft_beats(curve: Tensor, mask: Tensor, *, fps: float, tau: float, detector:
 def soft_salience(weights: Tensor, curve: Tensor, *, tau: float, params: HarmonyParams) -> Tensor:
     """Weights of the attentional visual beats (Eq. 12-13, relaxed): (N, T), at most `weights`.
 
-    The value of the last beat before t obeys ``v(t) = (1 - b(t)) v(t-1) + b(t) J(t)``, a chain of affine maps that
-    `_last_values` composes in log2(T) steps.
+    The value of the last beat before t obeys ``v(t) = (1 - b(t)) v(t-1) + b(t) J(t)`` (`_last_values`).
     """
     if params.visual_threshold is None:
         return weights
@@ -208,6 +206,8 @@ def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: 
     """
     last = frames_before_end(mask).sum(dim=1).long().clamp(min=1) - 1
     centred = positions - positions.mean(dim=2, keepdim=True)
+    at_one = centred.abs().amax((1, 2, 3)) <= 64 * torch.finfo(centred.dtype).eps * positions.abs().amax((1, 2, 3))
+    centred = centred.masked_fill(at_one[:, None, None, None], 0.0)  # else errors of rounding are scored
     n_joints, n_axes = positions.shape[2:]
     source = unturned(centred) if n_axes == 3 and n_joints >= FEWEST else centred
     shape, velocity, rate = _smoothed(source, last, fps, smoothing)
@@ -218,8 +218,7 @@ def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: 
         energy = (energy - _outer_energy(shape, velocity)).clamp(min=0)
     last = (last * rate / fps).round().long()
     after = torch.arange(energy.shape[1], device=last.device) > last[:, None]
-    extent = shape.square().sum(dim=(1, 2)).masked_fill(after, float("nan"))
-    size = extent.nanmedian(dim=1, keepdim=True).values
+    size = shape.square().sum(dim=(1, 2)).masked_fill(after, torch.nan).nanmedian(dim=1, keepdim=True).values
     is_point = size <= torch.finfo(size.dtype).tiny ** 0.5
     energy = (energy / size.masked_fill(is_point, 1.0)).masked_fill(is_point, 0.0)
     return SoftShape((energy + REST_SPEED**2).sqrt(), last, rate)
@@ -513,8 +512,9 @@ def soft_harmony(
         raise ValueError("the shape of the body needs joint positions (N, T, J, D); a speed (N, T) has none")
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
-    counted, real = beat_mask.bool(), frames_before_end(mask.to(positions.dtype))
-    positions = positions.nan_to_num(posinf=0.0, neginf=0.0)  # padding, which would have no gradient of 0
+    mask = mask.to(positions.dtype)  # whose sums are numbers of frames, which 16 bits would round
+    counted, real = beat_mask.bool(), frames_before_end(mask)
+    positions = positions.masked_fill(real[(..., *[None] * (positions.ndim - 2))] == 0, 0.0)  # padding may overflow
     beats, end = beats.to(positions.dtype).nan_to_num(), real.sum(dim=1, keepdim=True) / fps
     if span is not None:
         span = span.to(positions.dtype)
@@ -528,7 +528,7 @@ def soft_harmony(
         if span is None:  # a beat on the last frame may be rounded past it
             counted = counted & (beats >= 0) & (beats < end + 0.5 / fps)
             span = torch.cat([torch.zeros_like(end), end], dim=1)
-        track = _visual_track(positions, mask.to(positions.dtype), span, fps=fps, tau=tau, params=params)
+        track = _visual_track(positions, mask, span, fps=fps, tau=tau, params=params)
         return _score(track, beats, _audio_strengths(strengths.to(beats.dtype), counted, params), counted, params)
 
 

@@ -347,6 +347,13 @@ def test_dances_without_a_song_are_each_of_their_own_whatever_the_batches_and_pr
     np.testing.assert_equal(told, numbers)
 
 
+def test_songs_and_seeds_in_arrays_and_tensors_are_named_by_their_numbers():
+    metric, (motions, beats) = DanceMetric(), short(2)
+    for kind in (np.array, pd.Series, pytest.importorskip("torch").tensor):
+        metric.update(motions, beats, songs=kind([3, 4]), seeds=kind([0, 1]))
+    assert {(row["song"], row["seed"]) for row in metric.rows} == {("3", "0"), ("4", "1")}
+
+
 def test_torchmetrics_has_the_same_numbers():
     torchmetrics = pytest.importorskip("torchmetrics")
     motions, beats = short(4)

@@ -145,7 +145,7 @@ def test_padding_clips_and_beats_of_others_change_nothing(params: HarmonyParams)
 @cases("params", PAPER, HarmonyParams.valleys(), HarmonyParams.recommended())
 def test_padding_that_is_not_finite_changes_neither_score_nor_gradient(params: HarmonyParams):
     scores, gradients = [], []
-    for filler in (0.0, np.nan, np.inf):
+    for filler in (0.0, np.nan, np.inf, 1e200):
         clips = Clips(4, frames=90)
         clips.beats[~clips.beat_mask] = filler
         clips.positions[~clips.mask] = filler
@@ -250,6 +250,16 @@ def test_only_the_span_counts():
     hard = score_harmony(heard, seen, params=params, n_rotations=0)
     for ours, theirs in NAMES.items():
         assert float(getattr(soft, ours)) == pytest.approx(getattr(hard, theirs), abs=1e-6), ours
+
+
+def test_a_mask_of_sixteen_bits_counts_every_frame():
+    mask = torch.arange(600) < torch.tensor([[599], [301]])
+    positions, beats = torch.randn(2, 600, 4, 3, generator=torch.Generator().manual_seed(1)), torch.arange(0.95, 20.0)
+    scores = [
+        softly(positions, beats.expand(2, -1), mask=each, tau=0.3, params=HarmonyParams.recommended()).above_chance
+        for each in (mask, mask.bfloat16())
+    ]
+    assert torch.equal(*scores)
 
 
 def test_sixteen_bit_positions_are_scored_in_thirty_two():
@@ -533,6 +543,7 @@ STILL, SWING = BODY.expand(2, 60, 5, 3), 0.1 * (torch.arange(60.0) / 3).sin()[:,
 ODD = {
     "still": STILL,
     "all joints at one point": 0 * STILL,
+    "all joints at one point that moves": STILL[:, :, :1] * (1 + SWING) * torch.ones(5, 1),
     "one vertical line": torch.tensor([0.0, 1.0, 0.0]) * STILL * (1 + SWING),
     "one line": STILL[..., :1] * torch.tensor([1.0, 2.0, 0.5]) * (1 + SWING),
     "one joint moves": STILL + SWING * (torch.arange(5) == 2)[:, None],
@@ -559,7 +570,7 @@ def test_gradients_are_finite_and_nothing_scores_nothing(kind, n_beats, strength
     if params.measure == "hits":
         if n_beats * strength == 0 or kind in ("still", "all joints at one point", "two frames"):
             assert not soft.harmony.detach().any() and not soft.above_chance.detach().any()
-    elif n_beats < 4 or kind in ("still", "all joints at one point", "one joint", "two frames"):
+    elif n_beats < 4 or kind in ("still", "one joint", "two frames") or "all joints" in kind:
         assert float(soft.above_chance.detach().abs().max()) < 1e-6
     else:
         assert float(gradient.detach().abs().max()) > (0 if kind == "one line" else 1e-6)

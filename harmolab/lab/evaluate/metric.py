@@ -164,6 +164,8 @@ class DanceMetric:
         named: dict[str, list[str]] = {}
         for name, words in {"songs": songs, "seeds": seeds, "dances": dances}.items():
             each = words if words is not None and len(words) else [""] * len(bodies)
+            # A number of a tensor prints with its device, which is another one in each process.
+            each = [word.item() if hasattr(word, "item") else word for word in each]
             named[name] = ["" if pd.isna(word) else str(word) for word in each]
             if len(each) != len(bodies):
                 raise ValueError(f"{name} must have one entry a dance ({len(bodies)}), got {len(each)}")
