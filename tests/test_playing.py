@@ -200,6 +200,8 @@ def test_a_hand_that_is_hidden_for_a_while_makes_no_more_strikes(share: float):
     in_view = onsets[~hidden[(onsets * FPS).astype(int)]]
     corners = 2 * np.count_nonzero(np.diff(hidden.astype(int)) == 1)  # where a line over a gap begins and ends
     assert 0.8 * in_view.size <= len(score.events["left"]) <= in_view.size + corners
+    as_numbers, as_bools = (strikes(motion, detected=mask).times for mask in (detected.astype(int), detected))
+    np.testing.assert_array_equal(as_numbers, as_bools)
 
 
 def test_each_hand_has_its_own_strikes_for_which_wrists_and_fingertips_are_enough():

@@ -258,7 +258,8 @@ def _fingertip_events(motion: Motion, side: str, prominence: float | None, detec
     least = PALM_SHARE * _palm(motion, side) if prominence is None else prominence
     beside = heights[:, :-1] - heights[:, -1:]
     if detected is not None:
-        beside[~(detected[:, tips] & detected[:, hand].all(axis=1, keepdims=True))] = np.nan
+        is_seen = np.asarray(detected, bool)
+        beside[~(is_seen[:, tips] & is_seen[:, hand].all(axis=1, keepdims=True))] = np.nan
     bounds = [max(least, NOISE * _noise(each, motion.fps)) for each in beside.T]
     return _joined(_peaks(curve, _rate(motion), bound) for curve, bound in zip(curves.T, bounds, strict=True))
 
