@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.lab.evaluate.measured import Dance, dance_numbers, measure_dances, statue
+from harmolab.lab.evaluate.measured import HARMONY, Dance, dance_numbers, measure_dances, statue
 from harmolab.lab.evaluate.summary import summary, training_interval
 from harmolab.metrics.features import frechet_distance, kinetic_features, standardise
-from harmolab.types import Motion
+from harmolab.types import BeatTrack, Motion
 from tests.builders import refused
 
 
@@ -52,6 +52,16 @@ def test_a_dancer_on_the_beat_rests_on_it_and_not_half_a_beat_later() -> None:
 def test_a_statue_has_no_harmony_and_is_no_dancer() -> None:
     stone = [one._replace(motion=statue(one.motion)) for one in dancers("x", songs=1)]
     assert dance_numbers(stone[0], ["harmony", "likeness"]) == {"harmony": 0, "likeness": 0}
+
+
+def test_dances_that_do_not_follow_unsure_beats_count_in_the_means() -> None:
+    dance, *_ = dancers("x", songs=1)
+    times = np.arange(0.2, dance.music.duration, 0.37)  # has nothing to do with the dance
+    other = BeatTrack(times, np.ones(times.size), 100.0, dance.music.duration)
+    unsure = replace(other, quality=0.5, windows=[[6.0, 0.0]])
+    sure, doubtful = (dance_numbers(dance._replace(music=one), HARMONY) for one in (other, unsure))
+    assert doubtful == pytest.approx(sure | {"level": 0.0}, nan_ok=True)
+    assert sure["level"] == 1 and sure["significant"] == 0
 
 
 def test_sets_of_dances_have_their_distance_and_no_song() -> None:

@@ -311,9 +311,13 @@ def harmony_numbers(dance: Dance) -> dict[str, float]:
 
 
 def _recommended(dance: Dance, params: HarmonyParams) -> dict[str, float]:
-    """A recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
-    judgement = cast(Judgement, score_motion(dance.music, dance.motion, params=params).judgement)
-    (low, high), level = judgement.interval, float(judgement.level)
+    """A recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none.
+
+    To unsure beats every dance has numbers: were those left out that do not follow them, luck alone would be averaged.
+    """
+    music = replace(dance.music, fit=None, windows=None)
+    judgement = cast(Judgement, score_motion(music, dance.motion, params=params).judgement)
+    (low, high), level = judgement.interval, float(judgement.level if judgement.level > 1 or dance.music.is_sure else 0)
     if judgement.floor:
         return {"harmony": 0.0, "p_value": 1.0, "harmony_low": 0.0, "harmony_high": 0.0, "level": level}
     values = {"harmony": judgement.place_harmony, "p_value": judgement.p_harmony}
