@@ -805,3 +805,14 @@ def test_scores_of_a_study_are_those_of_each_dance_shown(lagged: Pieces):
     assert set(scores) >= {"paper_h", "paper_above_chance", "valleys_above_chance", "recommended_above_chance"}
     assert scores["valleys_above_chance"]["a"] > scores["valleys_above_chance"]["b"] + 0.3
     assert np.isnan([*scores["recommended_above_chance"].values()]).all()  # six seconds hold fewer than 16 beats
+
+
+def test_a_dance_off_the_beat_has_a_recommended_score_also_to_unsure_beats():
+    clip = harmolab.synthetic_clip("jive", seconds=24.0, seed=1)
+    late = replace(clip, motion=replace(clip.motion, positions=np.roll(clip.motion.positions, 5, axis=0)))
+    unsure = replace(late, beats=replace(clip.beats, quality=0.5, windows=[[12.0, 0.0]]))
+    out_of_time = replace(unsure, beats=replace(unsure.beats, times=0.83 * clip.beats.times))
+    on, off, same, other = (
+        corpus.clip_scores(one)["recommended_above_chance"] for one in (clip, late, unsure, out_of_time)
+    )
+    assert on > 0.5 > off == same and abs(other) < 0.4

@@ -15,17 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from harmolab.beats.audio import music_beats
-from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import resample_motion, upsample_motion
 from harmolab.clips import corpus_recordings
 from harmolab.data.recordings import Problem, ProblemReport, load_any_motion, recorded_offset
 from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
-from harmolab.metrics.beat_alignment import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.score import check_whole
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
-from harmolab.verdict.judge import music_and_motion, score_clip
+from harmolab.verdict.judge import other_measures, score_clip
 
 FPS = 60.0  # of every motion shown, so that its rate does not tell where it comes from
 FADE = 0.05  # seconds, at both ends of the sound
@@ -234,14 +232,15 @@ def _counterparts(clips: Iterable[Clip], against: Path, report: ProblemReport) -
 def clip_scores(clip: Clip) -> dict[str, float]:
     """The scores of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others.
 
-    The recommended score is NaN where it does not judge: most pieces are shorter than its 16 beats.
+    The recommended score says of every dance how it rests on the beat, also of one that is not on it. It is NaN where
+    it does not judge: most pieces are shorter than its 16 beats.
     """
+    # So that a dance has a number, too, that does not follow unsure beats.
+    clip = replace(clip, beats=replace(music_beats(clip), fit=None, windows=None))
     names = ("paper", "valleys", "recommended")
     scores = {name: score_clip(clip, getattr(HarmonyParams, name)(), n_rotations=0) for name in names}
-    above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
-    beats, motion = music_and_motion(clip)
-    kinematic = visual_beats(motion, params=kinematic_params())
-    return {**above, "paper_h": scores["paper"].harmony, **other_scores(beats, kinematic)}
+    above = {f"{name}_above_chance": score.place_harmony for name, score in scores.items()}
+    return {**above, "paper_h": scores["paper"].harmony, **other_measures(clip)}
 
 
 def _true_and_lagged(motion: Motion, beats: BeatTrack) -> Dances:
