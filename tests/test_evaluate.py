@@ -566,6 +566,15 @@ def test_a_page_says_no_verdict_on_the_best_of_many_that_luck_explains(table: Ev
     assert f"No verdict: picked among {most + 1} dances. Its {luck}" in shown[most + 1]
 
 
+@cases("songs, share", (1, ""), (2, "50%"), (3, "75%"), (5, "94%"), (6, ""))
+def test_it_is_remarked_how_often_an_interval_over_few_songs_holds_the_mean(
+    table: Evaluation, songs: int, share: str
+) -> None:
+    some = {name: count._replace(songs=songs) for name, count in table.counts.items()}
+    notes = [note for note in table_notes(replace(table, counts=some)) if note.startswith("An interval over")]
+    assert [f"in some {share} of such tables" in note for note in notes] == ([True] if share else [])
+
+
 def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluation) -> None:
     assert table.means[RECORDED, "likeness"].mean == 1
     (note,) = (note for note in table_notes(table) if note.startswith("The limits of likeness are the recorded"))

@@ -60,6 +60,9 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
         )
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
+    if few := min((count.songs for count in counts.values() if 1 < count.songs < FEWEST_SONGS), default=0):
+        words = f"{few} songs reaches from their least mean to their largest at most, and holds the true one in some"
+        yield Note(f"An interval over {words} {1 - 0.5 ** (few - 1):.0%} of such tables, where 95 % are meant.")
     yield from _doubtful_inputs(evaluation)
     yield from _control_notes(evaluation)
     yield from _published_notes(evaluation)
