@@ -127,8 +127,8 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
             continue
         if any(file.endswith(FRAME_ENDS) for file in files):
             loose.append(folder)
-        known = (file for file in sorted(files) if Path(file).suffix.lower() in _KNOWN)
-        loose += [folder / file for file in known if not file.endswith(FRAME_ENDS)]
+        alone = (file for file in sorted(files) if not file.endswith(FRAME_ENDS))
+        loose += [folder / file for file in alone if Path(file).suffix.lower() in _KNOWN]
     return loose
 
 
