@@ -177,6 +177,7 @@ def test_check_names_what_is_odd_about_a_motion(tmp_path: Path):
     assert "1 frame shorter than config.json says (51)" in odd(tang(tmp_path / "DANCE_W_1", span=51))
     save_motion(own(tmp_path / "filler") / "motion.npz", Motion(upright(), 25, ARM, np.arange(50) > 3))
     assert "4 of 50 frames are filler" in odd(tmp_path / "filler")
+    assert "no beat for 1.20 s" in odd(own(tmp_path / "gap", beats={"beats_s": [0.2, 0.6, 1.0, 2.2, 2.6]}))
 
 
 def test_check_of_arrays_and_key_points_without_a_rate_says_so(tmp_path: Path):
@@ -207,9 +208,24 @@ def test_check_of_a_corpus_has_a_row_for_each_sequence_problem_and_loose_file(tm
     own(tmp_path / "a")
     (own(tmp_path / "b") / "audio.wav").unlink()
     (tmp_path / "loose.csv").write_text("time\n0.5\n1.0\n")
+    (tmp_path / "beats of a program.json").write_text('{"path": "song.mp3", "beats": [0.5, 1.0]}')
+    points = json.dumps([{"image_id": frame, "keypoints": [9.0] * 51} for frame in range(3)])
+    (tmp_path / "points.json").write_text(points)
+    (tmp_path / "cut off.json").write_text(points[:-9])
+    (tmp_path / "about.json").write_text('{"camera": "phone"}')
     rows = {Path(row.path).name: row for row in check(tmp_path)}
-    assert {name: row.kind for name, row in rows.items()} == {"a": "sequence", "b": "unreadable", "loose.csv": "beats"}
+    kinds = {"a": "sequence", "b": "unreadable", "loose.csv": "beats", "beats of a program.json": "beats"}
+    assert {name: row.kind for name, row in rows.items()} == {
+        **kinds, "points.json": "motion", "cut off.json": "unreadable",
+    }  # fmt: skip
     assert "has no audio" in rows["b"].odd[0]
+
+
+@pytest.mark.slow
+def test_check_leaves_out_no_file_however_many_there_are(tmp_path: Path):
+    for number in range(10_002):
+        (tmp_path / f"{number}.npy").touch()
+    assert len(check(tmp_path)) == 10_002
 
 
 def test_check_of_nothing_known_is_a_row_and_of_nothing_an_error(tmp_path: Path):

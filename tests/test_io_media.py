@@ -367,6 +367,10 @@ def test_json_of_other_programs_has_beats_and_downbeats_which_tell_the_meter(tmp
     notes = load_annotation(write(tmp_path, "song.json", written | {"beat_positions": [3, 1, 2, 3, 1], "segments": []}))
     np.testing.assert_array_equal(notes.times, written["beats"])
     assert (notes.bpm, notes.meter, list(notes.bar_places())) == (120, 3, [2, 0, 1, 2, 0])
+    places = [2, 0, 1, 2, 0, 1, 0, 1, 2, 0]  # with a bar of two beats, and downbeats beyond both ends
+    beats, ones = 0.5 + 0.5 * np.arange(10), [0.2, *(0.5 + 0.5 * np.flatnonzero(np.equal(places, 0))), 6.5]
+    notes = load_annotation(write(tmp_path, "song.json", {"beats": beats.tolist(), "downbeats": ones, "meter": 3}))
+    assert list(notes.bar_places()) == places
 
 
 def test_beats_in_frames_or_milliseconds_are_refused_but_not_slow_music_in_whole_seconds(tmp_path: Path):

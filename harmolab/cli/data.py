@@ -193,8 +193,6 @@ def _check_video(video: Path, out: Path) -> None:
     from harmolab.readers.video import average_rate, is_video
 
     common.check_out(out, "a motion", (".npz", ".bvh"))
-    if not video.exists():
-        raise FileNotFoundError(f"{video}: no such file")
     if not is_video(video):
         raise ValueError(f"{video}: is no video by its name; `harmolab data convert` reads files of movement")
     average_rate(video)

@@ -5,13 +5,14 @@ Nothing here fails on a file: one that cannot be read becomes a row that says wh
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harmolab.data import oddities
 from harmolab.data import recordings as tang2018
 from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset
-from harmolab.files import SOUNDS, MissingFrameRate, PathLike
+from harmolab.files import MAX_JSON_BYTES, SOUNDS, MissingFrameRate, PathLike, read_json, reading
 from harmolab.musician import performances
 from harmolab.readers.audio import audio_info, load_audio
 from harmolab.readers.beats import load_annotation
@@ -20,10 +21,9 @@ from harmolab.readers.player_points import BODY, SIDES, hand_joints
 from harmolab.types import Motion
 
 LEAST_DETECTED = 0.8  # share of frames
-_MAX_FILES = 10_000
 
 _BEATS = (".beats", ".csv", ".txt")
-_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl", ".c3d")
+_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 _KNOWN = (*SOUNDS, *_BEATS, *_MOTION)
 _JSON = ("beats.json", "skeletons.json", "config.json")
 _HEAD = 100_000  # bytes
@@ -73,6 +73,8 @@ class FileSummary:
 def check(path: PathLike) -> list[FileSummary]:
     """One row for a file, or one for each recording, performance and loose file of a folder.
 
+    JSON in a folder has a row where it holds beats or a motion, or is damaged.
+
     Raises
     ------
     FileNotFoundError
@@ -92,7 +94,8 @@ def check(path: PathLike) -> list[FileSummary]:
     rows += [_guarded(_performance, folder) for folder in players if folder in playing]
     rows += [FileSummary(str(folder), "unreadable", odd=(message,)) for folder, message in problems]
     taken = {*dancing, *(folder for folder, _ in problems)}
-    rows += [_guarded(_file, file) for file in _loose(path, taken) if not _inside(file, playing)]
+    loose = [_guarded(_file, file) for file in _loose(path, taken) if not _inside(file, playing)]
+    rows += [row for row in loose if not _is_other_json(row)]
     return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
 
 
@@ -124,10 +127,20 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
             continue
         if any(file.endswith(FRAME_ENDS) for file in files):
             loose.append(folder)
-        loose += [folder / file for file in sorted(files) if file in _JSON or Path(file).suffix.lower() in _KNOWN]
-        if len(loose) > _MAX_FILES:
-            break
-    return loose[:_MAX_FILES]
+        alone = (file for file in sorted(files) if not file.endswith(FRAME_ENDS))
+        loose += [folder / file for file in alone if Path(file).suffix.lower() in _KNOWN]
+    return loose
+
+
+def _is_other_json(row: FileSummary) -> bool:
+    """True for whole JSON that holds neither beats nor a motion, as much does that lies beside dances."""
+    path = Path(row.path)
+    if row.kind != "unreadable" or path.suffix.lower() != ".json" or path.name in _JSON:
+        return False
+    with suppress(ValueError, OSError), reading(path, "JSON", max_bytes=MAX_JSON_BYTES):
+        read_json(path)
+        return True
+    return False
 
 
 def _file(path: Path) -> FileSummary:
@@ -144,9 +157,10 @@ def _file(path: Path) -> FileSummary:
 
 
 def _is_annotation(path: Path) -> bool:
-    """True for a JSON file of beats, by its name or by the one field that those must have."""
+    """True for a JSON file of beats, by its name or by the one field, ours or other programs', that those must have."""
     with path.open("rb") as file:
-        return path.name == "beats.json" or b'"beats_s"' in file.read(_HEAD)
+        head = file.read(_HEAD)
+    return path.name == "beats.json" or b'"beats_s"' in head or b'"beats"' in head
 
 
 def _sound(path: Path) -> FileSummary:
@@ -206,7 +220,8 @@ def _recording(folder: Path) -> FileSummary:
         facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
     row = _motion_row(folder, motion)
     late = oddities.late_end(clip.offset, motion, clip.audio)
-    odd = (*oddities.span_oddities(folder, motion), *oddities.sound_oddities(clip.audio), *row.odd, *late)
+    of_beats = () if annotation is None else oddities.beat_oddities(annotation.times)
+    odd = (*oddities.span_oddities(folder, motion), *oddities.sound_oddities(clip.audio), *of_beats, *row.odd, *late)
     return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
 
 

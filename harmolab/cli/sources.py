@@ -86,9 +86,6 @@ def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
     if song.is_dir():
         files = _in_folder(song)
         return files if motion is None else files._replace(motion=motion)
-    for path in (song, motion):
-        if path is not None and not path.exists():
-            raise FileNotFoundError(f"{path}: no such file")
     if motion is None:
         if not is_video(song):
             raise ValueError(f"{song}: {context.info_name} takes SONG DANCE; {ALONE}")

@@ -114,8 +114,9 @@ class BeatAnnotation:
     def bar_places(self) -> IntArray | None:
         """Place of each beat in its bar, (B,), 0 for the downbeat; None without places, downbeats and units.
 
-        Places that the file names stay as they are; without them, beats are counted in bars of one length. Units of
-        choreography begin with a bar, or half way through one, so without downbeats the first unit's start stands in.
+        Places that the file names stay as they are; without them, beats are counted from the last downbeat, before the
+        first one back from it, in bars of `meter` beats. Units of choreography begin with a bar, or half way through
+        one, so without downbeats the first unit's start stands in.
         """
         if self.places is not None:
             return self.places
@@ -125,8 +126,9 @@ class BeatAnnotation:
         if self.meter is None or anchors.size == 0 or self.times.size == 0:
             return None
         nearest = np.abs(np.subtract.outer(anchors, self.times)).argmin(axis=1)
-        votes = np.bincount(nearest % self.meter, minlength=self.meter)
-        return (np.arange(self.times.size) - int(votes.argmax())) % self.meter
+        inside = (anchors >= self.times[0] - NEAR) & (anchors <= self.times[-1] + NEAR)
+        begins, numbers = nearest[inside] if inside.any() else nearest[:1], np.arange(self.times.size)
+        return (numbers - begins[np.maximum(np.searchsorted(begins, numbers, side="right") - 1, 0)]) % self.meter
 
     def track(self, duration: float | None = None) -> BeatTrack:
         """The beats as a BeatTrack of `duration` seconds (None: one beat longer than the last beat)."""

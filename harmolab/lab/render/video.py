@@ -256,8 +256,9 @@ def retime_files(
     Parameters
     ----------
     song, motion, offset, dance, beats, one : as in `load_clip`; `motion` may also be a video
-        A video moves as its dancer does (`harmolab.lab.explain.filmed.filmed_motion`), and begins with the song where
-        `offset` is left out; `harmolab.lab.explain.offset.find_sound_offset` finds where else, by the sound.
+        A video moves as its dancer does (`harmolab.lab.explain.filmed.filmed_motion`). Where `offset` is left out it
+        begins with the song, and beside another file's song no place in the beat is judged;
+        `harmolab.lab.explain.offset.find_sound_offset` finds where else it begins, by the sound.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     params : HarmonyParams of the number before and after, as in `harmolab.verdict.judge.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
@@ -276,6 +277,8 @@ def retime_files(
     movement = filmed_motion(video, progress=progress).motion if video else motion
     for path in progress([song], "finding the beats"):
         clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, one=one, sample_rate=None, **reading)
+    if video and offset is None:
+        clip = replace(clip, has_start=video.samefile(song))
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)
     retimed = retime(
