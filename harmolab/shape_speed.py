@@ -1,7 +1,8 @@
 """Shape speed, the signal that the recommended score reads: how fast the shape of the body changes.
 
 A body that is carried, turned, tilted or bobbed as one piece keeps its shape, so its shape speed is 0. Limbs that
-swing, bends and twists change the shape. This table says what is taken out of the movement of the joints:
+swing, bends and twists change the shape. Fingers are left out where they are many (`without_fingers`). This table says
+what is taken out of the movement of the joints:
 
 ==================  ==================================================================================================
 positions           taken out of the movement
@@ -30,6 +31,8 @@ SMOOTHING = 0.06  # seconds, Gaussian over the positions: sensors tremble faster
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
 RIDGE = 1e-6  # share of the trace added to the inertia, so that joints in one line can be solved for
 FEWEST = 3  # joints; fewer have no shape
+FINGERS = ("thumb", "index", "middle", "ring", "pink", "little", "finger", "digit")  # in the names of their joints
+BODY = 10  # joints that a body has without its fingers; a player of an instrument, of whom there are fewer, keeps them
 # A joint that is out of place in one frame was read wrong: sizes of the body by which it lies off both its neighbours,
 # and sizes a second squared, beyond which no limb turns back.
 GLITCH, FASTEST_TURN = 0.25, 60.0
@@ -135,7 +138,8 @@ def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
     Parameters
     ----------
     motion : Motion
-        A joint that jumps away for a single frame is put back first (`without_glitches`).
+        A joint that jumps away for a single frame is put back first (`without_glitches`). J is less than the motion's
+        where fingers are left out (`without_fingers`).
     smoothing : float, seconds
         Standard deviation of the Gaussian over the positions.
 
@@ -162,12 +166,11 @@ def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
 
 def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     """The `shape_speed` of a motion, computed; its arrays are read-only, since they are shared."""
-    motion = without_glitches(motion)
+    motion = without_glitches(without_fingers(motion))
     fine = upsample_motion(motion, RATE)
     dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
     step = 1 / fine.fps  # velocities are central differences, one-sided at the ends
-    room = np.gradient(smooth_positions(fine.positions, smoothing, fine.fps), step, axis=0)
-    inner = room
+    room = inner = np.gradient(smooth_positions(fine.positions, smoothing, fine.fps), step, axis=0)
     shape = _centred(fine.positions)
     if dimensions == 3:
         unturned = replace(motion, positions=unturn(motion.positions))
@@ -189,6 +192,18 @@ def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     return ShapeSpeed(fps=fine.fps, dimensions=dimensions, axes=motion.positions.shape[2], **arrays)
 
 
+def without_fingers(motion: Motion) -> Motion:
+    """The motion without the joints of fingers, told by their names, where these are more than a third of all.
+
+    Rigs have 15 to 20 of them on each hand. All joints count alike, so the hands would outvote the body.
+    """
+    names = [name.lower() for name in motion.skeleton.joints]
+    body = [joint for joint, name in enumerate(names) if "foot" in name or not any(word in name for word in FINGERS)]
+    if not BODY <= len(body) < 2 / 3 * len(names):
+        return motion
+    return replace(motion, positions=motion.positions[:, body], skeleton=motion.skeleton.unnamed(len(body)))
+
+
 def without_glitches(motion: Motion) -> Motion:
     """The motion with each joint that jumps away for a single frame at the median of its three frames.
 
@@ -203,9 +218,8 @@ def without_glitches(motion: Motion) -> Motion:
     middle = np.clip(positions[1:-1], np.minimum(before, after), np.maximum(before, after))
     middle = np.concatenate([middle[:1], middle, middle[-1:]])
     away = np.linalg.norm(positions - middle, axis=-1)
-    beside = np.linalg.norm(after - before, axis=-1)
     ends = np.linalg.norm(np.diff(positions[[1, 2, -3, -2]], axis=0)[[0, 2]], axis=-1)
-    beside = np.concatenate([ends[:1], beside, ends[1:]])
+    beside = np.concatenate([ends[:1], np.linalg.norm(after - before, axis=-1), ends[1:]])
     size = np.median(np.sqrt(np.square(positions).sum(axis=-1).mean(axis=-1)))
     wrong = (away > max(GLITCH, FASTEST_TURN / motion.fps**2) * size) & (beside < away / 2)
     wrong &= ~_is_turn(positions)[:, None]
@@ -253,8 +267,7 @@ def _without_rotation(shape: FloatArray, velocity: FloatArray) -> FloatArray:
     trace = np.trace(outer, axis1=1, axis2=2)
     inertia = trace[:, None, None] * np.eye(3) - outer
     inertia += np.maximum(2 * RIDGE * trace, np.finfo(float).tiny)[:, None, None] * np.eye(3)
-    moment = _cross(shape, velocity).sum(axis=1)
-    rotation = np.linalg.solve(inertia, moment[..., None])[..., 0]
+    rotation = np.linalg.solve(inertia, _cross(shape, velocity).sum(axis=1)[..., None])[..., 0]
     return velocity - _cross(rotation[:, None], shape)
 
 
@@ -268,8 +281,7 @@ def _without_affine(shape: FloatArray, velocity: FloatArray) -> FloatArray:
     """Velocities (T, J, 2) less those of the 2 x 2 matrix A that fits them best, ``W = A X``."""
     outer = np.einsum("tja,tjb->tab", shape, shape)
     ridge = np.maximum(RIDGE * np.trace(outer, axis1=1, axis2=2), np.finfo(float).tiny)
-    mixed = np.einsum("tja,tjb->tab", shape, velocity)
-    matrix = np.linalg.solve(outer + ridge[:, None, None] * np.eye(2), mixed)
+    matrix = np.linalg.solve(outer + ridge[:, None, None] * np.eye(2), np.einsum("tja,tjb->tab", shape, velocity))
     return velocity - np.einsum("tja,tab->tjb", shape, matrix)
 
 
@@ -290,7 +302,6 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
     size = float(np.median(shape.extent[inside][valid]))
     of_a_point = 0.0 if is_still else np.nan  # which has no size: its pulse is not known, unless it rests
     pulse = spread / size if size > 0 else of_a_point
-    share, joints = float(np.sqrt(by_joint.mean() / room)), 0.0
-    if by_joint.any():
-        joints = float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum()))
+    share, squares = float(np.sqrt(by_joint.mean() / room)), by_joint.size * np.square(by_joint).sum()
+    joints = float(by_joint.sum() ** 2 / squares) if squares else 0.0
     return ShapeSignal(times, values, valid, pulse, share, joints, shape.dimensions, shape.axes, spread)

@@ -769,6 +769,7 @@ def test_a_block_counts_less_below_three_tenths_of_the_mean_spread(amplitude: fl
 
 JOINTS = np.random.default_rng(1).normal(0.0, 0.5, (12, 3))
 DANCE = synthetic_motion(np.arange(0.0, 8.5, 0.5), seconds=8.0, fps=30.0, seed=2)
+RIG = ("Thumb", "Index", "Middle", "Ring", "Pinky")
 
 
 def turned_by(body: FloatArray, angle: FloatArray) -> FloatArray:
@@ -815,6 +816,21 @@ def test_it_is_the_speed_of_the_joints_around_their_mean_when_nothing_turns() ->
     shape = shape_speed(moving(positions, 100.0), smoothing=0.0)
     expected = np.abs(np.gradient(0.1 * swing, 0.01)) * np.sqrt(2 / 4)
     np.testing.assert_allclose(shape.speed[5:-5], expected[5:-5], atol=1e-9)
+
+
+@cases(
+    "joints, names, counted",
+    (21, [f"mixamorig:{side}Hand{finger}{i}" for side in ("Left", "Right") for finger in RIG for i in (1, 2, 3)], 21),
+    (21, ["left_index", "left_pinky", "left_thumb", "right_index", "right_pinky", "right_thumb"], 27),  # as MediaPipe
+    (8, [f"left_{finger.lower()}_{place}" for finger in RIG for place in (1, 2, 3, 4)], 28),  # a player's arms
+)
+def test_the_fingers_of_a_rig_do_not_outvote_the_body(joints: int, names: list[str], counted: int) -> None:
+    body = Motion(DANCE.positions[:, :joints], DANCE.fps, Skeleton.unnamed(joints))
+    wriggling = np.random.default_rng(0).normal(0, 0.02, (DANCE.n_frames, len(names), 3)).cumsum(axis=0)
+    skeleton = Skeleton((*body.skeleton.joints, *names), (-1,) * (joints + len(names)))
+    shape = shape_speed(Motion(np.concatenate([body.positions, wriggling], axis=1), DANCE.fps, skeleton))
+    assert shape.energy.shape[1] == counted
+    assert (counted == joints) == np.array_equal(shape.speed, shape_speed(body).speed)
 
 
 def test_a_frozen_pose_on_a_dancers_path_loses_what_the_dancer_keeps() -> None:

@@ -90,8 +90,7 @@ def free_path(curve: FloatArray, rate: float, period: float, span: tuple[float, 
     """
     times = np.arange(span[0], span[1], period / FREE_STEPS)
     heights = np.interp(times, np.arange(curve.size) / rate, _smooth(curve, rate))
-    intervals = np.arange(round(FREE_STEPS / RANGE), round(FREE_STEPS * RANGE) + 1)
-    return times[_best_row(heights, intervals)]
+    return times[_best_row(heights, np.arange(round(FREE_STEPS / RANGE), round(FREE_STEPS * RANGE) + 1))]
 
 
 def _best_row(heights: FloatArray, intervals: IntArray) -> IntArray:

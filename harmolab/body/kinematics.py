@@ -146,8 +146,7 @@ def _turns_into(sign: int, curve: FloatArray, plateau: str) -> IntArray:
     """The turning points after which the steps have this sign."""
     turns = turning_points(curve, plateau=plateau)
     # After the middle of a flat top comes a tie: where the curve goes is known at the top's last sample.
-    last = turning_points(curve) if plateau == "middle" else turns
-    return turns[step_signs(curve)[last] == sign]
+    return turns[step_signs(curve)[turning_points(curve) if plateau == "middle" else turns] == sign]
 
 
 def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:

@@ -675,8 +675,7 @@ def still_beats(signal: ShapeSignal, beats: FloatArray) -> int:
     """Number of beats in stretches of `STILL` or more, each with less pulse until the next than the floor asks for."""
     parts = np.split(np.where(signal.valid, signal.pulse * signal.values, NAN), np.searchsorted(signal.times, beats))
     is_still = [bool(part.size and part.std() < LEAST_PULSE) for part in parts[1:-1]]
-    lengths = [len(list(run)) for still, run in groupby(is_still) if still]
-    return sum(length for length in lengths if length >= STILL)
+    return sum(length for still, run in groupby(is_still) if still and (length := len(list(run))) >= STILL)
 
 
 def has_rate(time: TimeTest, pattern: BarPattern) -> bool:
