@@ -463,7 +463,7 @@ def playing_score(
         raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")
     check_kind(motion, Motion)
     params = params or HarmonyParams.playing()
-    score = partial(_scored, params=params, n_rotations=n_rotations, seed=seed)
+    score = partial(scored, params=params, n_rotations=n_rotations, seed=seed)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
     events = playing_events(motion, instrument, detected=detected)
     by_hand, own = {BOW_HAND: events}, {}
@@ -484,7 +484,7 @@ def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
     return {side: note_beats(part, duration) for side, part in parts.items() if len(part)}
 
 
-def _scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
+def scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
     """The score from the first onset to the last, give or take the delay; times stay those of the motion.
 
     Before and after there is nothing to hit, and rotated hands that fall silent there would make chance look small.
