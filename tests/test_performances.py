@@ -8,9 +8,11 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 import soundfile
@@ -415,6 +417,24 @@ def test_video_beside_openpose_gives_sound_and_rate(tmp_path: Path):
     one = load_performance(folder)
     assert one.motion.fps == 20
     assert one.audio.duration == pytest.approx(1.0, abs=0.1)
+
+
+def test_points_begin_with_the_first_picture_of_a_film_whose_sound_begins_before_it(tmp_path: Path):
+    folder = openpose_folder(tmp_path / "violin_3" / "openpose", [[openpose(shift)] for shift in range(20)]).parent
+    write_video(tmp_path / "film.mp4", (np.full((48, 64, 3), 9, np.uint8) for _ in range(20)), 20.0, audio=sound(1.5))
+    with av.open(str(tmp_path / "film.mp4")) as film, av.open(str(folder / "take.mp4"), "w") as late:
+        streams = [late.add_stream_from_template(stream) for stream in film.streams]
+        for packet in filter(lambda each: each.dts is not None, film.demux()):
+            later = round(0.25 / packet.time_base) if packet.stream.type == "video" else 0
+            packet.pts, packet.dts, packet.stream = packet.pts + later, packet.dts + later, streams[packet.stream.index]
+            late.mux(packet)
+    assert load_performance(folder).offset == pytest.approx(0.25, abs=0.002)
+    assert load_performance(folder, offset=0.0).offset == 0
+    plays = partial(played.load_playing, folder / "openpose", sound(1.5), instrument="violin", fps=20)
+    assert plays(film=folder / "take.mp4").offset == pytest.approx(0.25, abs=0.002)
+    assert [plays(film=film).offset for film in (None, tmp_path / "film.mp4", "song.wav")] == [0, 0, 0]
+    (folder / "performance.json").write_text('{"offset_s": 0}')
+    assert load_performance(folder).offset == 0
 
 
 def test_fields_of_performance_json_are_taken(tmp_path: Path):
