@@ -525,6 +525,8 @@ def test_what_cannot_be_a_performance_is_refused_with_the_folder_and_the_fault(t
     refused(r"piano: .*detected must have shape \(4, 2\), got \(4, 3\)", load_performance, folder)
     (folder / "performance.json").write_text('{"instrument": "piano", "points": ["points.json", "motion.npz"]}')
     refused(r"performance\.json: an \.npz has no confidence", load_performance, folder)
+    (folder / "performance.json").write_text('{"instrument": "piano", "points": "motion.npz", "mirrored": true}')
+    refused(r'performance\.json: "mirrored" does not turn an \.npz round', load_performance, folder)
 
 
 # Many folders

@@ -495,10 +495,8 @@ def scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotati
     length = min(float(onsets.times[-1]) + params.reaction_delay, onsets.duration) - start + FRAME_EDGE
     parts = onsets.span(start, length), events.span(start, length)
     score = score_harmony(*parts, params=params, n_rotations=n_rotations, seed=seed)
-    music, visual = (
-        replace(track, times=track.times + start, duration=onsets.duration) for track in (score.music, score.visual)
-    )
-    return replace(score, music=music, visual=visual)
+    own = [replace(each, times=each.times + start, duration=onsets.duration) for each in (score.music, score.visual)]
+    return replace(score, music=own[0], visual=own[1])
 
 
 def _lag(score: HarmonyScore) -> Lag:

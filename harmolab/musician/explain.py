@@ -163,8 +163,8 @@ def explain_playing(
         )
     audio, words = None if performance.audio is None else shared.audio, playing_findings(score)
     if audio is not None and notes is not None:
-        heard = onset_beats(audio)
-        words = _beside_sound(words, scored(score.score.music, heard, HarmonyParams.playing(), n_rotations, seed))
+        fit = scored(score.score.music, onset_beats(audio), HarmonyParams.playing(), n_rotations, seed)
+        words = _beside_sound(words, fit)
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, words)
 
 

@@ -424,9 +424,8 @@ def load_playing(
         return performance
     motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None, film)
     offset = (begin or 0.0) if offset is None else offset
-    with named_faults(path):
-        _check_end(motion, offset, audio)
     try:
+        _check_end(motion, offset, audio)
         return Performance(path.stem, instrument, audio, motion, detected, offset=offset)  # type: ignore[arg-type]
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
@@ -451,6 +450,9 @@ def _points(
     if any(file.suffix.lower() == ".npz" for file in files.points):
         if len(files.points) > 1:
             raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
+        if about.get("mirrored"):
+            how = "save it of load_player_points(..., mirrored=True), and take the word out"
+            raise ValueError(f'{path.parent / ABOUT}: "mirrored" does not turn an .npz round; {how}')
         motion = read_motion(path, fps=fps if rate is None else rate, as_defaults=rate is None).motion
         return motion, load_detected(path), load_offset(path)
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
