@@ -8,9 +8,11 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 import soundfile
@@ -417,6 +419,24 @@ def test_video_beside_openpose_gives_sound_and_rate(tmp_path: Path):
     assert one.audio.duration == pytest.approx(1.0, abs=0.1)
 
 
+def test_points_begin_with_the_first_picture_of_a_film_whose_sound_begins_before_it(tmp_path: Path):
+    folder = openpose_folder(tmp_path / "violin_3" / "openpose", [[openpose(shift)] for shift in range(20)]).parent
+    write_video(tmp_path / "film.mp4", (np.full((48, 64, 3), 9, np.uint8) for _ in range(20)), 20.0, audio=sound(1.5))
+    with av.open(str(tmp_path / "film.mp4")) as film, av.open(str(folder / "take.mp4"), "w") as late:
+        streams = [late.add_stream_from_template(stream) for stream in film.streams]
+        for packet in filter(lambda each: each.dts is not None, film.demux()):
+            later = round(0.25 / packet.time_base) if packet.stream.type == "video" else 0
+            packet.pts, packet.dts, packet.stream = packet.pts + later, packet.dts + later, streams[packet.stream.index]
+            late.mux(packet)
+    assert load_performance(folder).offset == pytest.approx(0.25, abs=0.002)
+    assert load_performance(folder, offset=0.0).offset == 0
+    plays = partial(played.load_playing, folder / "openpose", sound(1.5), instrument="violin", fps=20)
+    assert plays(film=folder / "take.mp4").offset == pytest.approx(0.25, abs=0.002)
+    assert [plays(film=film).offset for film in (None, tmp_path / "film.mp4", "song.wav")] == [0, 0, 0]
+    (folder / "performance.json").write_text('{"offset_s": 0}')
+    assert load_performance(folder).offset == 0
+
+
 def test_fields_of_performance_json_are_taken(tmp_path: Path):
     about = {"offset_s": 0.1, "piece": "BWV 1004", "name": "me", "source": "home", "comment": 5, "rendered": True}
     files = {"audio": "song.wav", "points": ["points.json"]}
@@ -505,6 +525,8 @@ def test_what_cannot_be_a_performance_is_refused_with_the_folder_and_the_fault(t
     refused(r"piano: .*detected must have shape \(4, 2\), got \(4, 3\)", load_performance, folder)
     (folder / "performance.json").write_text('{"instrument": "piano", "points": ["points.json", "motion.npz"]}')
     refused(r"performance\.json: an \.npz has no confidence", load_performance, folder)
+    (folder / "performance.json").write_text('{"instrument": "piano", "points": "motion.npz", "mirrored": true}')
+    refused(r'performance\.json: "mirrored" does not turn an \.npz round', load_performance, folder)
 
 
 # Many folders

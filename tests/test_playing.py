@@ -469,6 +469,19 @@ def test_a_performance_without_notes_is_scored_by_the_onsets_of_its_sound():
     assert by_sound.score.score.mean_share >= 0.98
 
 
+def test_notes_that_are_not_those_of_the_sound_make_the_verdict():
+    own, other = (planted_performance("piano", seconds=12.0, seed=seed).performance for seed in (3, 9))
+    scale = Notes(np.arange(0.5, 11), np.arange(1.0, 12), 60 + np.arange(11))
+    even = replace(own, notes=scale, audio=rendered_notes(scale, 12.0))  # shifted by a note, it fits as well
+    assert [explain_playing(each).words.findings[0].kind for each in (own, even)] == ["score", "score"]
+    late = replace(own.notes, onsets=own.notes.onsets + 0.2, offsets=own.notes.offsets + 0.2)
+    for wrong in (replace(own, audio=other.audio), replace(own, notes=late)):
+        playing = explain_playing(wrong)
+        assert playing.words.findings[0].kind == "notes"
+        assert playing.summary[0] in playing_page(playing)
+        assert playing.summary[0].startswith("Cannot tell: the notes that came with this playing are not")
+
+
 def test_a_performance_that_cannot_be_scored_is_refused_by_name():
     motion = planted_hands(random_notes(1))
     refused("etude: has neither notes nor sound", explain_playing, performance(None, motion))

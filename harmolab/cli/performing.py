@@ -80,8 +80,8 @@ def perform(
     with waiting("listening"):
         audio = harmolab.load_sound(song, sample_rate=None)
         begin = perf_counter()
-        plays = partial(load_playing, audio=audio, instrument=system.network.instrument, offset=offset, fps=fps)
-        own = None if truth is None else plays(truth)
+        plays = partial(load_playing, instrument=system.network.instrument, offset=offset, fps=fps, film=song)
+        own = None if truth is None else plays(truth, audio)
         with named_faults(song):
             result = musician.performed(
                 system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own

@@ -120,7 +120,7 @@ def _playing(
     check_untold(context, FOR_DANCES, "is for dances; leave it out with --instrument")
     with waiting("listening"):
         audio = harmolab.load_sound(song, sample_rate=None)
-        return musician.explain_playing(load_playing(points, audio, instrument=instrument, **options))
+        return musician.explain_playing(load_playing(points, audio, instrument=instrument, film=song, **options))
 
 
 def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:

@@ -463,7 +463,7 @@ def playing_score(
         raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")
     check_kind(motion, Motion)
     params = params or HarmonyParams.playing()
-    score = partial(_scored, params=params, n_rotations=n_rotations, seed=seed)
+    score = partial(scored, params=params, n_rotations=n_rotations, seed=seed)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
     events = playing_events(motion, instrument, detected=detected)
     by_hand, own = {BOW_HAND: events}, {}
@@ -484,7 +484,7 @@ def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
     return {side: note_beats(part, duration) for side, part in parts.items() if len(part)}
 
 
-def _scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
+def scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
     """The score from the first onset to the last, give or take the delay; times stay those of the motion.
 
     Before and after there is nothing to hit, and rotated hands that fall silent there would make chance look small.
@@ -495,10 +495,8 @@ def _scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotat
     length = min(float(onsets.times[-1]) + params.reaction_delay, onsets.duration) - start + FRAME_EDGE
     parts = onsets.span(start, length), events.span(start, length)
     score = score_harmony(*parts, params=params, n_rotations=n_rotations, seed=seed)
-    music, visual = (
-        replace(track, times=track.times + start, duration=onsets.duration) for track in (score.music, score.visual)
-    )
-    return replace(score, music=music, visual=visual)
+    own = [replace(each, times=each.times + start, duration=onsets.duration) for each in (score.music, score.visual)]
+    return replace(score, music=own[0], visual=own[1])
 
 
 def _lag(score: HarmonyScore) -> Lag:

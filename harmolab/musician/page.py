@@ -59,7 +59,7 @@ def playing_page(playing: ExplainedPlaying) -> str:
         title=f"{performance.name}: {performance.instrument}",
         performance=performance,
         playing=playing,
-        is_together=score.is_together,
+        is_together=score.is_together and playing.words.verdict != explain.OTHER_SOUND,
         verdict=playing.words.verdict,
         sentences=playing.words.sentences,
         pictures=_pictures(playing),
@@ -147,6 +147,7 @@ if TYPE_CHECKING:  # torch is loaded by those who have a network
 
 TRUTH, PREDICTION = "the truth", "from the sound"
 ROWS = {
+    "notes": "notes and sound",
     "score": "hands and sound",
     "hand": "hand by hand",
     "other hand": "wrong hand",

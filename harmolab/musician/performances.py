@@ -13,7 +13,8 @@ points                  ``motion.npz`` of ours; else the only file of key points
 ``fps``         frames per second of the points, where their file does not hold it; else that of the only video
 ``size``        [width, height] of the picture, pixels; for MediaPipe's files that do not hold it
 ``mirrored``    true where the picture is a mirror image (`harmolab.musician.keypoints`)
-``offset_s``    seconds, audio time of the first frame; else what motion.npz holds, else 0
+``offset_s``    seconds, audio time of the first frame; else what motion.npz holds; else that of the first picture of
+                the only video, where this is the sound, too; else 0
 ``piece``       name of the piece: performances of one piece stay on one side of a split
 ``audio``       name of the sound file or video, where there are several
 ``points``      name of the file or folder of points, or a list of those of one video, of which each point in each frame
@@ -70,7 +71,7 @@ from harmolab.musician.keypoints import IsMusician, checked_size, load_player_po
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion import load_detected, load_offset, motion_part, read_motion
 from harmolab.readers.player_points import INSTRUMENTS
-from harmolab.readers.video import average_rate, is_video
+from harmolab.readers.video import average_rate, first_picture, is_video
 from harmolab.types import Audio, BoolArray, Motion, Notes
 
 # A performance: sound, the points of the player, the notes if they are known
@@ -344,6 +345,7 @@ def load_performance(
     is_musician: IsMusician | None = None,
     audio: Audio | None = None,
     offset: float | None = None,
+    film: PathLike | None = None,
 ) -> Performance:
     """The performance in a folder.
 
@@ -358,6 +360,7 @@ def load_performance(
     is_musician : as in `load_player_points`
     audio : Audio, the sound in place of the folder's, which then needs none
     offset : float, seconds, audio time of the first frame, in place of what the folder says
+    film : str or path, that `audio` is of; of a video frame 0 is the first picture, unless files say another time
 
     Raises
     ------
@@ -373,7 +376,7 @@ def load_performance(
     plays = about.get("instrument") or named_instrument(folder) or instrument
     if not plays:
         raise ValueError(f'{folder}: does not say the instrument; write {{"instrument": "piano"}} into its {ABOUT}')
-    motion, detected, begin = _points(files, about, fps, is_musician)
+    motion, detected, begin = _points(files, about, fps, is_musician, film)
     if audio is None and files.sound is not None:
         audio = load_sound(files.sound, sample_rate=sample_rate)
     offset, full = (about.get("offset_s", begin) or 0.0) if offset is None else offset, folder.resolve()
@@ -387,7 +390,13 @@ def load_performance(
 
 
 def load_playing(
-    path: PathLike, audio: Audio, *, instrument: str, fps: float | None = None, offset: float | None = None
+    path: PathLike,
+    audio: Audio,
+    *,
+    instrument: str,
+    fps: float | None = None,
+    offset: float | None = None,
+    film: PathLike | None = None,
 ) -> Performance:
     """A musician's own points beside the sound that they were played to.
 
@@ -400,6 +409,7 @@ def load_playing(
     instrument : "piano" or "violin"
     fps : float, frames per second, where the files do not say it
     offset : float, seconds, audio time of the first frame; what the files say when left out, else 0
+    film : as in `load_performance`
 
     Raises
     ------
@@ -408,15 +418,14 @@ def load_playing(
     """
     path = Path(path)
     if path.is_dir():
-        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio, offset=offset)
+        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio, offset=offset, film=film)
         if performance.instrument != instrument:
             raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
         return performance
-    motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
+    motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None, film)
     offset = (begin or 0.0) if offset is None else offset
-    with named_faults(path):
-        _check_end(motion, offset, audio)
     try:
+        _check_end(motion, offset, audio)
         return Performance(path.stem, instrument, audio, motion, detected, offset=offset)  # type: ignore[arg-type]
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
@@ -430,13 +439,20 @@ def _fault(files: PerformanceFiles) -> str:
 
 
 def _points(
-    files: PerformanceFiles, about: dict[str, Any], fps: float | None, is_musician: IsMusician | None
+    files: PerformanceFiles,
+    about: dict[str, Any],
+    fps: float | None,
+    is_musician: IsMusician | None,
+    film: PathLike | None,
 ) -> tuple[Motion, BoolArray | None, float | None]:
-    """The points of a folder, their mask, and the offset that their file holds."""
+    """The points of a folder, their mask, and the offset that their file holds, or that of the film."""
     path, rate = files.points[0], about.get("fps")
     if any(file.suffix.lower() == ".npz" for file in files.points):
         if len(files.points) > 1:
             raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
+        if about.get("mirrored"):
+            how = "save it of load_player_points(..., mirrored=True), and take the word out"
+            raise ValueError(f'{path.parent / ABOUT}: "mirrored" does not turn an .npz round; {how}')
         motion = read_motion(path, fps=fps if rate is None else rate, as_defaults=rate is None).motion
         return motion, load_detected(path), load_offset(path)
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
@@ -447,7 +463,9 @@ def _points(
         raise MissingFrameRate(
             f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
         ) from None
-    return points.motion, points.detected, None
+    films = (film, files.video if files.video == files.sound else None)
+    begin = next((first_picture(Path(each)) for each in films if each and is_video(each)), None)
+    return points.motion, points.detected, begin
 
 
 def _check_end(motion: Motion, offset: float, audio: Audio) -> None:

@@ -231,6 +231,15 @@ def average_rate(path: Path) -> float:
         return rate
 
 
+def first_picture(path: Path) -> float:
+    """Seconds from the start of a video, where `video_sound` starts, to its first picture; 0 of sound alone."""
+    with opened_container(path) as container:
+        if not container.streams.video:
+            return 0.0
+    with _opened(path) as (container, stream):
+        return next((late for late, _ in _timed(container, stream, fps=1000.0)), 0.0)  # to the millisecond
+
+
 def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.VideoFrame]]:
     """Decoded pictures, each with the seconds from the start of the file to its showing."""
     origin = (container.start_time or 0) / av.time_base
