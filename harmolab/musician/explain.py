@@ -126,7 +126,7 @@ def explain_playing(
     """Score a musician's performance and explain the score in sentences: do the hands meet the notes?
 
     The hands are compared with the notes of the performance, or where there are none with the onsets that a program
-    finds in its sound. Notes that do not fit the sound of the performance make the verdict, and the first finding.
+    finds in its sound. A pianist's notes that do not fit the sound make the verdict, and the first finding.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def explain_playing(
             part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed, detected=detected
         )
     audio, words = None if performance.audio is None else shared.audio, playing_findings(score)
-    if audio is not None and notes is not None:
+    if audio is not None and notes is not None and performance.instrument == "piano":  # a bow's onsets are soft
         fit = scored(score.score.music, onset_beats(audio), HarmonyParams.playing(), n_rotations, seed)
         words = _beside_sound(words, fit)
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, words)
