@@ -299,6 +299,17 @@ def test_still_root_of_a_rig_is_no_part_of_the_body_that_travels(tmp_path: Path,
     np.testing.assert_allclose(file.motion.positions[1, -2], np.array(knees[1].split(), float), atol=0.11)
 
 
+@cases("place, is_rig", ("0 0 0", True), ("0 0 3", False))  # Unreal's bones for inverse kinematics; a stool
+def test_what_stands_at_the_still_root_of_a_rig_is_left_out_with_all_that_hangs_on_it(tmp_path: Path, place, is_rig):
+    ik = f"JOINT ik_foot_root {{ OFFSET {place} CHANNELS 0 JOINT ik_foot_l {{ OFFSET 0 0 0 {POSITIONS} }} }}"
+    text = bvh(SIX, "0 0 0 0 0 0  0 0.9 0  0 0 1\n0 0 0 0 0 0  2 0.9 0  5 0 1\n", joint=POSITIONS)
+    (tmp_path / "walk.bvh").write_text(text.replace("}\nMOTION", f"{ik} }}\nMOTION"))
+    file = read_motion(tmp_path / "walk.bvh")
+    body, rig = ("knee", "knee_end"), ("ik_foot_root", "ik_foot_l")
+    assert file.motion.skeleton.joints == (body if is_rig else ("hip", *body, *rig))
+    assert (f"without hip, {', '.join(rig)}: hip stays where it is while knee travels" in file.notes) == is_rig
+
+
 GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
 
 

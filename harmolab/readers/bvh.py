@@ -9,8 +9,8 @@ Files are read with any skeleton and any order of channels:
 * BVH says nothing about its unit. A rest skeleton that extends over more than 1000 units is taken for millimetres, over
   more than 3 for centimetres, else for metres. A body from head to feet of up to 45 units is taken for one of the CMU
   files, which are in units of 5.6 cm. Pass `scale` where it is wrong.
-* A root that stays at one place while the only joint on it travels, as rigs and the Bandai-Namco files have it, is no
-  part of the body and left out.
+* A root that stays at one place while a joint on it travels, as rigs and the Bandai-Namco files have it, is no part of
+  the body and left out, with what stands at it (Unreal's ik bones).
 * Nor does it tell which axis points up: the way from the feet to the head does (Blender writes z up), else it is y.
 * A Frame Time that is rounded is that of the usual rate: 0.033 means 30 frames per second; at 30.3 a dance would be
   half a beat off after half a minute.
@@ -43,7 +43,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from harmolab.body.rotations import alignment, mean_shape
-from harmolab.body.skeletons import Skeleton, ancestors, children, skeleton_part, tree_order
+from harmolab.body.skeletons import Skeleton, ancestors, children, skeleton_part, subtree, tree_order
 from harmolab.files import PathLike, atomic_write, named_faults, read_text, reading
 from harmolab.readers.arrays import checked_motion, in_metres
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, as_read, head_above_feet
@@ -56,6 +56,7 @@ _BLOCK_PLACES = 2**17
 _UNITS = ((1000.0, 0.001), (3.0, 0.01))  # extent at rest, in units of the file, above which a unit is so many metres
 _BODY_UNITS = ((1000.0, 0.001), (45.0, 0.01), (3.0, 0.056444))  # the same with head and feet
 _TRAVEL = 0.05  # share of its distance from the root by which a joint is not joined to it
+_AT_ROOT = 0.01  # share of the farthest joint's distance up to which a joint stands at the root
 _USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
 
 
@@ -112,15 +113,24 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
 
 
 def _without_rig(motion: Motion) -> tuple[Motion, tuple[Assumption, ...]]:
-    """The motion without a root that stays at one place while the only joint that hangs on it travels, and a note."""
-    joints, places = motion.skeleton.joints, motion.positions
-    distances = np.linalg.norm(places[:, 1:2] - places[:, :1], axis=2)
-    is_rig = motion.skeleton.parents.count(0) == 1 and bool((places[:, 0] == places[0, 0]).all())
-    if not (is_rig and np.ptp(distances) > _TRAVEL * distances.max()):
+    """The motion without a root that stays at one place while a joint that hangs on it travels, and a note.
+
+    Other joints may stand at the root, as Unreal's ik_foot_root does; they are left out with all that hangs on them.
+    """
+    joints, parents, places = motion.skeleton.joints, motion.skeleton.parents, motion.positions
+    if (places[:, 0] != places[0, 0]).any():
         return motion, ()
-    sentence = f"without {joints[0]}, which stays where it is while {joints[1]} travels"
-    body = Motion(places[:, 1:], motion.fps, skeleton_part(motion.skeleton, range(1, len(joints))))
-    return body, (Assumption(sentence, "root of a rig left out"),)
+    below, distances = children(parents)[0], np.linalg.norm(places - places[0, 0], axis=2)
+    farthest = distances.max(axis=0)
+    away = [joint for joint in below if farthest[joint] > _AT_ROOT * farthest.max()] or below
+    if len(away) != 1 or np.ptp(distances[:, away]) <= _TRAVEL * farthest[away[0]]:
+        return motion, ()
+    rig = set(subtree(parents, 0)) - set(subtree(parents, away[0]))
+    body = [joint for joint in range(len(joints)) if joint not in rig]
+    sentence = f"{joints[0]} stays where it is while {joints[away[0]]} travels"
+    without = f"without {', '.join(joints[joint] for joint in sorted(rig))}: {sentence}"
+    rest = Motion(places[:, body], motion.fps, skeleton_part(motion.skeleton, body))
+    return rest, (Assumption(without, "root of a rig left out"),)
 
 
 def _hierarchy(words: list[str]) -> list[_Joint]:
