@@ -255,6 +255,7 @@ def speeds(positions: FloatArray) -> FloatArray:
     ("Bip01", "", "bip01"),
     ("J_Bip_C_Hips", "", "hips"),
     ("f_avg_R_Hip", "right", "hip"),
+    ("CC_Base_L_Thigh", "left", "thigh"),
     ("DEF-upper_arm.L", "left", "upperarm"),
     ("rtoes", "right", "toes"),
     ("L_Foot", "left", "foot"),
@@ -269,7 +270,8 @@ def test_names_of_joints_tell_side_and_part(name: str, side: str, part: str):
 
 
 def test_joints_of_a_foot_belong_together_those_without_side_stand_alone_and_no_feet_are_an_error():
-    skeleton = skeletons.Skeleton(("right heel", "hip", "left toe", "right toe", "foot_1"), (-1,) * 5)
+    targets = ("ik_foot_root", "ik_foot_l", "foot_ik.R", "LeftFootIK")  # of inverse kinematics, may stand anywhere
+    skeleton = skeletons.Skeleton(("right heel", "hip", "left toe", "right toe", "foot_1", *targets), (-1,) * 9)
     assert skeletons.foot_joints(skeleton) == ((2,), (0, 3), (4,))
     refused("no joint is called toe, heel, ankle or foot", skeletons.foot_joints, skeletons.Skeleton.unnamed(3))
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import sqrtm
 
 from benchmarks import bench_motion_features
-from harmolab.body.skeletons import Skeleton
+from harmolab.body.skeletons import Skeleton, joint_side
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.metrics import beat_alignment as alignment
@@ -498,6 +498,24 @@ def test_points_of_a_bvh_file_are_found():
     expected = {"root": "Hips", "belly": "Spine", "chest": "Spine1", "lshoulder": "LeftArm", "lelbow": "LeftForeArm"}
     expected |= {"lwrist": "LeftHand", "rhip": "RightUpLeg", "rknee": "RightLeg", "rankle": "RightFoot"}
     assert first == first | expected | {"rtoes": "RightToeBase"}
+
+
+@cases(
+    "words, knee, points",
+    ("root pelvis spine_01 spine_03 neck_01 thigh_l foot_l upperarm_l lowerarm_l hand_l ball_l", "calf_l",
+     {"root": "pelvis", "belly": "spine_01", "chest": "spine_03", "neck": "neck_01", "ltoes": "ball_l"}),
+    ("B_Pelvis B_Spine B_Spine1 B_Neck B_L_Thigh B_L_Foot B_L_UpperArm B_L_Forearm B_L_Hand B_L_Toe0", "B_L_Calf",
+     {"root": "B_Pelvis", "chest": "B_Spine1", "ltoes": "B_L_Toe0"}),
+    ("B_Pelvis B_Waist B_Spine01 B_Spine02 B_L_Thigh B_L_Foot B_L_Upperarm B_L_Forearm B_L_Hand B_L_ToeBase",
+     "B_L_Calf", {"root": "B_Pelvis", "belly": "B_Waist", "chest": "B_Spine02"}),
+)  # fmt: skip
+@pytest.mark.parametrize("rig", ["Bip01_", "CC_Base_"])
+def test_points_of_the_rigs_of_unreal_3ds_max_and_character_creator_are_found(rig: str, words, knee, points):
+    left = [name.replace("B_", rig) for name in (*words.split(), knee)]
+    right = [name.replace("_L_", "_R_") if "_L_" in name else f"{name[:-2]}_r" for name in left if joint_side(name)]
+    found = joint_weights(Skeleton((*left, *right), (-1,) * (len(left) + len(right))))
+    expected = {point: {name.replace("B_", rig): 1.0} for point, name in {**points, "lknee": knee}.items()}
+    assert found == found | expected
 
 
 def test_missing_joints_are_named():

@@ -22,8 +22,8 @@ SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below 
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 # What stands before every name of a rig: Mixamo's (with the colon that BVH cannot have), MotionBuilder's, 3ds Max's,
-# VRoid's, SMPL's and Blender's.
-_RIG = re.compile(r"^(mixamorig\d*|character\d+|j_bip(_c)?|bip\d*|[mf]_avg|def)[_ .-]", re.IGNORECASE)
+# VRoid's, SMPL's, Blender's and Character Creator's.
+_RIG = re.compile(r"^(mixamorig\d*|character\d+|j_bip(_c)?|bip\d*|[mf]_avg|def|cc_base)[_ .-]", re.IGNORECASE)
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 # The parts that AIST++ writes in one word with their side: lhip, rtoes.
 _PARTS = (
@@ -134,6 +134,8 @@ def sides_and_parts(skeleton: Skeleton) -> list[tuple[str, str]]:
 def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     """The joints of each foot, by name: toe, heel, ankle or foot. Left first; joints of no side are feet of their own.
 
+    Targets of inverse kinematics (ik_foot_l, foot_ik.R), which may stand anywhere, are no feet.
+
     Raises
     ------
     ValueError
@@ -141,7 +143,7 @@ def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     """
     sides: dict[str, list[int]] = {"left": [], "right": [], "": []}
     for joint, name in enumerate(skeleton.joints):
-        if any(part in joint_part(name) for part in _FOOT_PARTS):
+        if "ik" not in _words(name) and any(part in joint_part(name) for part in _FOOT_PARTS):
             sides[joint_side(name)].append(joint)
     if not any(sides.values()):
         parts = f"{', '.join(_FOOT_PARTS[:-1])} or {_FOOT_PARTS[-1]}"

@@ -10,6 +10,7 @@ to near, for any painter: OpenCV, matplotlib, the page's script.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -165,9 +166,9 @@ def _side(*sides: str) -> str:
 
 def _foot_groups(skeleton: skeletons.Skeleton, names: Names) -> Feet:
     """The joints of each foot that has more than an ankle."""
-    if not any(word in part for _, part in names for word in ("toe", "heel", "ankle", "foot")):
-        return []
-    return [group for group in skeletons.foot_joints(skeleton) if len(group) > 1 and names[group[0]][0]]
+    with suppress(ValueError):  # no joint is called a foot
+        return [group for group in skeletons.foot_joints(skeleton) if len(group) > 1 and names[group[0]][0]]
+    return []
 
 
 def _soles(named: Mapping[str, int], names: Names, feet: Feet) -> Iterator[Part]:

@@ -130,21 +130,22 @@ def _weights(dense: Sampled) -> FloatArray:
 # Points of the body that geometric features are about, by the names of joints
 
 # Words for a part, the clearest first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
-# knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot.
+# knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot. The root of a rig may
+# stand where the dancer is not.
 _PAIRED = {
     "hip": ("hip", "upleg", "upperleg", "thigh"),
-    "knee": ("knee", "leg", "lowerleg", "shin"),
+    "knee": ("knee", "leg", "lowerleg", "shin", "calf"),
     "ankle": ("ankle", "foot"),
-    "toes": ("toes", "toe", "toebase", "bigtoe", "foot"),
+    "toes": ("toes", "toe", "toebase", "bigtoe", "toe0", "ball", "foot"),
     "shoulder": ("arm", "uparm", "upperarm", "shoulder"),
     "elbow": ("elbow", "forearm", "lowerarm"),
     "wrist": ("wrist", "hand"),
 }
 _CENTRAL = {
-    "root": ("root", "pelvis", "hips", "midhip"),
-    "belly": ("belly", "spine", "spine1", "torso", "waist"),
-    "chest": ("chest", "spine3", "spine2", "spine1"),
-    "neck": ("neck",),
+    "root": ("pelvis", "hips", "midhip", "root"),
+    "belly": ("belly", "spine", "spine1", "torso", "waist", "spine01"),
+    "chest": ("chest", "spine3", "spine2", "spine1", "spine03", "spine02"),
+    "neck": ("neck", "neck01"),
 }
 # Points that lie between others, where no joint is called so; the later may rest on the earlier.
 _BETWEEN = {"root": ("lhip", "rhip"), "neck": ("lshoulder", "rshoulder"), "chest": ("belly", "neck")}
@@ -159,7 +160,8 @@ BODY_POINTS = (
 def body_points(skeleton: Skeleton) -> FloatArray:
     """Weights (18, J) that make the points `BODY_POINTS` of the joints of a skeleton; each row's sum is 1.
 
-    Joints are identified by name, in the words of AIST++, SMPL, BVH files and Tang et al. (who call a left wrist hand).
+    Joints are identified by name, in the words of AIST++, SMPL, BVH files, Unreal, 3ds Max, Character Creator and Tang
+    et al. (who call a left wrist hand).
     Root, neck and chest are put half way between hips, shoulders, or belly and neck where no joint is called so.
 
     Raises
