@@ -884,6 +884,23 @@ def test_frames_that_are_filler_count_for_nothing() -> None:
     assert abs(signal.values[signal.valid].mean()) < 1e-12
 
 
+@pytest.mark.parametrize("axes", [3, 2])
+@pytest.mark.parametrize("measure", [HarmonyParams.recommended, HarmonyParams.paper, HarmonyParams.valleys])
+def test_frames_that_were_lost_and_are_zero_change_no_score(measure: Callable[[], HarmonyParams], axes: int) -> None:
+    # A tracker lost the dancer for the first and last half second, and for a third of a second between.
+    moments, lines = np.arange(240), 300 * DANCE.positions[..., :axes] + 200.0
+    valid = (moments >= 15) & (moments < 225) & ~((moments >= 100) & (moments < 110))
+    lines[:15], lines[225:], lines[99:111] = lines[15], lines[224], np.linspace(lines[99], lines[110], 12)
+    music = track(np.arange(0.0, 8.0, 0.5), duration=8.0)
+    bridged, zeros = (
+        score_motion(music, Motion(each, 30.0, DANCE.skeleton, valid), params=measure())
+        for each in (lines, np.where(valid[:, None, None], lines, 0.0))
+    )
+    np.testing.assert_allclose(zeros.visual.times, bridged.visual.times, atol=1e-6)
+    for name in ("harmony", "chance", "place_harmony", "shares"):
+        np.testing.assert_allclose(getattr(zeros, name), getattr(bridged, name), atol=1e-6)
+
+
 def test_a_span_without_movement_is_all_zero() -> None:
     signal = shape_signal(shape_speed(DANCE), 90.0, 91.0)
     assert (signal.values.size, signal.pulse) == (0, 0.0) and np.isnan(signal.share)

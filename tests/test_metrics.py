@@ -308,6 +308,16 @@ def test_fillers_do_not_count(name: str):
     assert MEASURES[name](leap) == pytest.approx(MEASURES[name](short))
 
 
+@pytest.mark.parametrize("name", sorted(MEASURES))
+def test_frames_that_were_lost_and_are_zero_do_not_move_those_beside_them(dances: dict[float, Motion], name: str):
+    lines, valid = dances[30].positions.copy(), np.ones(240, bool)
+    valid[100:110] = False
+    lines[99:111] = np.linspace(lines[99], lines[110], 12)
+    zeros = np.where(valid[:, None, None], lines, 0.0)
+    bridged, lost = (replace(dances[30], positions=positions, valid=valid) for positions in (lines, zeros))
+    assert MEASURES[name](lost) == pytest.approx(MEASURES[name](bridged), rel=1e-9)
+
+
 @pytest.mark.parametrize("name", sorted(set(MEASURES) - {"bone_error"}))
 def test_flat_short_and_invalid_motions_are_refused(name: str):
     motion = legs({})

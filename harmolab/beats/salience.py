@@ -27,11 +27,10 @@ def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "thres
     -------
     (N,) bool array
     """
-    if strengths.size == 0:
-        return np.zeros(0, dtype=bool)
+    spread = strengths.std() if strengths.size else 0.0
     if reading == "literal":
-        return np.sign(strengths - strengths.std()) * threshold > 0
-    return strengths > threshold * strengths.std()
+        return np.sign(strengths - spread) * threshold > 0
+    return strengths > threshold * spread
 
 
 def strength_steps(strengths: FloatArray) -> FloatArray:
