@@ -108,6 +108,8 @@ def test_own_layout_takes_dance_source_beats_and_offset_from_its_annotation(tmp_
     assert clip.beats.duration == 3.0
     assert sequence.annotation.meter == 3
     np.testing.assert_array_equal(clip.motion.positions, upright())
+    with pytest.raises(TypeError, match="load_recording has no argument fps"):
+        load_recording(sequence.folder, fps=30.0)
 
 
 def test_tang_layout_takes_the_dance_from_its_name_and_beats_from_an_annotation(tmp_path: Path):

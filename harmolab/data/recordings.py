@@ -82,8 +82,7 @@ class SpanFrames(NamedTuple):
 
 def dance_of(folder: PathLike) -> str:
     """The dance by the letter in a folder's name (``DANCE_W_12`` is a waltz), or ""."""
-    match = re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)
-    return _DANCES.get(match[1], "") if match else ""
+    return _DANCES.get(match[1], "") if (match := re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)) else ""
 
 
 def find_audio(folder: PathLike) -> Path:
@@ -437,12 +436,16 @@ def load_recording(
     ------
     FileNotFoundError, ValueError
         Both name the file or folder. ValueError also where a motion of our layout ends long after its sound.
+    TypeError
+        For another keyword, such as `fps`, which `load_motion` takes.
 
     Examples
     --------
     >>> clip = load_recording("my_corpus/take_1").clip  # doctest: +SKIP
     """
     folder = Path(folder)
+    if unknown := keywords.keys() - SkeletonsKeywords.__annotations__.keys():
+        raise TypeError(f"load_recording has no argument {min(unknown)}; load_motion and load_clip read with others")
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder")
     if missing := missing_parts(folder):
@@ -461,8 +464,7 @@ def load_recording(
             "the audio; is its fps right?"
         )
     with named_faults(folder):
-        source, dance = folder.resolve().parent.name, dance_of(folder)
-        clip = Clip(folder.name, audio, motion, offset, source, dance=dance)
+        clip = Clip(folder.name, audio, motion, offset, folder.resolve().parent.name, dance=dance_of(folder))
     return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
 
 
