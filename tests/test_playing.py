@@ -253,6 +253,9 @@ def test_a_motion_without_hands_or_another_hand_is_refused_by_name():
     refused("of the right hand", strikes, motion, hand="right")
     refused("hand must be left or right, got 'both'", strikes, motion, hand="both")
     refused("prominence must be a number, got nan", strikes, motion, prominence=np.nan)
+    frames, joints = motion.positions.shape[:2]
+    for wrong in (np.ones((frames, joints + 1), bool), np.ones((frames - 1, joints), bool), np.ones(frames, bool)):
+        refused("detected must be .* frames and joints of the motion, got", strikes, motion, detected=wrong)
     for call in (strikes, events.bow_turns, events.onset_beats):
         refused("a harmolab.(Motion|Audio) is needed, got NoneType", call, None)
     refused("instrument must be piano or violin, got 'oboe'", events.playing_events, motion, "oboe")

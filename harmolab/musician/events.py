@@ -140,13 +140,17 @@ def strikes(
     Raises
     ------
     ValueError
-        For another hand, a hand without wrist or fingertips in the motion, or a prominence that is NaN.
+        For another hand, a hand without wrist or fingertips in the motion, a mask that has not an entry for each frame
+        and joint of the motion, or a prominence that is NaN.
 
     Notes
     -----
     A camera above the keys does not see fingers go down: strikes read from such points are no evidence.
     """
-    return _track([_fingertip_events(motion, side, prominence, detected) for side in _hands(motion, hand)], motion)
+    hands, size = _hands(motion, hand), motion.positions.shape[:2]
+    if detected is not None and np.shape(detected) != size:
+        raise ValueError(f"detected must be {size}, frames and joints of the motion, got {np.shape(detected)}")
+    return _track([_fingertip_events(motion, side, prominence, detected) for side in hands], motion)
 
 
 def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
@@ -180,10 +184,8 @@ def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | 
     """
     check_choice("reading", reading, ("distance", "direction"))
     path = _bow_path(motion)
-    if reading == "distance":
-        curve = np.linalg.norm(path, axis=1)
-    else:
-        curve = path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
+    is_distance = reading == "distance"
+    curve = np.linalg.norm(path, axis=1) if is_distance else path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     smooth = _smooth_curves(curve[:, None], motion, SMOOTHING)[:, 0]
     least = STROKE_SHARE * float(np.ptp(smooth)) if prominence is None else prominence
     least = max(least, NOISE * _noise(curve, motion.fps))
@@ -312,8 +314,7 @@ def _hands(motion: Motion, hand: str | None) -> tuple[str, ...]:
 
 def _numbers_of(motion: Motion, names: Sequence[str]) -> list[int]:
     """Numbers of the joints of these names that the motion has."""
-    joints = motion.skeleton.joints
-    return [joints.index(name) for name in names if name in joints]
+    return [motion.skeleton.joints.index(name) for name in names if name in motion.skeleton.joints]
 
 
 def _rate(motion: Motion) -> float:
