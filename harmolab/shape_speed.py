@@ -23,7 +23,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.body.kinematics import ROUNDING, bridged, smooth_positions, upsample_motion
+from harmolab.body.kinematics import ROUNDING, smooth_positions, upsample_motion
 from harmolab.types import BoolArray, FloatArray, Motion, Record
 
 RATE = 100.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
@@ -166,7 +166,7 @@ def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
 
 def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     """The `shape_speed` of a motion, computed; its arrays are read-only, since they are shared."""
-    motion = without_glitches(without_fingers(motion if motion.valid.all() else bridged(motion)))
+    motion = without_glitches(without_fingers(motion))
     fine = upsample_motion(motion, RATE)
     dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
     step = 1 / fine.fps  # velocities are central differences, one-sided at the ends

@@ -155,7 +155,8 @@ class Motion(Display):
         Names and tree of the J joints. `Skeleton.unnamed` will do where neither is known.
     valid : (T,) bool array
         False where a frame is filler, as between two recordings that were joined, or where the body was hidden.
-        Filler has no beats, and measures leave it out. All frames are valid when it is left out.
+        Filler has no beats, and measures leave it out. All frames are valid when it is left out. Where filler jumps
+        away from the body, as frames that a sensor lost and that are zero do, straight lines take its place.
 
     Raises
     ------
@@ -187,7 +188,7 @@ class Motion(Display):
         valid = frozen_array(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
-        vars(self).update(positions=positions, valid=valid, fps=_positive(self.fps, "fps"))
+        vars(self).update(positions=_bridged(positions, valid), valid=valid, fps=_positive(self.fps, "fps"))
 
     def __repr__(self) -> str:
         size = "{} joints in {}D".format(*self.positions.shape[1:])
@@ -215,6 +216,20 @@ class Motion(Display):
             raise ValueError(f"no motion from {start} s for {duration} s in a motion of {self.duration:.2f} s")
         part = slice(int(first), int(last))
         return Motion(self.positions[part], self.fps, self.skeleton, self.valid[part])
+
+
+def _bridged(positions: FloatArray, valid: BoolArray) -> FloatArray:
+    """`positions` with straight lines over filler, where this jumps away by half the size of the body in a frame.
+
+    Interpolated or smoothed, such filler would move the valid frames beside it.
+    """
+    edges = np.flatnonzero(valid[1:] != valid[:-1])
+    jump = np.abs(positions[edges + 1] - positions[edges]).max(initial=0.0)
+    if jump == 0 or not 0 < np.median(np.ptp(positions[valid], axis=1).max(axis=1)) / 2 < jump:
+        return positions
+    frames, columns = np.arange(len(valid)), positions.reshape(len(valid), -1).T
+    lines = np.stack([np.interp(frames, frames[valid], column[valid]) for column in columns], axis=-1)
+    return frozen_array(lines.reshape(positions.shape), "positions")
 
 
 def usual_meter(bar_places: IntArray) -> int:

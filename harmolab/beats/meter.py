@@ -78,7 +78,9 @@ def strong_beats(strengths: FloatArray) -> BoolArray:
 
 def cycle_of_meter(meter: int | None) -> int:
     """Beats of the cycle after which movement may recur: half a bar in even meters, the bar in odd ones, else one."""
-    return 1 if meter is None else 2 if meter % 2 == 0 else meter
+    if meter is None:
+        return 1
+    return 2 if meter % 2 == 0 else meter
 
 
 def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:

@@ -59,7 +59,7 @@ def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, fl
     if params.measure == "shape":
         shape = shape_speed(motion, smoothing=params.position_smoothing)
         return shape.speed, shape.fps
-    positions, fps = (motion if motion.valid.all() else kinematics.bridged(motion)).positions, motion.fps
+    positions, fps = motion.positions, motion.fps
     if params.fps is not None:
         positions, fps = kinematics.resample_positions(positions, fps, params.fps), params.fps
     elif params.subframe:

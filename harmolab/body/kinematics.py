@@ -72,7 +72,9 @@ def direction_spread(positions: FloatArray) -> FloatArray:
 
 def smooth(curve: FloatArray, sigma: float, fps: float) -> FloatArray:
     """`curve` (T, ...) smoothed along time by a Gaussian of `sigma` seconds; unchanged when `sigma` is 0."""
-    return curve if sigma == 0 else gaussian_filter1d(curve, sigma * fps, axis=0, mode="nearest")
+    if sigma == 0:
+        return curve
+    return gaussian_filter1d(curve, sigma * fps, axis=0, mode="nearest")
 
 
 def smooth_positions(positions: FloatArray, sigma: float, fps: float) -> FloatArray:
@@ -160,24 +162,11 @@ def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:
     return frames + np.clip(shift, -0.5, 0.5)
 
 
-def bridged(motion: Motion) -> Motion:
-    """`motion` with straight lines over its filler, where this jumps away by half the size of the body in a frame.
-
-    Frames that a sensor lost are 0 in many files. Interpolated or smoothed, they would move the valid ones beside them.
-    """
-    valid, positions = motion.valid, motion.positions
-    edges = np.flatnonzero(valid[1:] != valid[:-1])
-    jump = np.abs(positions[edges + 1] - positions[edges]).max(initial=0.0)
-    if jump == 0 or not 0 < np.median(np.ptp(positions[valid], axis=1).max(axis=1)) / 2 < jump:
-        return motion
-    kept, places = positions[valid], np.interp(np.arange(len(valid)), np.flatnonzero(valid), np.arange(valid.sum()))
-    left, right = (rounded(places).astype(np.int64) for rounded in (np.floor, np.ceil))
-    return replace(motion, positions=kept[left] + (places - left)[:, None, None] * (kept[right] - kept[left]))
-
-
 def resample_motion(motion: Motion, fps: float) -> Motion:
     """`motion` at another rate, by `resample_positions`. A new frame is valid where both frames around it are."""
-    return motion if fps == motion.fps else _at_rate(motion, resample_positions(motion.positions, motion.fps, fps), fps)
+    if fps == motion.fps:
+        return motion
+    return _at_rate(motion, resample_positions(motion.positions, motion.fps, fps), fps)
 
 
 def upsample_motion(motion: Motion, fps: float) -> Motion:

@@ -33,7 +33,7 @@ import numpy as np
 import scipy
 from scipy.spatial.distance import cdist
 
-from harmolab.body.kinematics import bridged, resample_motion
+from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import HIPS, HIPS_AND_SHOULDERS, Skeleton, body_frame, heading, named_joints, side_pairs
 from harmolab.files import read_json, reading
 from harmolab.metrics.features import point_joints
@@ -103,7 +103,7 @@ def body_measures(motion: Motion) -> dict[str, float]:
         raise ValueError("a three-dimensional motion is needed: metres, y up")
     if not motion.valid.any():
         raise ValueError("no frame of the motion is valid")
-    steady = resample_motion(motion if motion.valid.all() else bridged(motion), RATE)
+    steady = resample_motion(motion, RATE)
     body = body_frame(steady.positions, RATE, steady.skeleton)
     values = _legs(body, steady) | _turns(steady)
     values |= {
@@ -496,7 +496,9 @@ def _excess(name: str, least: Mapping[str, float], most: Mapping[str, float], va
 
 def _times(larger: float, smaller: float) -> float:
     """Quotient of two numbers that are not negative; 1 of two zeros."""
-    return larger / smaller if smaller else math.inf if larger > 0 else 1.0
+    if smaller == 0:
+        return math.inf if larger > 0 else 1.0
+    return larger / smaller
 
 
 def _ranges(windows: Sequence[Mapping[str, float]]) -> dict[str, Range]:

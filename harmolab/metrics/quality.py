@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harmolab.body.kinematics import bridged, upsample_motion
+from harmolab.body.kinematics import upsample_motion
 from harmolab.body.skeletons import foot_joints, root_position
 from harmolab.types import BoolArray, FloatArray, Motion, check_kind
 
@@ -306,7 +306,7 @@ def sampled(motion: Motion, step: float, *, steps: int, fps: float = 0.0) -> Sam
     stride = max(1, math.ceil(max(motion.fps, fps) * step - 1e-6))
     if (motion.n_frames - 1) / motion.fps < steps * step - 1e-9:
         raise ValueError(f"the motion lasts {motion.duration:.3f} s, too short for {steps} steps of {step:.3f} s")
-    dense = upsample_motion(motion if motion.valid.all() else bridged(motion), stride / step)
+    dense = upsample_motion(motion, stride / step)
     if not spans(dense.valid, steps * stride).any():
         raise ValueError(f"the motion is nowhere valid for {steps} steps of {step:.3f} s")
     return Sampled(dense.positions, dense.valid, stride)

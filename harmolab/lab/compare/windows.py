@@ -16,7 +16,7 @@ import numpy as np
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
-from harmolab.body.kinematics import bridged, smooth_positions, upsample_motion
+from harmolab.body.kinematics import smooth_positions, upsample_motion
 from harmolab.clips import corpus_recordings
 from harmolab.data import recordings as folders
 from harmolab.data.recordings import recording_beats
@@ -307,7 +307,7 @@ def bounce(motion: Motion) -> Signal:
 
     Both are (T',) arrays on the time line of the shape speed; the velocity is 0 where the body keeps its height.
     """
-    fine = upsample_motion(bridged(motion), RATE)
+    fine = upsample_motion(motion, RATE)
     centre = smooth_positions(fine.positions, SMOOTHING, fine.fps).mean(axis=1)
     speeds = np.gradient(centre, 1 / fine.fps, axis=0)
     upwards = speeds[:, 1] * (-1 if centre.shape[1] == 2 else 1)  # a picture's y points down

@@ -22,7 +22,7 @@ import lazy_loader
 import numpy as np
 
 from harmolab.beats.visual import visual_beats
-from harmolab.body.kinematics import NANOMETRE, bridged, in_body, joint_speed
+from harmolab.body.kinematics import NANOMETRE, in_body, joint_speed
 from harmolab.body.skeletons import HIPS, body_frame, heading, turned
 from harmolab.lab.evaluate.pairing import RECORDED
 from harmolab.lab.evaluate.sets import FEATURES, SETS, feature_cells, set_numbers
@@ -360,7 +360,7 @@ def rest_numbers(dance: Dance) -> dict[str, float]:
 def quality_numbers(dance: Dance) -> dict[str, float]:
     """Foot contact, skating, freezing, jerk, jerk for the speed, and the mean speed of a joint in m/s."""
     motion = dance.motion
-    speed = float(joint_speed(bridged(motion).positions, motion.fps).mean() / len(motion.skeleton.joints))
+    speed = float(joint_speed(motion.positions, motion.fps).mean() / len(motion.skeleton.joints))
     return {name: or_nan(measure, motion) for name, measure in QUALITY.items()} | {"speed": speed}
 
 
