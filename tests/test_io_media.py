@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import av
@@ -103,6 +104,20 @@ def test_of_several_sound_tracks_of_a_video_the_first_that_is_not_silent_counts(
             container.mux([*stream.encode(block), *stream.encode(None)])
     sound = load_sound(tmp_path / "game_and_microphone.mkv", sample_rate=None)
     np.testing.assert_allclose(sound.samples, levels[taken] * ramp(), atol=1e-6)
+
+
+def test_on_windows_libsndfile_gets_a_name_as_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Of bytes it knows the old code page there, in which a letter beyond ASCII is another than in UTF-8."""
+
+    class OfText(soundfile.SoundFile):
+        def __init__(self, name: str) -> None:
+            super().__init__(name.encode())
+
+    path = tmp_path / "Zoë 春.wav"
+    soundfile.write(path, ramp(), RATE)
+    monkeypatch.setattr(audio, "sys", SimpleNamespace(platform="win32"), raising=False)
+    monkeypatch.setattr(soundfile, "SoundFile", OfText)
+    assert (audio_info(path).seconds, load_audio(path).duration) == (1.0, 1.0)
 
 
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
