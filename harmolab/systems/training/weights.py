@@ -153,7 +153,9 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     """Tensors and metadata of a safetensors file; call it inside `reading`, which names the file in errors."""
     try:
         with safe_open(path, framework="pt") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
+            # Copies: numbers that stay in the file keep it open, and Windows replaces no open file. And products of a
+            # single row round by where in memory its numbers lie, which in a file is anywhere.
+            return {name: file.get_tensor(name).clone() for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
 
@@ -202,6 +204,5 @@ def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:
         if values.shape != expected[name].shape:
             shapes = f"{tuple(values.shape)}; its description calls for {tuple(expected[name].shape)}"
             raise ValueError(f"{name} has shape {shapes}")
-    # Copies, since products of a single row round by where in memory its numbers lie, which in a file is anywhere.
-    module.load_state_dict({name: values.float().clone() for name, values in tensors.items()}, assign=True)
+    module.load_state_dict({name: values.float() for name, values in tensors.items()}, assign=True)
     return module.eval()
