@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import re
 import signal
 import subprocess
@@ -443,6 +444,12 @@ def test_a_signal_to_end_leaves_no_file_that_is_half_written(ending: signal.Sign
 def test_a_closed_standard_error_takes_no_result_away(pair: tuple[object, ...]):
     command = ["sh", "-c", 'exec "$@" 2>&-', "sh", sys.executable, "-m", "harmolab.cli", "score", *map(str, pair)]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == run("score", *pair).stdout
+
+
+def test_signs_that_a_pipe_cannot_write_end_no_command():
+    command = [sys.executable, "-m", "harmolab.cli", "lab", "--help"]
+    done = subprocess.run(command, env=os.environ | {"PYTHONIOENCODING": "cp1252"}, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"") and rb"\u03bb" in done.stdout
 
 
 # Help
