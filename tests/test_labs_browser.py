@@ -160,7 +160,10 @@ def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_pag
     spot = page.evaluate("harmolabLab.state.picture.beats.find(beat => beat.kind === 'music' && beat.index === 7)")
     frame = page.locator("canvas").bounding_box()
     hits = page.evaluate("harmolabLab.state.numbers.hits")
-    drag_by_mouse(page, frame["x"] + spot["x"], frame["x"] + spot["x"] + 17, frame["y"] + spot["middle"] - 20)
+    hand, height = frame["x"] + spot["x"] + 9, frame["y"] + spot["middle"] - 20  # beside the beat, as near as counts
+    drag_by_mouse(page, hand, hand + 2, height)  # who clicks to hear it moves nothing
+    assert page.evaluate("[harmolabLab.state.settings.moves, harmolabLab.state.selected.index]") == [None, 7]
+    drag_by_mouse(page, hand, hand + 17, height)
     moved = page.evaluate("harmolabLab.state.settings.moves.music[7]")
     seconds = 17 / page.evaluate("harmolabLab.state.picture.chart.x(1) - harmolabLab.state.picture.chart.x(0)")
     assert moved == pytest.approx(spot["time"] + seconds, abs=0.01)
