@@ -303,6 +303,18 @@ def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[
     closed(page)
 
 
+def test_who_cannot_hear_the_music_gives_no_answer_and_learns_what_to_do(chromium: Any, clip: Clip, tmp_path: Path):
+    log = AnswerLog(tmp_path / "answers.jsonl")
+    shown = blind_page(clip.audio, [clip.motion]).replace('"ogg": "T2dnUw', '"ogg": "AAAAAA', 1)  # as in old Safari
+    with StudyServer(trials_of("pick"), log, lambda trial: shown).running() as address:
+        page = at_address(chromium, address)
+        player_in(page)
+        page.click("button:text-is('harmonious')")
+        page.get_by_text("This answer was not saved").wait_for(timeout=WAIT)
+        closed(page)
+    assert log.read().answers == ()
+
+
 @pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])
 def test_question_player_and_answers_fit_on_one_screen(
     chromium: Any, asked: tuple[str, TrialSet, AnswerLog], viewport: dict[str, int]
