@@ -1,6 +1,6 @@
 // A lab: settings in, numbers and a picture out, at every move.
 const PICTURES = { scoring: drawScoring, saliency: drawSaliency, detector: drawDetector, meter: drawMeter, corpus: drawCorpus };
-const NEAR = 16, NUDGE = 0.01, APART = 0.005, AROUND = 1.2;  // pixels; seconds of a key press; between beats; heard around a beat
+const NEAR = 16, STILL = 3, NUDGE = 0.01, APART = 0.005, AROUND = 1.2;  // pixels; those that a hand shakes; seconds of a key press; between beats; heard around a beat
 
 // Sounds of a lab: name -> clicks, in seconds from the start of the clip, the dance earlier by the lag.
 const SOUNDS = {
@@ -129,18 +129,18 @@ export function mount(parent, data, { changed = () => {}, play = null, heading =
   }
 
   view.canvas.addEventListener("pointerdown", event => {
-    const beat = nearest(spot(event));
+    const at = spot(event), beat = nearest(at);
     if (!beat) return;
     if (beat.kind === "clip") { set({ clip: beat.index }); return; }
-    state.selected = beat; state.dragged = false;
+    state.selected = beat; state.drag = { grip: beat.x - at[0], begun: false };
     view.canvas.setPointerCapture(event.pointerId);
     draw();
   });
   view.canvas.addEventListener("pointermove", event => {
     if (!view.canvas.hasPointerCapture(event.pointerId)) { view.canvas.style.cursor = nearest(spot(event)) ? (data.kind === "corpus" ? "pointer" : "ew-resize") : ""; return; }
-    const { box, x } = state.picture.chart, [at] = spot(event);
-    state.dragged = true;
-    moveBeat(state.selected, (at - box.left) / (x(1) - x(0)));
+    const { box, x } = state.picture.chart, { drag, selected } = state, at = spot(event)[0] + drag.grip;  // the beat does not jump to the hand
+    drag.begun ||= Math.abs(at - selected.x) > STILL;
+    if (drag.begun) moveBeat(selected, (at - box.left) / (x(1) - x(0)));
   });
   view.canvas.addEventListener("pointerup", () => { if (state.selected && data.kind === "scoring") hear(state.selected); });
   view.canvas.addEventListener("keydown", event => {
