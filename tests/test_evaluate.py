@@ -332,6 +332,13 @@ def test_seeds_are_averaged_within_a_song() -> None:
     assert (mean.mean, mean.songs) == (2.5, 2)  # songs have 1 and 4; the mean over dances is 2
 
 
+def test_songs_of_one_system_are_in_no_difference_and_what_was_not_measured_in_no_mean() -> None:
+    songs = collect([rows_of(of_songs(x=[1.0, np.nan, 9.0, 5.0], y=[0.0, 1.0, 8.0]))]).song_means
+    mean = summary.system_means(songs)["x", "harmony"]
+    assert (mean.mean, mean.songs) == (5, 3)
+    assert summary.system_differences(songs, ["x", "y"]) == [("harmony", "x", "y", 1, 1, 1, 2)]
+
+
 def test_parts_of_any_size_give_the_same_sums(rng: np.random.Generator) -> None:
     values = {(system, f"{song}", f"{seed}"): rng.normal() for system in "xy" for song in range(5) for seed in range(2)}
     rows = rows_of(values).assign(f_kinetic_000=rng.normal(size=20))

@@ -207,7 +207,7 @@ def measure_dances(
     pose_net: Path | None = None,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Numbers of many dances in one long table, which `summary` sums up: a line for each dance and measure.
+    """Numbers of many dances in one long table: a line for each dance and measure.
 
     Parameters
     ----------
