@@ -92,6 +92,7 @@ def test_a_measure_of_ones_own_stands_beside_the_others() -> None:
 def test_a_measure_that_there_is_not_is_refused_by_name() -> None:
     message = "no measure of a dance is called 'grace'; there are: seconds, harmony"
     refused(message, measure_dances, dancers("x", songs=1), ["grace"])
+    refused("no measure of a dance is called 'fid_pose'", measure_dances, dancers("recorded", songs=2), ["fid_pose"])
 
 
 def test_ratios_without_recorded_dances_are_refused() -> None:
