@@ -111,21 +111,6 @@ class Answers:
         """Names of the raters, sorted."""
         return tuple(sorted({answer.rater for answer in self.answers}))
 
-    def of(self, raters: str) -> "Answers":
-        """The answers of "all" raters, of "people" or of "simulated" raters alone.
-
-        Raises
-        ------
-        ValueError
-            If none are left, or "all" are of both kinds.
-        """
-        answers = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
-        if not answers:
-            raise ValueError(f"there are no answers of {raters} raters")
-        if len({one.simulated for one in answers}) > 1:
-            raise ValueError("there are answers of people and of simulated raters; say --raters people or simulated")
-        return Answers(tuple(answers), self.notes)
-
 
 class AnswerLog:
     """A file of answers, one line of JSON each, that is only appended to.
