@@ -643,7 +643,6 @@ def test_options_that_would_do_nothing_are_refused(recording: Path, tmp_path: Pa
         (("evaluate", "compare", recording, "--force"), "--force is for the rows in a folder; name it by --out"),
         ((*why, "--offset", 1, "--search", 3), "--search is of no use where --offset says it"),
         (("score", recording, "--mode", "paper", "--how", "hit"), "--how is not for --mode paper"),
-        (("data", "pose", recording, "--remove"), "video goes without --remove"),
         (("data", "pose", "--install", "--out", tmp_path / "p.npz"), "--out goes with a VIDEO only"),
     ):
         assert fault in refusal(*words)

@@ -272,14 +272,6 @@ def _install(part: Path, pip: Sequence[str]) -> None:
         )
 
 
-def remove_pose_environment() -> bool:
-    """Remove the environment; False where there was none."""
-    with suppress(FileNotFoundError):
-        shutil.rmtree(pose_folder())
-        return True
-    return False
-
-
 # The dancer of a video
 
 BODY = (
