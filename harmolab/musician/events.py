@@ -429,9 +429,7 @@ def playing_score(
     sound: Notes | BeatTrack,
     instrument: str,
     *,
-    params: HarmonyParams | None = None,
     n_rotations: int = 1000,
-    seed: int = 0,
     detected: BoolArray | None = None,
 ) -> PlayingScore:
     """The score of a musician's hands with the onsets of the sound: do the hands meet the notes?
@@ -445,9 +443,7 @@ def playing_score(
         are also scored hand by hand.
     instrument : "piano" or "violin"
         Strikes are read of a pianist (`strikes`), turns of the bow of a violinist (`bow_turns`).
-    params : HarmonyParams of measure "hits"
-        ``HarmonyParams.playing()`` when left out.
-    n_rotations, seed : as in `score_harmony`; without rotations there is no lag
+    n_rotations : as in `score_harmony`; without rotations there is no lag
     detected : as in `strikes`
 
     Returns
@@ -462,15 +458,14 @@ def playing_score(
     if not isinstance(sound, Notes | BeatTrack):
         raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")
     check_kind(motion, Motion)
-    params = params or HarmonyParams.playing()
-    score = partial(scored, params=params, n_rotations=n_rotations, seed=seed)
+    score = partial(scored, n_rotations=n_rotations)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
     events = playing_events(motion, instrument, detected=detected)
     by_hand, own = {BOW_HAND: events}, {}
     if instrument == "piano":
         by_hand = {side: strikes(motion, hand=side, detected=detected) for side in playing_hands(motion)}
         own = hand_onsets(sound, motion.duration) if isinstance(sound, Notes) else {}
-    whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=params))
+    whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=HarmonyParams.playing()))
     hands = {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand}
     return PlayingScore(instrument, whole, body, _lag(whole) if n_rotations else NO_LAG, by_hand, hands)
 
@@ -484,17 +479,18 @@ def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
     return {side: note_beats(part, duration) for side, part in parts.items() if len(part)}
 
 
-def scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
+def scored(onsets: BeatTrack, events: BeatTrack, n_rotations: int = 1000) -> HarmonyScore:
     """The score from the first onset to the last, give or take the delay; times stay those of the motion.
 
     Before and after there is nothing to hit, and rotated hands that fall silent there would make chance look small.
     """
+    params = HarmonyParams.playing()
     if not len(onsets):
-        return score_harmony(onsets, events, params=params, n_rotations=n_rotations, seed=seed)
+        return score_harmony(onsets, events, params=params, n_rotations=n_rotations)
     start = max(float(onsets.times[0]) - params.reaction_delay, 0.0)
     length = min(float(onsets.times[-1]) + params.reaction_delay, onsets.duration) - start + FRAME_EDGE
     parts = onsets.span(start, length), events.span(start, length)
-    score = score_harmony(*parts, params=params, n_rotations=n_rotations, seed=seed)
+    score = score_harmony(*parts, params=params, n_rotations=n_rotations)
     own = [replace(each, times=each.times + start, duration=onsets.duration) for each in (score.music, score.visual)]
     return replace(score, music=own[0], visual=own[1])
 
