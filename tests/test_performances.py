@@ -232,9 +232,17 @@ def test_musician_is_followed_though_hands_of_a_listener_show_better(tmp_path: P
     assert [places(points, frame)["left_shoulder"][0] for frame in range(3)] == [10, 10, 10]
 
 
-def test_musician_is_the_person_who_is_detected_most_surely(tmp_path: Path):
+def test_musician_can_be_told_by_a_function_of_frame_and_box(tmp_path: Path):
     folder = openpose_folder(tmp_path / "frames", [[openpose(300.0, sure=0.99), openpose()]] * 2)
+    calls = []
+
+    def is_left(frame: int, box: tuple[float, float, float, float]) -> bool:
+        calls.append((frame, box))
+        return box[0] < 200
+
     assert places(load_player_points(folder, fps=25))["left_hand"] == (400, 200)
+    assert_pose(load_player_points(folder, fps=25, is_musician=is_left))
+    assert calls[1] == (0, (10, 100, 420, 300))
 
 
 def test_extra_points_of_the_head_are_kept_by_name():

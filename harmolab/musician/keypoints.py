@@ -38,7 +38,7 @@ shares of the height. A hand's "visibility" is not read: MediaPipe writes 0 ther
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -237,6 +237,9 @@ COMPARED = slice(0, len(BODY))  # people are told apart by their bodies: hands c
 SURE = 0.3  # confidence from which on a point counts as detected
 LEAST_SHARE = 0.1  # of the frames; a point that is detected in fewer is left out
 
+# function(frame, (left, top, right, bottom)) -> True where the person in that box of that frame is the musician
+IsMusician = Callable[[int, tuple[float, float, float, float]], bool]
+
 
 class PlayerPoints(NamedTuple):
     """Tracked points of a musician.
@@ -269,6 +272,7 @@ def load_player_points(
     default_fps: float | None = None,
     size: tuple[float, float] | None = None,
     mirrored: bool | None = None,
+    is_musician: IsMusician | None = None,
 ) -> PlayerPoints:
     """The points of one musician from `.json`, `.jsonl` or the folder that OpenPose wrote; or from several of these.
 
@@ -280,6 +284,8 @@ def load_player_points(
     fps, default_fps : float, frames per second: in place of what the file says, and where it says nothing
     size : width and height of the picture in pixels; for MediaPipe's files that do not hold it, and for `mirrored`
     mirrored : bool, the picture is a mirror image; default what the file says, else False
+    is_musician : function(frame, box) -> bool, such as the signature of a face; it is asked of every person that a
+        file of people holds, before one is followed. Default: everybody may be the musician.
 
     Raises
     ------
@@ -289,7 +295,7 @@ def load_player_points(
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     if not files:
         raise ValueError("no file of key points is named")
-    sources = [_source(file, size, mirrored) for file in files]
+    sources = [_source(file, size, mirrored, is_musician) for file in files]
     rate = next((rate for rate in (fps, *(source.fps for source in sources), default_fps) if rate is not None), None)
     if rate is None:
         raise MissingFrameRate(f"{files[0]}: holds key points but no frame rate; pass fps, such as --fps 25")
@@ -331,13 +337,13 @@ def player_points(points: FloatArray, names: tuple[str, ...], fps: Any, *, extra
     return PlayerPoints(motion, np.nan_to_num(rows[:, keep, 2]), detected)
 
 
-def _source(path: Path, size: Sequence[float] | None, mirrored: bool | None) -> _Source:
+def _source(path: Path, size: Sequence[float] | None, mirrored: bool | None, is_musician: IsMusician | None) -> _Source:
     """The points of one file or folder, the player's left being left."""
     about: Mapping[str, Any] = {} if size is None else {"size": checked_size(size)}
     if path.is_dir():
         frames = keypoints.people_in_frames(keypoints.frame_files(path), player_pose)
         with named_faults(path):
-            points = _musician(frames)
+            points = _musician(frames, is_musician)
         return _Source(_unmirrored(points, about, bool(mirrored), 0.0), None, True)
     if path.suffix.lower() not in (".json", ".jsonl"):
         raise ValueError(f"{path}: key points of musicians are read from .json, .jsonl and folders of OpenPose")
@@ -349,17 +355,28 @@ def _source(path: Path, size: Sequence[float] | None, mirrored: bool | None) -> 
             raise ValueError(f"mirrored must be true or false, got {str(turn)[:30]!r}")
         if not is_player_landmarks(content):
             people = keypoints.people_by_frame(content, player_pose)
-            return _Source(_unmirrored(_musician(people), about, turn, 0.0), about.get("fps"), True)
+            return _Source(_unmirrored(_musician(people, is_musician), about, turn, 0.0), about.get("fps"), True)
         (width, height), is_pixels = picture_scale(about)
         with np.errstate(over="ignore"):
             points = player_landmarks(content) * [width, height, 1.0]
         return _Source(_unmirrored(points, {}, turn, width), about.get("fps"), is_pixels)
 
 
-def _musician(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
+def _musician(frames: Sequence[Sequence[FloatArray]], is_musician: IsMusician | None) -> FloatArray:
     """(T, 52, 3) of the musician among the people of every frame."""
+    if is_musician is not None:
+        frames = [
+            [pose for pose in people if (pose[:, 2] > 0).any() and is_musician(frame, _box(pose))]
+            for frame, people in enumerate(frames)
+        ]
     has_body = any((pose[COMPARED, 2] > 0).any() for people in frames for pose in people)
     return keypoints.followed_person(frames, COMPARED if has_body else slice(None))
+
+
+def _box(pose: FloatArray) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a person's detected points."""
+    places = pose[pose[:, 2] > 0, :2]
+    return (*map(float, places.min(axis=0)), *map(float, places.max(axis=0)))  # type: ignore[return-value]
 
 
 def _unmirrored(points: FloatArray, about: Mapping[str, Any], mirrored: bool, width: float) -> FloatArray:

@@ -67,7 +67,7 @@ from harmolab.files import (
     read_json,
     reading,
 )
-from harmolab.musician.keypoints import checked_size, load_player_points
+from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion import load_detected, load_offset, motion_part, read_motion
 from harmolab.readers.player_points import INSTRUMENTS
@@ -342,6 +342,7 @@ def load_performance(
     instrument: str | None = None,
     fps: float | None = None,
     sample_rate: float | None = SAMPLE_RATE,
+    is_musician: IsMusician | None = None,
     audio: Audio | None = None,
     offset: float | None = None,
     film: PathLike | None = None,
@@ -356,6 +357,7 @@ def load_performance(
         "piano" or "violin", and frames per second of the points, of a folder that does not say it.
     sample_rate : float or None, hertz
         Sound of any other rate is resampled to it. None keeps the file's.
+    is_musician : as in `load_player_points`
     audio : Audio, the sound in place of the folder's, which then needs none
     offset : float, seconds, audio time of the first frame, in place of what the folder says
     film : str or path, that `audio` is of; of a video frame 0 is the first picture, unless files say another time
@@ -374,7 +376,7 @@ def load_performance(
     plays = about.get("instrument") or named_instrument(folder) or instrument
     if not plays:
         raise ValueError(f'{folder}: does not say the instrument; write {{"instrument": "piano"}} into its {ABOUT}')
-    motion, detected, begin = _points(files, about, fps, film)
+    motion, detected, begin = _points(files, about, fps, is_musician, film)
     if audio is None and files.sound is not None:
         audio = load_sound(files.sound, sample_rate=sample_rate)
     offset, full = (about.get("offset_s", begin) or 0.0) if offset is None else offset, folder.resolve()
@@ -420,7 +422,7 @@ def load_playing(
         if performance.instrument != instrument:
             raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
         return performance
-    motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, film)
+    motion, detected, begin = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None, film)
     offset = (begin or 0.0) if offset is None else offset
     try:
         _check_end(motion, offset, audio)
@@ -437,7 +439,11 @@ def _fault(files: PerformanceFiles) -> str:
 
 
 def _points(
-    files: PerformanceFiles, about: dict[str, Any], fps: float | None, film: PathLike | None
+    files: PerformanceFiles,
+    about: dict[str, Any],
+    fps: float | None,
+    is_musician: IsMusician | None,
+    film: PathLike | None,
 ) -> tuple[Motion, BoolArray | None, float | None]:
     """The points of a folder, their mask, and the offset that their file holds, or that of the film."""
     path, rate = files.points[0], about.get("fps")
@@ -452,7 +458,7 @@ def _points(
     default = average_rate(files.video) if rate is None and fps is None and files.video else fps
     picture: dict[str, Any] = {"size": about.get("size"), "mirrored": about.get("mirrored")}
     try:
-        points = load_player_points(files.points, fps=rate, default_fps=default, **picture)
+        points = load_player_points(files.points, fps=rate, default_fps=default, is_musician=is_musician, **picture)
     except MissingFrameRate:
         raise MissingFrameRate(
             f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
