@@ -743,10 +743,13 @@ def test_a_video_cut_off_says_how_much_is_there_and_without_its_index_that_it_ca
     refused(r"sample\.webm: is cut off or damaged: .* of 4\.0 s of sound are there", video_sound, webm)
 
 
-def test_more_frames_than_allowed_are_refused_at_once_or_where_the_limit_is_reached(sample: Path, tmp_path: Path):
-    refused(r"sample\.mp4: has 30 frames, more than max_frames=20", video_frames, sample, max_frames=20)
+def test_more_frames_than_allowed_are_refused_at_once_or_where_the_limit_is_reached(
+    sample: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("harmolab.readers.video.MAX_FRAMES", 20)
+    refused(r"sample\.mp4: has 30 frames, more than 20; cut it", video_frames, sample)
     write_at(tmp_path / "v.mkv", [i / 25 for i in range(30)])  # whose header says nothing
-    refused(r"v\.mkv: has more than max_frames=20", list, video_frames(tmp_path / "v.mkv", max_frames=20))
+    refused(r"v\.mkv: has more than 20 frames; cut it", list, video_frames(tmp_path / "v.mkv"))
     refused("height must be at least 16 pixels, got 4", video_frames, sample, height=4)
 
 
@@ -788,7 +791,9 @@ def test_what_is_no_video_is_refused_by_name(tmp_path: Path, sample: Path, name:
 
 
 def check_frames(path: Path) -> None:
-    assert {(frame.dtype.name, frame.ndim) for frame in video_frames(path, max_frames=5000)} == {("uint8", 2)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harmolab.readers.video.MAX_FRAMES", 5000)
+        assert {(frame.dtype.name, frame.ndim) for frame in video_frames(path)} == {("uint8", 2)}
 
 
 def check_sound(path: Path) -> None:

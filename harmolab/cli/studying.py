@@ -68,7 +68,6 @@ def make(
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
     from harmolab.lab.listening.corpus_study import study_pieces
 
-    common.check_pages("harmolab data study make")
     if against is not None and kind == "pick":
         raise ValueError("--against compares two dances; it goes with --kind choice or rate")
     common.check_untold(context, ("wrong",), "is the other dance without --against", when=against is not None)

@@ -28,8 +28,6 @@ _WHAT = "weights of harmolab"
 MOST_LAYERS = 64
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
-# Names of settings as versions before 0.2 wrote them into runs and weights.
-_OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay"}
 _YOUNGER = {"draw_memory": 0.0, "layers": 1}  # settings that older files lack, and the value that their systems had
 
 
@@ -158,13 +156,6 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
             return {name: file.get_tensor(name).clone() for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
-
-
-def renamed(settings: Any) -> Any:
-    """Settings out of a file, at any depth, under the names they have now."""
-    if not isinstance(settings, dict):
-        return settings
-    return {_OLD_NAMES.get(name, name): renamed(value) for name, value in settings.items()}
 
 
 def whole(name: str, value: object) -> int:

@@ -11,9 +11,9 @@ const SOUNDS = {
   detector: (data, _, numbers) => ({ "Play the clicks": clicksOf(data.evidence.music, numbers.times, 0) }),
   meter: (_, __, { times, mask }) => ({ "Play the beats": clicksOf(times.filter((_, index) => mask[index]), times.filter((_, index) => !mask[index]), 0) }),
   corpus: ({ evidence }, { clip, late, lag }) => {
-    const dances = evidence.dances.valleys || evidence.dances.paper, music = evidence.music[clip];
+    const dances = evidence.dances.valleys, music = evidence.music[clip];
     const sound = track => clicksOf(track.times, dances[clip].times, lag);
-    return dances ? { "Play with the true music": sound(music), "Play with the wrong music": sound(lateTrack(music, late * evidence.periods[clip])) } : {};
+    return { "Play with the true music": sound(music), "Play with the wrong music": sound(lateTrack(music, late * evidence.periods[clip])) };
   },
 };
 const clicksOf = (music, dance, lag) => [...music.map(time => ({ time, kind: "music" })), ...dance.map(time => ({ time: time - lag, kind: "dance" }))];
