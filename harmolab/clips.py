@@ -215,7 +215,6 @@ def tracked_sound(song: PathLike, sound: Audio) -> Audio:
 
 def corpus_recordings(
     corpus: PathLike | Iterable[recordings.Recording],
-    dances: Sequence[str] = (),
     *,
     progress: Progress = silent,
     report: recordings.ProblemReport = lambda problem: None,
@@ -225,28 +224,23 @@ def corpus_recordings(
     Parameters
     ----------
     corpus : str or path; recordings in its place are handed on
-    dances : names; only recordings of these, of all when empty
     progress : Progress over the folders
     report : function(Problem), called for each recording that cannot be read
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the folder; ValueError where it holds no recording, or none of these dances.
+        Both name the folder; ValueError where it holds no recording.
     """
     if not isinstance(corpus, str | os.PathLike):
-        yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
+        yield from corpus
         return
     recording_folders(corpus)
-    names = set()
     for item in progress(recordings.iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, recordings.Problem):
             report(item)
         else:
-            names.add(item.clip.dance)
-            if not dances or item.clip.dance in dances:
-                yield item
-    check_dances(corpus, dances, names)
+            yield item
 
 
 def recording_folders(corpus: PathLike) -> recordings.RecordingFolders:

@@ -268,9 +268,12 @@ def atomic_folder(path: PathLike) -> Iterator[Path]:
 
 
 def write_text(path: PathLike, text: str) -> None:
-    """Write a file of text, UTF-8, whole or not at all; bytes of file names that are no UTF-8 as escape sequences."""
+    """Write a file of text, UTF-8, whole or not at all; bytes of file names that are no UTF-8 as escape sequences.
+
+    Ends of lines are written as they are in `text`, on every system, so that a file is the same everywhere.
+    """
     with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")
+        part.write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
 
 
 def write_json(path: PathLike, content: Any) -> None:

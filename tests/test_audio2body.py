@@ -216,11 +216,6 @@ def test_example_of_a_rule_is_its_frame_of_most_movement():
     assert examples in [{"jump": 32, "missing": frame} for frame in (70, 71, 72)]
 
 
-@pytest.mark.parametrize("setting", [{"jump": 0.0}, {"centre": -1.0}, {"longest_run": np.inf}, {"cut": np.nan}])
-def test_limit_that_cannot_be_is_refused_by_name(setting: dict[str, float]):
-    refused(f"{next(iter(setting))} must be positive", CleaningRules, **setting)
-
-
 # Gaps (reading 9).
 
 

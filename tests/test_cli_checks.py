@@ -1,5 +1,7 @@
 """Small dangers of every command: nothing that is read is written over, one line names the option or file at fault."""
 
+import _pyio
+import io
 import os
 import re
 import resource
@@ -234,6 +236,13 @@ def test_the_files_of_other_programs_are_told_from_ours(tmp_path: Path):
     for name, content in contents.items():
         Path(name).write_text(content)
     assert not any(map(is_own_file, [*contents, "nothing"]))
+
+
+def test_lines_end_alike_on_every_system(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(os, "linesep", "\r\n")
+    monkeypatch.setattr(io, "open", _pyio.open)  # which reads `linesep`, as Windows does
+    write_text("table.csv", "a\r\n1\r\n")  # as pandas ends lines there
+    assert Path("table.csv").read_bytes() == b"a\r\n1\r\n"
 
 
 def test_a_study_is_made_in_an_empty_folder(corpus: Path):

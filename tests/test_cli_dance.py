@@ -24,6 +24,7 @@ from harmolab.body.skeletons import standing_height
 from harmolab.cli import app
 from harmolab.cli.dancing import MOST_SEEDS, DanceReport
 from harmolab.data.synthetic import DANCER, synthetic_motion, write_corpus
+from harmolab.lab import player_data
 from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
 from harmolab.metrics.likeness import Likeness
 from harmolab.readers.audio import load_audio
@@ -170,11 +171,6 @@ def test_installation_without_weights_says_how_to_get_some(song: Path, tmp_path:
     assert "harmolab train DATA --system harmogan --out RUN" in line
 
 
-def test_page_without_its_library_is_refused_before_work(dance: Callable[..., Result], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sys.modules["harmolab.cli.common"], "find_spec", lambda name: None)
-    assert "pages need jinja2" in one_line(dance("dance.html"))
-
-
 def loaded_by(command: list[str]) -> set[str]:
     """Packages that a fresh process has loaded after a command."""
     code = (
@@ -318,12 +314,11 @@ def test_no_option_at_all_writes_a_page_a_video_and_a_bvh(song: Path):
         assert container.streams.video and container.streams.audio
 
 
-def test_without_its_library_the_page_is_left_out_and_the_rest_is_written(song: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sys.modules["harmolab.cli.common"], "find_spec", lambda name: None)
+def test_page_that_is_too_long_is_left_out_and_the_rest_is_written(song: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(player_data, "LONGEST", 0.4)
     result = danced(song, "--seconds", 0.5)
     assert files() == ["my song_dance.bvh", "my song_dance.mp4"]
-    assert "left out: my song_dance.html: " in result.stderr
-    assert "pip install jinja2" in result.stderr
+    assert "left out: my song_dance.html: the player shows 0.4 s at most, got 0.5 s" in result.stderr
 
 
 def test_json_names_every_piece(song: Path):

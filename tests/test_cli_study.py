@@ -235,8 +235,9 @@ def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
     trials = read_trials(folder / "trials.json").ordered_for("Ada")
     for trial in trials.trials:
         answer_log(folder, "Ada").record(trials, trial.id, "harmonious")
-    assert "say --raters people or simulated" in refusal("data", "study", "analyse", folder)
-    people = json.loads(run("data", "study", "analyse", folder, "--raters", "people", "--json").stdout)
+    assert "apart: move answers/simulated-* away" in refusal("data", "study", "analyse", folder)
+    answer_log(folder, "simulated-0").path.unlink()
+    people = json.loads(run("data", "study", "analyse", folder, "--json").stdout)
     assert people["simulated"] is False
     assert [row["rater"] for row in people["raters"]] == ["Ada", "all"]
     assert people["raters"][0]["rate"] == 0.5

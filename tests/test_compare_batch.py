@@ -49,7 +49,7 @@ def test_batch_agrees_with_single_clips_even_without_beats(rng: np.random.Genera
 def test_beats_of_one_clip_never_hit_those_of_the_next() -> None:
     music = BeatTrack([5.99], [1.0], 15.0, 6.0)
     scores = rescore(BeatBatch.of([(music, BeatTrack([0.0], [1.0], 15.0, 6.0))] * 2), HarmonyParams.valleys())
-    np.testing.assert_array_equal(scores.hitting_score, [0.0, 0.0])
+    np.testing.assert_array_equal(scores.hit_rate, [0.0, 0.0])
 
 
 def test_other_readings_are_refused_by_name() -> None:

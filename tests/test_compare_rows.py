@@ -40,7 +40,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def numbers(result: CorpusResult) -> list[Any]:
     """All of a result, its arrays as lists."""
     scores = [{name: row.tolist() for name, row in side.items()} for side in (result.true, result.wrong)]
-    return [result.summary, *scores, result.dances, result.sequences, result.patterns, result.lags]
+    return [result.summary, *scores, result.dances, result.sequences, result.patterns]
 
 
 @pytest.fixture(scope="module")

@@ -176,6 +176,7 @@ def test_check_names_what_is_odd_about_a_motion(tmp_path: Path):
     assert "extends over 0.017 m: other units? pass scale (--scale)" in odd(
         own(tmp_path / "tiny", positions=upright() / 100)
     )
+    assert "beside files in metres, convert this one by harmolab data convert" in odd(tmp_path / "tiny")
     assert "1 frame shorter than config.json says (51)" in odd(tang(tmp_path / "DANCE_W_1", span=51))
     save_motion(own(tmp_path / "filler") / "motion.npz", Motion(upright(), 25, ARM, np.arange(50) > 3))
     assert "4 of 50 frames are filler" in odd(tmp_path / "filler")

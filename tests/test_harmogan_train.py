@@ -437,6 +437,11 @@ def test_pretraining_taken_over_gives_the_same_as_pretraining_at_once(
     assert torch.equal(weights(nets[0]), weights(nets[1]))
 
 
+def test_auto_leaves_the_gpu_of_a_mac(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("lightning_fabric.accelerators.MPSAccelerator.is_available", lambda: True)
+    assert make_fabric().device.type == ("cuda" if torch.cuda.is_available() else "cpu")
+
+
 def test_a_machine_without_gpu_says_so():
     if torch.cuda.is_available():
         pytest.skip("this machine has a GPU")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import av
@@ -103,6 +104,20 @@ def test_of_several_sound_tracks_of_a_video_the_first_that_is_not_silent_counts(
             container.mux([*stream.encode(block), *stream.encode(None)])
     sound = load_sound(tmp_path / "game_and_microphone.mkv", sample_rate=None)
     np.testing.assert_allclose(sound.samples, levels[taken] * ramp(), atol=1e-6)
+
+
+def test_on_windows_libsndfile_gets_a_name_as_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Of bytes it knows the old code page there, in which a letter beyond ASCII is another than in UTF-8."""
+
+    class OfText(soundfile.SoundFile):
+        def __init__(self, name: str) -> None:
+            super().__init__(name.encode())
+
+    path = tmp_path / "Zoë 春.wav"
+    soundfile.write(path, ramp(), RATE)
+    monkeypatch.setattr(audio, "sys", SimpleNamespace(platform="win32"), raising=False)
+    monkeypatch.setattr(soundfile, "SoundFile", OfText)
+    assert (audio_info(path).seconds, load_audio(path).duration) == (1.0, 1.0)
 
 
 def test_span_is_cut_at_the_sample_and_stops_at_the_end(tmp_path: Path):
@@ -728,10 +743,13 @@ def test_a_video_cut_off_says_how_much_is_there_and_without_its_index_that_it_ca
     refused(r"sample\.webm: is cut off or damaged: .* of 4\.0 s of sound are there", video_sound, webm)
 
 
-def test_more_frames_than_allowed_are_refused_at_once_or_where_the_limit_is_reached(sample: Path, tmp_path: Path):
-    refused(r"sample\.mp4: has 30 frames, more than max_frames=20", video_frames, sample, max_frames=20)
+def test_more_frames_than_allowed_are_refused_at_once_or_where_the_limit_is_reached(
+    sample: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("harmolab.readers.video.MAX_FRAMES", 20)
+    refused(r"sample\.mp4: has 30 frames, more than 20; cut it", video_frames, sample)
     write_at(tmp_path / "v.mkv", [i / 25 for i in range(30)])  # whose header says nothing
-    refused(r"v\.mkv: has more than max_frames=20", list, video_frames(tmp_path / "v.mkv", max_frames=20))
+    refused(r"v\.mkv: has more than 20 frames; cut it", list, video_frames(tmp_path / "v.mkv"))
     refused("height must be at least 16 pixels, got 4", video_frames, sample, height=4)
 
 
@@ -773,7 +791,9 @@ def test_what_is_no_video_is_refused_by_name(tmp_path: Path, sample: Path, name:
 
 
 def check_frames(path: Path) -> None:
-    assert {(frame.dtype.name, frame.ndim) for frame in video_frames(path, max_frames=5000)} == {("uint8", 2)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harmolab.readers.video.MAX_FRAMES", 5000)
+        assert {(frame.dtype.name, frame.ndim) for frame in video_frames(path)} == {("uint8", 2)}
 
 
 def check_sound(path: Path) -> None:

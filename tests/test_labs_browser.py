@@ -160,7 +160,10 @@ def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_pag
     spot = page.evaluate("harmolabLab.state.picture.beats.find(beat => beat.kind === 'music' && beat.index === 7)")
     frame = page.locator("canvas").bounding_box()
     hits = page.evaluate("harmolabLab.state.numbers.hits")
-    drag_by_mouse(page, frame["x"] + spot["x"], frame["x"] + spot["x"] + 17, frame["y"] + spot["middle"] - 20)
+    hand, height = frame["x"] + spot["x"] + 9, frame["y"] + spot["middle"] - 20  # beside the beat, as near as counts
+    drag_by_mouse(page, hand, hand + 2, height)  # who clicks to hear it moves nothing
+    assert page.evaluate("[harmolabLab.state.settings.moves, harmolabLab.state.selected.index]") == [None, 7]
+    drag_by_mouse(page, hand, hand + 17, height)
     moved = page.evaluate("harmolabLab.state.settings.moves.music[7]")
     seconds = 17 / page.evaluate("harmolabLab.state.picture.chart.x(1) - harmolabLab.state.picture.chart.x(0)")
     assert moved == pytest.approx(spot["time"] + seconds, abs=0.01)
@@ -298,6 +301,18 @@ def test_rater_plays_answers_reloads_and_is_thanked(chromium: Any, asked: tuple[
         assert [answer.trial for answer in log.read().answers] == [one.id for one in trials.trials[:number]]
     assert [answer.choice for answer in log.read().answers] == [trials.choices[number % 2] for number in (1, 2, 3, 4)]
     closed(page)
+
+
+def test_who_cannot_hear_the_music_gives_no_answer_and_learns_what_to_do(chromium: Any, clip: Clip, tmp_path: Path):
+    log = AnswerLog(tmp_path / "answers.jsonl")
+    shown = blind_page(clip.audio, [clip.motion]).replace('"ogg": "T2dnUw', '"ogg": "AAAAAA', 1)  # as in old Safari
+    with StudyServer(trials_of("pick"), log, lambda trial: shown).running() as address:
+        page = at_address(chromium, address)
+        player_in(page)
+        page.click("button:text-is('harmonious')")
+        page.get_by_text("This answer was not saved").wait_for(timeout=WAIT)
+        closed(page)
+    assert log.read().answers == ()
 
 
 @pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])

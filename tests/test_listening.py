@@ -207,7 +207,7 @@ def test_every_rater_has_a_file_inside_the_study(tmp_path: Path, name: str):
 # Answers
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
-ANSWER = Answer("0" * 12, "Ada", "1" * 12, "harmonious", 1.5, "2026-01-01T00:00:00+00:00")
+ANSWER = Answer("0" * 12, "Ada", "1" * 12, "harmonious", "2026-01-01T00:00:00+00:00")
 
 # Answers trial after trial until it is killed; says on its output what is surely written.
 RATER = """
@@ -320,7 +320,7 @@ def test_trial_is_answered_once_and_with_an_answer_of_its_kind(tmp_path: Path):
     assert len(log.read().answers) == 1
 
 
-LINE = json.dumps({"study": "0" * 12, "rater": "Ada", "trial": "1" * 12, "choice": "left", "seconds": None, "time": ""})
+LINE = json.dumps({"study": "0" * 12, "rater": "Ada", "trial": "1" * 12, "choice": "left", "time": ""})
 WHOLE = LINE[:-1] + ', "simulated": false}'
 
 
@@ -332,8 +332,6 @@ WHOLE = LINE[:-1] + ', "simulated": false}'
     (f"{LINE}\n".encode(), "line 1 must have the fields"),
     (WHOLE.replace('"left"', '"up"').encode(), "line 1: choice must be one of"),
     (WHOLE.replace('"left"', "[1]").encode(), "line 1: choice must be text"),
-    (WHOLE.replace("null", "NaN").encode(), "line 1: seconds must be zero or more"),
-    (WHOLE.replace("null", "-1").encode(), "line 1: seconds must be zero or more"),
     (WHOLE.replace("Ada", "simulated-1").encode(), "line 1: a simulated rater"),
     (WHOLE.replace("false", "true").encode(), "line 1: a simulated rater"),
     (WHOLE.replace("Ada", "").encode(), "line 1: an answer needs a study, a rater and a trial"),
@@ -343,6 +341,14 @@ def test_file_that_is_no_answer_file_is_refused_by_name_and_line(tmp_path: Path,
     (tmp_path / "a.jsonl").write_bytes(content)
     fault = rf"^{re.escape(str(tmp_path / 'a.jsonl'))}: {message}[^\n]{{0,300}}$"
     refused(fault, files.merge, [tmp_path / "a.jsonl"])
+
+
+@pytest.mark.parametrize("seconds", ["1.5", "null"])
+def test_an_older_file_that_says_how_long_an_answer_took_is_read_and_gone_on_with(tmp_path: Path, seconds: str):
+    (tmp_path / "a.jsonl").write_text(f'{WHOLE[:-1]}, "seconds": {seconds}}}\n')
+    later = replace(ANSWER, choice="right", trial="2" * 12)
+    AnswerLog(tmp_path / "a.jsonl").append(later)
+    assert files.merge([tmp_path / "a.jsonl"]).answers == (replace(ANSWER, choice="left", time=""), later)
 
 
 # Analysis

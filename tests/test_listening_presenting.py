@@ -153,6 +153,8 @@ def test_who_goes_back_in_the_browser_finds_no_marks_of_another_trial_in_the_for
         page.go_back()
         assert page.inner_text("#count") == "Trial 2 of 4"
         assert [page.input_value(f"#{name}") for name in MARKED] == [""] * 4
+        with page.expect_navigation():  # Safari shows the page that was left, as it was
+            page.evaluate("dispatchEvent(new PageTransitionEvent('pageshow', { persisted: true }))")
         closed(page)
     assert [(one.trial, one.choice) for one in log.read().answers] == [(trials.trials[0].id, "0 1 2 3")]
 

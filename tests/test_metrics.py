@@ -13,7 +13,7 @@ from harmolab.body.skeletons import Skeleton, joint_side
 from harmolab.data.recordings import PAPER_21, TANG_23
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.metrics import beat_alignment as alignment
-from harmolab.metrics import features
+from harmolab.metrics import features, quality
 from harmolab.metrics.quality import STEP, bone_error, foot_skating, freezing, jerk, largest_step, pfc, relative_jerk
 from harmolab.readers.keypoints import COCO_17
 from harmolab.score import chance_level, hit_mask, hitting_score
@@ -112,9 +112,17 @@ def test_all_other_scores_come_in_one_dictionary():
 LEGS = Skeleton(("hip", "left toe", "left heel", "right toe", "right heel"), (-1, 0, 0, 0, 0))
 STANDING = np.array([[0, 0.9, 0], [0.1, 0.02, 0.2], [0.1, 0.03, 0], [-0.1, 0.02, 0.2], [-0.1, 0.03, 0]])
 
+
+def slow_share(motion: Motion) -> float:
+    """`freezing` for dancers who never stand still: share of windows slower than 0.6 m/s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(quality, "STILL", 0.6)
+        return freezing(motion)
+
+
 MEASURES: dict[str, Callable[[Motion], float]] = {
     **{measure.__name__: measure for measure in (jerk, relative_jerk, foot_skating, pfc, bone_error)},
-    "freezing": lambda motion: freezing(motion, threshold=0.6),
+    "freezing": lambda motion: slow_share(motion),
     "largest": lambda motion: largest_step(motion).largest,
     "percentile_999": lambda motion: largest_step(motion).percentile_999,
 }
@@ -174,15 +182,14 @@ def test_a_dancer_who_stops_half_way_is_frozen_in_the_windows_after():
 
 
 def test_slow_movement_is_still_below_the_threshold_only():
-    creeping = along_x(0.08 / 30 * np.arange(90), fps=30)
-    assert freezing(creeping, threshold=0.1) == 1.0
-    assert freezing(creeping, threshold=0.05) == 0.0
+    slow, slower = (along_x(speed / 30 * np.arange(90), fps=30) for speed in (0.12, 0.08))
+    assert (freezing(slow), freezing(slower)) == (0.0, 1.0)
 
 
 def test_a_pause_shorter_than_the_window_is_no_freezing():
-    x = np.concatenate([np.arange(30), np.full(15, 29), np.arange(29, 60)]) / 30.0
-    assert freezing(along_x(x, fps=30), window=1.0) == 0.0
-    assert freezing(along_x(x, fps=30), window=0.3) > 0
+    short, long = (np.concatenate([np.arange(30), np.full(rest, 29), np.arange(29, 60)]) / 30 for rest in (15, 45))
+    assert freezing(along_x(short, fps=30)) == 0.0
+    assert freezing(along_x(long, fps=30)) > 0
 
 
 def test_a_motion_shorter_than_the_window_is_one_window():
@@ -256,9 +263,6 @@ ONE_FOOT = replace(LEGS, joints=("hip", "left toe", "left heel", "left knee", "n
     "message, call",
     ("must be positive", lambda: jerk(legs({}), step=0.0)),
     ("must be positive", lambda: largest_step(legs({}), step=np.nan)),
-    ("must be positive", lambda: freezing(legs({}), threshold=-1.0)),
-    ("must be positive", lambda: freezing(legs({}), window=0.0)),
-    ("must be positive", lambda: foot_skating(legs({}), height=0.0)),
     ("no joint is called toe, heel, ankle or foot", lambda: foot_skating(swing(1.0))),
     ("two feet are needed", lambda: pfc(replace(legs({}), skeleton=ONE_FOOT))),
     ("no window of 1 s is valid for half", lambda: freezing(replace(legs({}), valid=np.arange(90) % 6 < 3))),

@@ -280,6 +280,7 @@ def test_drag_turns_and_wheel_zooms(page: Any) -> None:
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.wheel(0, 100)
     assert page.evaluate("view.zoom") == 1  # without the focus, the wheel is the page's
+    page.evaluate("delete MouseEvent.prototype.movementX")  # as on iPhones before iOS 17
     drag_by_mouse(page, box["x"] + 200, box["x"] + 300, box["y"] + 200)
     assert picture(page, ".stage") != first
     assert page.evaluate("view.angle") - angle == pytest.approx(-1.0, abs=0.05)
@@ -567,6 +568,26 @@ def test_voice_of_this_machine_speaks_the_count(pair_page: Any) -> None:
     for word, is_local, moment in pair_page.evaluate("window.words"):
         assert is_local
         assert word in [count for time, count in beats if -0.25 < time - moment < 0.15]  # a slow machine draws late
+
+
+def test_a_voice_that_comes_after_the_clicks_does_not_speak_beside_them(pair_page: Any) -> None:
+    pair_page.evaluate(
+        """() => {
+          window.words = []; window.SpeechSynthesisUtterance = function (text) { this.text = text; };
+          speechSynthesis.getVoices = () => []; speechSynthesis.speak = word => words.push(word.text);
+        }"""
+    )
+    pair_page.keyboard.press("c")
+    pair_page.evaluate("speechSynthesis.getVoices = () => [{ localService: true, lang: 'en' }]")
+    pair_page.evaluate("harmolabPlayer.play()")
+    wait_until(pair_page, "harmolabPlayer.time() > 2")
+    assert pair_page.evaluate("window.words") == []
+
+
+def test_a_preview_that_runs_no_scripts_says_where_the_page_plays(chromium: Any, saved: Path) -> None:
+    page = at_address(chromium, saved.as_uri(), WIDE, java_script_enabled=False)
+    assert "plays in a browser that runs scripts" in page.inner_text("main")
+    closed(page)
 
 
 def test_one_spike_does_not_flatten_the_curve(pair_page: Any) -> None:

@@ -6,6 +6,7 @@ The environment is whole or not at all, made by one process at a time, and never
 import importlib.util
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -431,9 +432,8 @@ def test_yes_fetches_without_a_question(installs: list[Path], cache: Path):
     assert result.exit_code == 0 and len(installs) == 1
     assert f"MediaPipe lies in {installs[0]}" in result.stderr
     assert "is there already" in run("data", "pose", "--install").stdout
-    assert run("data", "pose", "--remove").stdout == "removed\n"
-    assert pose.pose_environment() is None
-    assert run("data", "pose", "--remove").stdout == "there is nothing to remove\n"
+    shutil.rmtree(installs[0])
+    assert pose.pose_environment() is None  # who deletes the folder has removed it
 
 
 @cases("answer, count", ("y\n", 1), ("n\n", 0), ("\n", 0))
@@ -473,7 +473,7 @@ def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], v
 
 @cases(
     "arguments, words",
-    ((), "pose takes a VIDEO, --install or --remove"),
+    ((), "pose takes a VIDEO or --install"),
     (("nothing.mp4", "--yes"), "nothing.mp4: no such file"),
     (("dance.bvh", "--yes"), "dance.bvh: is no video by its name; `harmolab data convert` reads files of movement"),
     (("take.mp4", "--out", "x.gif", "--yes"), "x.gif: a motion is written as .npz, .bvh"),

@@ -529,11 +529,11 @@ def test_far_points_are_drawn_without_a_fault() -> None:
 
 def test_movement_in_space_is_refused(video: VideoFrames, tmp_path: Path) -> None:
     motion = Motion(np.zeros((3, 2, 3)), 30.0, POLE)
-    refused("the motion is movement in space", overlay_skeleton, plain(3), 10.0, motion)
+    refused("the motion is movement in space", next, overlay_skeleton(plain(3), 10.0, motion))
     refused("the motion is movement in space", points_in_picture, motion, video)
     save_motion(tmp_path / "m.npz", motion)
     refused(r"m\.npz: is movement in space; over a video go points of its pictures", load_points, tmp_path / "m.npz")
-    refused("fps must be positive", overlay_skeleton, plain(3), float("inf"), pole([1, 1]))
+    refused("fps must be positive", next, overlay_skeleton(plain(3), float("inf"), pole([1, 1])))
 
 
 def test_a_hidden_ear_does_not_hide_the_dancer_a_hidden_head_and_arm_do(tmp_path: Path) -> None:

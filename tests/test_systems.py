@@ -375,15 +375,6 @@ def test_a_file_cannot_name_a_module_or_a_class_to_import(tmp_path: Path, strang
     assert "this" not in sys.modules
 
 
-def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
-    tiny_harmogan().save(tmp_path)
-    about = json.loads((tmp_path / "model.json").read_text())
-    del about["system"]
-    about["build"]["model"]["critic"] = about["build"]["model"].pop("discriminator")
-    (tmp_path / "model.json").write_text(json.dumps(about))
-    assert isinstance(load(tmp_path), systems.HarmoGAN)
-
-
 @cases(
     "stranger, message",
     ("polka", "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020"),

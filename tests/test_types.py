@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from matplotlib.axes import Axes
@@ -154,7 +153,6 @@ def test_what_is_no_record_is_refused_by_name(message, record, values):
 
 
 DANCED, RIGHT = Clip("waltz", SILENCE, motion()), np.array([True])
-TABLE = pd.DataFrame([("ours", "", "jerk", 1.0)], columns=["system", "seed", "measure", "value"])
 AXES = Axes(Figure(), (0, 0, 1, 1))
 PICTURE = np.zeros((64, 64), np.uint8)
 ITEMS = [lab.Item(name, {"true": name, "lagged": f"{name} late"}) for name in ("a", "b")]
@@ -178,9 +176,6 @@ TRIALS = lab.make_trials(ITEMS, kind="pick", n=2, seed=1, rater="Ada")
     ("scores by their modes are needed", lab.score_figure, ({"paper": DANCED},)),
     ("frame must be body or room, got 'floor'", partial(lab.rests_on_beat, frame="floor"), (motion(), MUSIC[0])),
     (r"a list of Dance\(system, song, motion, music\), got Clip", lab.measure_dances, ([DANCED], ["jerk"])),
-    ("a DataFrame with a column song is needed", lab.summary, (TABLE,)),
-    ("a DataFrame with a column dance is needed", partial(lab.summary, by="dance"), (TABLE.assign(song="a"),)),
-    ("a DataFrame with a column system", lab.summary, (TABLE.to_dict("records"),)),
     ("merge several one by one", harmolab.DanceMetric().merge_state, ([harmolab.DanceMetric()],)),
     ("a harmolab.Recording is needed, got Clip", partial(harmolab.compare, dances=["waltz"]), ([DANCED],)),
     ("null must be lagged or other, got 'late'", partial(harmolab.compare, null="late"), ([],)),

@@ -183,8 +183,10 @@ SMALLEST_SIDE = 16  # pixels; the coarse grid of the flow has nothing to hold on
 CHANGED = 2  # grey levels of 255, mean over 5 x 5 pixels
 STILL = 0.02  # picture heights per second; slower is the noise of the camera and of the flow itself
 LAG = 0.04  # seconds, t_1 of Eq. 4
-SMOOTHING = 0.04  # seconds
-FLOOR = 1e-4  # picture heights per second
+SMOOTHING = 0.04  # seconds; without it the noise of the flow decides which frame of an impact is highest
+# Picture heights per second, mean over the picture: a video without any impact above this counts as still. A limb that
+# covers 1 % of the picture and stops from half a picture height per second makes 0.002 after the smoothing.
+FLOOR = 1e-4
 
 
 def optical_flow(previous: Frame, current: Frame) -> SingleArray:
@@ -321,16 +323,7 @@ def _lag_frames(lag: float, fps: float) -> int:
     return max(1, round(lag * fps))
 
 
-def flow_envelope(
-    frames: Iterable[Frame],
-    fps: float,
-    *,
-    lag: float = LAG,
-    smoothing: float = SMOOTHING,
-    radius: float = RADIUS,
-    floor: float = FLOOR,
-    progress: Progress = silent,
-) -> FloatArray:
+def flow_envelope(frames: Iterable[Frame], fps: float, *, lag: float = LAG, progress: Progress = silent) -> FloatArray:
     """The impact envelope of a video: how strongly anything in the picture stops, at each frame (Eq. 4).
 
     `envelope_beats` finds the visual beats in it.
@@ -342,14 +335,6 @@ def flow_envelope(
     fps : float, hertz
     lag : float, seconds
         t_1 of Eq. 4: the movement before a moment is compared with that so much later. At least one frame, at most 1 s.
-    smoothing : float, seconds
-        Standard deviation of a Gaussian along time. Without it the noise of the flow decides which frame of an impact
-        is highest.
-    radius : float, seconds
-        t_2 of Eq. 5: the scale of the envelope is that of its peaks, each the highest within so much on either side.
-    floor : float, picture heights per second, mean over the picture
-        A video without any impact above this counts as still. A limb that covers 1 % of the picture and stops from
-        half a picture height per second makes 0.002 after the smoothing.
     progress : function(iterable, label) -> iterable
         Reports on the frames, such as a progress bar.
 
@@ -364,8 +349,8 @@ def flow_envelope(
         is out of range; if there is no frame.
     """
     columns = flow_directograms(frames, fps, lag=lag, progress=progress)
-    impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=smoothing * fps)
-    return normalise_envelope(impacts, radius_frames=max(1, round(radius * fps)), floor=floor)
+    impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=SMOOTHING * fps)
+    return normalise_envelope(impacts, radius_frames=max(1, round(RADIUS * fps)), floor=FLOOR)
 
 
 def flow_beats(frames: Iterable[Frame], fps: float, *, lag: float = LAG, progress: Progress = silent) -> BeatTrack:

@@ -1,5 +1,6 @@
 """The `harmolab` command. Thin: every command calls one function of the package and prints."""
 
+import io
 import os
 import signal
 import sys
@@ -68,6 +69,8 @@ def main() -> None:
     """Entry point of the console command; what a signal to end stops removes its half-written files, as Ctrl-C does."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # closed ones, as the files 0, 1 and 2
         setattr(sys, name, getattr(sys, name) or open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a pipe of Windows knows neither λ nor the names of most songs
+        sys.stdout.reconfigure(errors="backslashreplace")
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores it
             signal.signal(number, lambda number, _: sys.exit(128 + number))

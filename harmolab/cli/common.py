@@ -10,7 +10,6 @@ import webbrowser
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import cache, wraps
-from importlib.util import find_spec
 from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
 from tempfile import gettempprefix
@@ -311,14 +310,6 @@ def check_out(out: Path | None, what: str, suffixes: tuple[str, ...]) -> None:
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     check_place(out)
-    if out.suffix.lower() in PAGES:
-        check_pages(str(out))
-
-
-def check_pages(name: str) -> None:
-    """ValueError that begins with `name` unless the library that fills pages is installed."""
-    if find_spec("jinja2") is None:
-        raise ValueError(f"{name}: pages need jinja2; install it with: pip install jinja2")
 
 
 def check_place(out: Path) -> None:

@@ -92,7 +92,6 @@ def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
         return
     part = sound.span(report.start, report.motion.duration)
     if suffix in common.PAGES:
-        common.check_pages(str(path))
         dancer = lab.Dancer("generated", report.motion, report.score, instead=report.caption)
         facts = report.facts | ({"to note": " ".join(report.notes)} if report.notes else {})
         lab.Player(part, [dancer], music=report.music, title=title, facts=facts).save(path)

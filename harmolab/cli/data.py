@@ -144,7 +144,6 @@ def pose(
     video: Annotated[Path | None, typer.Argument(metavar="VIDEO", show_default=False)] = None,
     out: Path | None = None,
     install: Annotated[bool, typer.Option("--install")] = False,
-    remove: Annotated[bool, typer.Option("--remove")] = False,
     yes: Annotated[bool, typer.Option("--yes")] = False,
 ) -> None:
     """Find the dancer's body in a video and write its movement, in metres with y up.
@@ -164,19 +163,14 @@ def pose(
     ----------
     video : The video: one dancer, all of the body.
     out : The motion to write, .npz or .bvh (default: the video's name, .npz, here).
-    install : Fetch what finds bodies, if it is not there.
-    remove : Remove it again.
+    install : Fetch what finds bodies, if it is not there, into a folder that is printed; deleting it removes it.
     yes : Fetch without a question.
     """
-    from harmolab.readers.pose import pose_environment, remove_pose_environment
+    from harmolab.readers.pose import pose_environment
 
-    common.check_untold(context, ("video", "out", "install", "yes"), "goes without --remove", when=remove)
     common.check_untold(context, ("out",), "goes with a VIDEO only", when=video is None)
-    if remove:
-        typer.echo("removed" if remove_pose_environment() else "there is nothing to remove")
-        return
     if video is None and not (install or yes):
-        raise ValueError("pose takes a VIDEO, --install or --remove")
+        raise ValueError("pose takes a VIDEO or --install")
     if video is not None:
         out = out or Path(f"{video.stem}.npz")
         _check_video(video, out)

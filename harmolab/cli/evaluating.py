@@ -119,7 +119,6 @@ def evaluate(
     from harmolab.lab.evaluate.evaluation import evaluate_dances, write_reference
     from harmolab.lab.evaluate.shards import Shard, measure_shard
 
-    common.check_pages("--out")
     check_untold(context, ("save_reference", "allow_missing"), "is of a whole table, no --shard", when=bool(shard))
     common.check_out(save_reference, "a reference", (".npz",))
     settings = _settings(
@@ -159,7 +158,6 @@ def merge(
     """
     from harmolab.lab.evaluate.shards import merge_shards
 
-    common.check_pages("--out")
     _write(out, merge_shards(shards, out, force=force, progress=progress), allow_missing=allow_missing)
 
 

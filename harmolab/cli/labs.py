@@ -36,7 +36,6 @@ def app(
     port : Port of the local page; 0: any free one.
     no_open : Print the address only.
     """
-    common.check_pages("harmolab app")
     common.serve(new_server(port), no_open, "then all files of the page are gone")
 
 

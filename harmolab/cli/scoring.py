@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -18,7 +18,7 @@ import harmolab
 from harmolab import __version__, lab, musician
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, check_untold, is_told
-from harmolab.cli.screen import is_verbose, note, printable, progress, refuse, waiting, wrote
+from harmolab.cli.screen import is_verbose, note, printable, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, music_remarks, note_tempo, sources, video_performance
 from harmolab.files import write_text
 
@@ -243,18 +243,6 @@ PAPER_ROWS = {"harmony": "harmony", "hit rate": "hit_rate"}
 COUNT_ROWS = {"chance": "chance", "n audio": "n_audio", "n visual": "n_visual"}
 
 
-Mode = Literal["paper", "recommended", "both"]
-
-
-def mode_named(name: str) -> str:
-    """The mode of this name; of the one that is gone the error says what took its place."""
-    if name == "room":
-        refuse("--mode room is gone; --mode recommended takes its place, and reads the shape of the body")
-    if name not in get_args(Mode):
-        refuse(f"--mode must be one of {', '.join(get_args(Mode))}; got {name!r}")
-    return name
-
-
 @common.with_options
 def score(
     context: typer.Context,
@@ -262,7 +250,7 @@ def score(
     motion: common.Dance = None,
     offset: common.Offset = None,
     seconds: common.Seconds = None,
-    mode: Annotated[str, typer.Option(parser=mode_named, metavar=f"[{'|'.join(get_args(Mode))}]")] = "both",
+    mode: Literal["paper", "recommended", "both"] = "both",
     *,
     judged: common.JudgeOptions,
     read: common.FileOptions,

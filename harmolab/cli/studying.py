@@ -68,7 +68,6 @@ def make(
     from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
     from harmolab.lab.listening.corpus_study import study_pieces
 
-    common.check_pages("harmolab data study make")
     if against is not None and kind == "pick":
         raise ValueError("--against compares two dances; it goes with --kind choice or rate")
     common.check_untold(context, ("wrong",), "is the other dance without --against", when=against is not None)
@@ -135,7 +134,6 @@ def analyse(
     context: typer.Context,
     study: Path,
     out: Path | None = None,
-    raters: Literal["all", "people", "simulated"] = "all",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     as_json: common.AsJson = False,
 ) -> None:
@@ -149,16 +147,14 @@ def analyse(
     ----------
     study : Folder of `harmolab data study make`, with answers.
     out : Folder for the tables (csv) and analysis.json (default: they are printed only).
-    raters : Whose answers count; people and simulated raters never mix.
     seed : Seed of the bootstrap.
     """
     from harmolab.lab.listening.analysis import TABLES, study_tables
     from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
-    files = merge(answer_files(study))
+    answers = merge(answer_files(study))
     key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
     with named_faults(study):
-        answers = files.of(raters)
         tables = study_tables(answers, key, scores, seed=seed)
     summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
     text = json.dumps(plain(summary), indent=2)

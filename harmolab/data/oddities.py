@@ -82,8 +82,8 @@ def _size(motion: Motion) -> Iterator[Oddity]:
     extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
     if not HEIGHTS[0] <= extent <= HEIGHTS[1]:
         is_fault = len(motion.skeleton.joints) > 1 and not BODIES[0] <= extent <= BODIES[1]
-        sentence = f"the body extends over {extent:.3g} m: other units? pass scale (--scale)"
-        yield Oddity(sentence, "a body of another size", is_fault)
+        cure = "pass scale (--scale); beside files in metres, convert this one by harmolab data convert A B --scale"
+        yield Oddity(f"the body extends over {extent:.3g} m: other units? {cure}", "a body of another size", is_fault)
 
 
 CURES = {

@@ -8,7 +8,6 @@ from .evaluate.measured import rests_on_beat as rests_on_beat
 from .evaluate.page import write_evaluation as write_evaluation
 from .evaluate.protocols import PROTOCOLS as PROTOCOLS
 from .evaluate.protocols import Protocol as Protocol
-from .evaluate.summary import summary as summary
 from .explain.offset import find_offset as find_offset
 from .explain.page import dance_player as dance_player
 from .explain.page import save_page as save_page

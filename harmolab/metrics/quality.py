@@ -22,6 +22,8 @@ from harmolab.body.skeletons import foot_joints, root_position
 from harmolab.types import BoolArray, FloatArray, Motion, check_kind
 
 STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared
+STILL, WINDOW = 0.1, 1.0  # metres per second below which a body stands still, seconds that this lasts
+ON_FLOOR = 0.02  # metres above its own lowest height at which a joint of a foot still stands
 FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is missed
 FLOOR_PERCENTILE = 5.0  # a foot joint is on the floor for more than this share of a dance, in percent
 SHORTEST_BONE = 1e-6  # metres; joints nearer than this are one point, not a bone
@@ -91,17 +93,15 @@ def relative_jerk(motion: Motion, *, step: float = STEP) -> float:
     return jerk(motion, step=step) / speed if speed else 0.0
 
 
-def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, step: float = STEP) -> float:
-    """Share of all windows of time throughout which the dancer stands still.
+def freezing(motion: Motion, *, step: float = STEP) -> float:
+    """Share of all windows of one second throughout which the dancer stands still.
+
+    Still is when the mean speed of the joints is below 0.1 metres per second. A pose that glides through the room is
+    not still: `foot_skating` finds it. Windows of which less than half is valid do not count.
 
     Parameters
     ----------
-    motion : Motion, three-dimensional
-    threshold : float, metres per second
-        Still is when the mean speed of the joints is below this. A pose that glides through the room is not still:
-        `foot_skating` finds it.
-    window : float, seconds
-        How long it must last; a shorter motion is one window. Windows of which less than half is valid do not count.
+    motion : Motion, three-dimensional; a motion shorter than a second is one window
     step : float, seconds
 
     Returns
@@ -111,27 +111,24 @@ def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, ste
     Raises
     ------
     ValueError
-        If the motion is two-dimensional, shorter than a step or nowhere valid for half a window, or if a setting is not
+        If the motion is two-dimensional, shorter than a step or nowhere valid for half a window, or if the step is not
         positive.
     """
-    for name, value in (("threshold", threshold), ("window", window)):
-        if not 0 < value < math.inf:
-            raise ValueError(f"{name} must be positive, got {value}")
     positions, valid, stride = sampled(motion, step, steps=1)
-    moving = vector_lengths(positions[stride:] - positions[:-stride]).mean(axis=1) / step >= threshold
-    length = min(max(round(window / step * stride) - stride + 1, 1), len(moving))
+    moving = vector_lengths(positions[stride:] - positions[:-stride]).mean(axis=1) / step >= STILL
+    length = min(max(round(WINDOW / step * stride) - stride + 1, 1), len(moving))
     complete = spans(valid, stride)
     # A recording that is spliced every second would have no window left if a window had to be valid throughout.
     usable = np.convolve(complete, np.ones(length), "valid") >= length / 2
     if not usable.any():
-        raise ValueError(f"no window of {window:g} s is valid for half of its time")
+        raise ValueError(f"no window of {WINDOW:g} s is valid for half of its time")
     return float(runs(~moving | ~complete, length)[usable].mean())
 
 
-def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) -> float:
+def foot_skating(motion: Motion, *, step: float = STEP) -> float:
     """Sliding of the feet: their mean speed along the floor while they are on it, metres per second.
 
-    A joint of a foot is on the floor where it is at most `height` above its own resting height (the 5th percentile of
+    A joint of a foot is on the floor where it is at most 2 cm above its own resting height (the 5th percentile of
     its heights) at both ends of a step. Of these joints of a foot the slowest counts: a turn on the ball of the
     foot is no sliding, nor is rolling over the toes. Dancers do slide, in ballroom dances all the time: compare the
     number with that of recordings.
@@ -140,7 +137,6 @@ def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) ->
     ----------
     motion : Motion, three-dimensional, y up
         On a level floor; feet are found by the names of joints (toe, heel, ankle, foot).
-    height : float, metres
     step : float, seconds
         Time over which the speed is measured.
 
@@ -153,11 +149,9 @@ def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) ->
     ValueError
         If no joint is called toe, heel, ankle or foot; else as `freezing`.
     """
-    if not 0 < height < math.inf:
-        raise ValueError(f"height must be positive, got {height}")
     positions, valid, stride = sampled(motion, step, steps=1, fps=FOOT_FPS)
     feet = foot_joints(motion.skeleton)
-    low = positions[..., 1] <= np.percentile(positions[valid, :, 1], FLOOR_PERCENTILE, axis=0) + height
+    low = positions[..., 1] <= np.percentile(positions[valid, :, 1], FLOOR_PERCENTILE, axis=0) + ON_FLOOR
     steps = positions[stride:] - positions[:-stride]
     slide = np.hypot(steps[..., 0], steps[..., 2]) / step
     slide = np.where(low[stride:] & low[:-stride], slide, np.inf)[spans(valid, stride)]

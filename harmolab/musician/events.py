@@ -52,17 +52,17 @@ DIFFERENCE, DIFFERENCE_NORM = 4, np.sqrt(70.0)  # order of the differences that 
 MAD = 1.4826  # standard deviations of a normal distribution in a median absolute value
 
 
-def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTrack:
+def note_beats(notes: Notes, duration: float) -> BeatTrack:
     """The onsets of notes as beats; the notes of a chord, which begin together, are one.
+
+    Onsets within 40 ms of the first of a chord belong to it. The time of the chord is their mean, weighted by loudness,
+    and its strength is the loudness of the loudest.
 
     Parameters
     ----------
     notes : Notes
         On a time line of `duration` seconds. Notes after its end, and silent ones (loudness 0), are left out.
     duration : float, seconds
-    merge : float, seconds
-        Onsets this close to the first of a chord belong to it. The time of the chord is their mean, weighted by
-        loudness, and its strength is the loudness of the loudest.
 
     Returns
     -------
@@ -76,20 +76,18 @@ def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTr
     """
     check_kind(notes, Notes)
     sounding = notes.select((notes.onsets <= duration) & (notes.loudness > 0))
-    return _merged(_Events(sounding.onsets, sounding.loudness), merge, ANNOTATION_RATE, duration)
+    return _merged(_Events(sounding.onsets, sounding.loudness), ANNOTATION_RATE, duration)
 
 
-def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
+def onset_beats(audio: Audio) -> BeatTrack:
     """The onsets of the notes in a sound of which no notes are known; a program finds them.
 
-    They are all notes that can be told apart, not the beats of the music (`audio_beats`). Soft notes under louder ones
-    are missed.
+    They are all notes that can be told apart, not the beats of the music (`audio_beats`). Chords are as in
+    `note_beats`. Soft notes under louder ones are missed.
 
     Parameters
     ----------
     audio : Audio
-    merge : float, seconds
-        As in `note_beats`.
 
     Returns
     -------
@@ -108,12 +106,10 @@ def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
     peaks = envelope_beats(heights, rate, radius=ONSET_RADIUS, around=ONSET_AROUND, threshold=threshold)
     times = peaks.times + ONSET_LEAD
     inside = (times >= 0) & (times <= audio.duration)
-    return _merged(_Events(times[inside], peaks.strengths[inside]), merge, rate, audio.duration)
+    return _merged(_Events(times[inside], peaks.strengths[inside]), rate, audio.duration)
 
 
-def strikes(
-    motion: Motion, *, hand: str | None = None, prominence: float | None = None, detected: BoolArray | None = None
-) -> BeatTrack:
+def strikes(motion: Motion, *, hand: str | None = None, detected: BoolArray | None = None) -> BeatTrack:
     """The strikes of a pianist's fingers: moments at which a fingertip is lowest, seen from its hand.
 
     The hand is the mean of its wrist and, where the motion has them, the roots of its fingers, smoothed over 0.2 s.
@@ -125,23 +121,21 @@ def strikes(
         `harmolab.readers.player_points`.
     hand : "left" or "right", optional
         One hand alone; when left out, every hand that the motion has.
-    prominence : float, unit of the positions, optional
-        Depth of the shallowest strike; 3 % of the palm when left out. A strike is never shallower than 4.5 standard
-        deviations of the fingertip's smoothed noise.
     detected : (T, P) mask, optional
         False where a point's place is filled in, which has no noise; all True when left out.
 
     Returns
     -------
     BeatTrack
-        The strength of a strike is its depth. Times lie between frames (by cubic splines, then parabolas). Strikes
-        within 40 ms are one. Frames that are not valid are bridged, and strikes there are left out.
+        The strength of a strike is its depth, at least 3 % of the palm, and 4.5 standard deviations of the fingertip's
+        smoothed noise. Times lie between frames (by cubic splines, then parabolas). Strikes within 40 ms are one.
+        Frames that are not valid are bridged, and strikes there are left out.
 
     Raises
     ------
     ValueError
-        For another hand, a hand without wrist or fingertips in the motion, a mask that has not an entry for each frame
-        and joint of the motion, or a prominence that is NaN.
+        For another hand, a hand without wrist or fingertips in the motion, or a mask that has not an entry for each
+        frame and joint of the motion.
 
     Notes
     -----
@@ -150,10 +144,10 @@ def strikes(
     hands, size = _hands(motion, hand), motion.positions.shape[:2]
     if detected is not None and np.shape(detected) != size:
         raise ValueError(f"detected must be {size}, frames and joints of the motion, got {np.shape(detected)}")
-    return _track([_fingertip_events(motion, side, prominence, detected) for side in hands], motion)
+    return _track([_fingertip_events(motion, side, detected) for side in hands], motion)
 
 
-def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | None = None) -> BeatTrack:
+def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
     """The moments at which a violinist's bow turns from one stroke to the next.
 
     They are the extrema of the distance of the bow hand (the mean of the right hand's points) from the bridge. The
@@ -167,28 +161,24 @@ def bow_turns(motion: Motion, *, reading: str = "distance", prominence: float | 
         The curve whose extrema are taken. The distance does not change when the bow goes over to another string.
         "direction" is the place along the first principal component of the hand's path, seen from the bridge; where
         strings change often, this lies across the bow.
-    prominence : float, unit of the positions, optional
-        Length of the shortest stroke; 3 % of the range of the curve when left out. Noise as in `strikes`.
 
     Returns
     -------
     BeatTrack
-        The strength of a turn is the length of the shorter stroke beside it; else as of `strikes`. Slurred notes share
-        a stroke, and a bow that stops and goes on does not turn.
+        The strength of a turn is the length of the shorter stroke beside it, at least 3 % of the range of the curve;
+        else as of `strikes`. Slurred notes share a stroke, and a bow that stops and goes on does not turn.
 
     Raises
     ------
     ValueError
-        For another reading, a motion that has no right hand, or no shoulder or hand on the left, or a prominence that
-        is NaN.
+        For another reading, or a motion that has no right hand, or no shoulder or hand on the left.
     """
     check_choice("reading", reading, ("distance", "direction"))
     path = _bow_path(motion)
     is_distance = reading == "distance"
     curve = np.linalg.norm(path, axis=1) if is_distance else path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     smooth = _smooth_curves(curve[:, None], motion, SMOOTHING)[:, 0]
-    least = STROKE_SHARE * float(np.ptp(smooth)) if prominence is None else prominence
-    least = max(least, NOISE * _noise(curve, motion.fps))
+    least = max(STROKE_SHARE * float(np.ptp(smooth)), NOISE * _noise(curve, motion.fps))
     return _track([_peaks(sign * smooth, _rate(motion), least) for sign in (1.0, -1.0)], motion)
 
 
@@ -215,17 +205,15 @@ class _Events(NamedTuple):
     strengths: FloatArray
 
 
-def _merged(events: _Events, merge: float, fps: float, duration: float) -> BeatTrack:
-    """Groups of events that lie within `merge` seconds of their first: weighted mean time, largest strength."""
-    if not merge >= 0:
-        raise ValueError(f"merge must be zero or more seconds, got {merge}")
+def _merged(events: _Events, fps: float, duration: float) -> BeatTrack:
+    """Groups of events that lie within `MERGE` seconds of their first: weighted mean time, largest strength."""
     order = np.argsort(events.times, kind="stable")
     times, strengths = events.times[order], events.strengths[order]
     firsts: list[int] = []
     first = 0
     while first < times.size:
         firsts.append(first)
-        first = int(np.searchsorted(times, times[first] + merge, side="right"))
+        first = int(np.searchsorted(times, times[first] + MERGE, side="right"))
     if not firsts:
         return BeatTrack(times, strengths, fps, duration)
     means = np.add.reduceat(times * strengths, firsts) / np.add.reduceat(strengths, firsts)
@@ -236,19 +224,17 @@ def _track(events: Iterable[_Events], motion: Motion) -> BeatTrack:
     """The events of several curves as one track, without those on frames that are not valid."""
     every = _joined(events)
     valid = motion.valid[np.minimum((every.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)]
-    return _merged(_Events(every.times[valid], every.strengths[valid]), MERGE, _rate(motion), motion.duration)
+    return _merged(_Events(every.times[valid], every.strengths[valid]), _rate(motion), motion.duration)
 
 
 def _peaks(curve: FloatArray, fps: float, prominence: float) -> _Events:
-    """Peaks of a curve (T,) that stand out by `prominence`, at least by more than rounding; ValueError for NaN."""
-    if np.isnan(prominence):
-        raise ValueError("prominence must be a number, got nan")
+    """Peaks of a curve (T,) that stand out by `prominence`, at least by more than rounding."""
     least = max(prominence, 1e-9 * float(np.ptp(curve)), np.finfo(float).tiny)
     frames, properties = find_peaks(curve, prominence=least)
     return _Events(refine_extrema(curve, frames) / fps, properties["prominences"])
 
 
-def _fingertip_events(motion: Motion, side: str, prominence: float | None, detected: BoolArray | None) -> _Events:
+def _fingertip_events(motion: Motion, side: str, detected: BoolArray | None) -> _Events:
     """Lowest points of the fingertips of one hand."""
     skeleton = motion.skeleton
     tips, wrist = fingertips(skeleton, side), _numbers_of(motion, wrist_names(side))[:1]
@@ -257,7 +243,7 @@ def _fingertip_events(motion: Motion, side: str, prominence: float | None, detec
     heights = _bridged(np.column_stack([down[:, tips], down[:, hand].mean(axis=1)]), motion)
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
     curves = curves - _smooth_curves(heights[:, -1:], motion, HAND_SMOOTHING)
-    least = PALM_SHARE * _palm(motion, side) if prominence is None else prominence
+    least = PALM_SHARE * _palm(motion, side)
     beside = heights[:, :-1] - heights[:, -1:]
     if detected is not None:
         is_seen = np.asarray(detected, bool)
@@ -430,9 +416,7 @@ def playing_score(
     sound: Notes | BeatTrack,
     instrument: str,
     *,
-    params: HarmonyParams | None = None,
     n_rotations: int = 1000,
-    seed: int = 0,
     detected: BoolArray | None = None,
 ) -> PlayingScore:
     """The score of a musician's hands with the onsets of the sound: do the hands meet the notes?
@@ -446,9 +430,7 @@ def playing_score(
         are also scored hand by hand.
     instrument : "piano" or "violin"
         Strikes are read of a pianist (`strikes`), turns of the bow of a violinist (`bow_turns`).
-    params : HarmonyParams of measure "hits"
-        ``HarmonyParams.playing()`` when left out.
-    n_rotations, seed : as in `score_harmony`; without rotations there is no lag
+    n_rotations : as in `score_harmony`; without rotations there is no lag
     detected : as in `strikes`
 
     Returns
@@ -463,15 +445,14 @@ def playing_score(
     if not isinstance(sound, Notes | BeatTrack):
         raise ValueError(f"sound must be Notes, or the BeatTrack of onset_beats, got {type(sound).__name__}")
     check_kind(motion, Motion)
-    params = params or HarmonyParams.playing()
-    score = partial(scored, params=params, n_rotations=n_rotations, seed=seed)
+    score = partial(scored, n_rotations=n_rotations)
     onsets = note_beats(sound, motion.duration) if isinstance(sound, Notes) else sound
     events = playing_events(motion, instrument, detected=detected)
     by_hand, own = {BOW_HAND: events}, {}
     if instrument == "piano":
         by_hand = {side: strikes(motion, hand=side, detected=detected) for side in playing_hands(motion)}
         own = hand_onsets(sound, motion.duration) if isinstance(sound, Notes) else {}
-    whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=params))
+    whole, body = score(onsets, events), score(onsets, visual_beats(motion, params=HarmonyParams.playing()))
     hands = {side: score(track, by_hand[side]) for side, track in own.items() if side in by_hand}
     return PlayingScore(instrument, whole, body, _lag(whole) if n_rotations else NO_LAG, by_hand, hands)
 
@@ -485,17 +466,18 @@ def hand_onsets(notes: Notes, duration: float) -> dict[str, BeatTrack]:
     return {side: note_beats(part, duration) for side, part in parts.items() if len(part)}
 
 
-def scored(onsets: BeatTrack, events: BeatTrack, params: HarmonyParams, n_rotations: int, seed: int) -> HarmonyScore:
+def scored(onsets: BeatTrack, events: BeatTrack, n_rotations: int = 1000) -> HarmonyScore:
     """The score from the first onset to the last, give or take the delay; times stay those of the motion.
 
     Before and after there is nothing to hit, and rotated hands that fall silent there would make chance look small.
     """
+    params = HarmonyParams.playing()
     if not len(onsets):
-        return score_harmony(onsets, events, params=params, n_rotations=n_rotations, seed=seed)
+        return score_harmony(onsets, events, params=params, n_rotations=n_rotations)
     start = max(float(onsets.times[0]) - params.reaction_delay, 0.0)
     length = min(float(onsets.times[-1]) + params.reaction_delay, onsets.duration) - start + FRAME_EDGE
     parts = onsets.span(start, length), events.span(start, length)
-    score = score_harmony(*parts, params=params, n_rotations=n_rotations, seed=seed)
+    score = score_harmony(*parts, params=params, n_rotations=n_rotations)
     own = [replace(each, times=each.times + start, duration=onsets.duration) for each in (score.music, score.visual)]
     return replace(score, music=own[0], visual=own[1])
 

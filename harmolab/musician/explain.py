@@ -16,7 +16,6 @@ from harmolab.lab.explain.performance import Explanation, Finding
 from harmolab.lab.figures.beats import signed_offsets
 from harmolab.musician.events import CERTAIN, PlayingScore, onset_beats, playing_score, scored
 from harmolab.musician.performances import Performance
-from harmolab.params import HarmonyParams
 from harmolab.score import HarmonyScore, hit_mask
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
 
@@ -120,9 +119,7 @@ class ExplainedPlaying:
         return dict(plain(about | self.score.to_dict() | words))
 
 
-def explain_playing(
-    performance: Performance, *, params: HarmonyParams | None = None, n_rotations: int = 1000, seed: int = 0
-) -> ExplainedPlaying:
+def explain_playing(performance: Performance) -> ExplainedPlaying:
     """Score a musician's performance and explain the score in sentences: do the hands meet the notes?
 
     The hands are compared with the notes of the performance, or where there are none with the onsets that a program
@@ -132,7 +129,6 @@ def explain_playing(
     ----------
     performance : `harmolab.musician.performances.Performance`
         As `load_performance` or `load_playing` of the same module read it.
-    params, n_rotations, seed : as in `harmolab.playing_score`
 
     Returns
     -------
@@ -158,13 +154,10 @@ def explain_playing(
     whole = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
     sound = whole.span(performance.offset + skipped, part.duration)
     with named_faults(name):
-        score = playing_score(
-            part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed, detected=detected
-        )
+        score = playing_score(part, sound, performance.instrument, detected=detected)
     audio, words = None if performance.audio is None else shared.audio, playing_findings(score)
     if audio is not None and notes is not None and performance.instrument == "piano":  # a bow's onsets are soft
-        fit = scored(score.score.music, onset_beats(audio), HarmonyParams.playing(), n_rotations, seed)
-        words = _beside_sound(words, fit)
+        words = _beside_sound(words, scored(score.score.music, onset_beats(audio)))
     return ExplainedPlaying(performance, part, audio, skipped, sound, score, words)
 
 

@@ -32,10 +32,6 @@ class Similarity:
 
     def __post_init__(self) -> None:
         shift = np.array(self.shift, dtype=np.float64)
-        if shift.shape != (2,) or not np.isfinite([*shift, self.rotation]).all():
-            raise ValueError(f"a similarity needs a finite rotation and shift (2,), got {self.rotation}, {self.shift}")
-        if not (np.isfinite(self.scale) and self.scale > 0):
-            raise ValueError(f"the scale of a similarity must be positive and finite, got {self.scale}")
         shift.setflags(write=False)
         object.__setattr__(self, "shift", shift)
 
@@ -50,38 +46,35 @@ class Similarity:
         return replace(back, shift=-back.apply(self.shift))
 
 
-def fit_similarity(points: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
-    """The similarity that brings `points` closest to `target`: weighted least squares, no reflection (Umeyama 1991).
+def fit_similarity(points: FloatArray, target: FloatArray) -> Similarity:
+    """The similarity that brings `points` closest to `target`: least squares, no reflection (Umeyama 1991).
 
     Parameters
     ----------
     points, target : (N, 2) arrays, two points or more
-    weights : (N,) array, not negative; all alike when left out
 
     Raises
     ------
     ValueError
         For other shapes, NaN, or points or a target that lie in one place.
     """
-    factor, shift = similarity_factors(points, target, weights)
+    factor, shift = similarity_factors(points, target)
     return Similarity(float(np.abs(factor)), float(np.angle(factor)), np.array([shift.real, shift.imag]))
 
 
-def similarity_factors(
-    points: FloatArray, target: FloatArray, weights: FloatArray | None = None
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def similarity_factors(points: FloatArray, target: FloatArray) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """`fit_similarity` as complex numbers: x + iy goes to factor (x + iy) + shift, for any number of sets at once.
 
     Parameters
     ----------
     points, target : (..., N, 2) arrays
-    weights : (N,) array, not negative; all alike when left out
 
     Returns
     -------
     factor, shift : (...) arrays, complex; the factor is scale exp(i rotation)
     """
-    shares = _shares(points, target, weights)
+    _check_points(points, target)
+    shares = np.full(points.shape[-2], 1 / points.shape[-2])
     old, new = (array[..., 0] + 1j * array[..., 1] for array in (points, target))
     centre, new_centre = old @ shares, new @ shares
     old, new = old - centre[..., None], new - new_centre[..., None]
@@ -95,13 +88,9 @@ def similarity_factors(
     return factor, new_centre - factor * centre
 
 
-def _shares(points: FloatArray, target: FloatArray, weights: FloatArray | None) -> FloatArray:
-    """Weights (N,) that sum to 1; ValueError for what no similarity can be fitted to."""
+def _check_points(points: FloatArray, target: FloatArray) -> None:
+    """ValueError for what no similarity can be fitted to."""
     if points.ndim < 2 or points.shape[-1] != 2 or target.shape[-2:] != points.shape[-2:]:
         raise ValueError(f"points and target must be equal lists of x and y, got {points.shape} and {target.shape}")
     if not (np.isfinite(points).all() and np.isfinite(target).all()):
         raise ValueError("points or target hold NaN or infinity; leave those points out")
-    values = np.ones(points.shape[-2]) if weights is None else np.asarray(weights, np.float64)
-    if values.shape != points.shape[-2:-1] or not (np.isfinite(values).all() and (values >= 0).all() and values.any()):
-        raise ValueError(f"weights must be {points.shape[-2]} numbers, none negative and not all 0")
-    return values / values.sum()

@@ -7,6 +7,7 @@ says, and a span is sought, not read through.
 import io
 import itertools
 import math
+import sys
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -59,7 +60,7 @@ def audio_info(path: PathLike) -> AudioInfo:
         with _sound_stream(path) as (container, stream):
             seconds, channels = (container.duration or 0) / av.time_base, stream.codec_context.layout.nb_channels
             return AudioInfo(stream.codec_context.sample_rate, seconds, channels, "M4A")
-    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(bytes(file)) as sound:
+    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(_name(file)) as sound:
         _check_header(sound, file.stat().st_size)
         return AudioInfo(sound.samplerate, sound.frames / sound.samplerate, sound.channels, sound.format)
 
@@ -110,13 +111,18 @@ def load_audio(
     with reading(path, _WHAT, max_bytes=None) as file:
         if duration is None:
             _check_whole(file)
-        with soundfile.SoundFile(bytes(file)) as sound:
+        with soundfile.SoundFile(_name(file)) as sound:
             _check_header(sound, file.stat().st_size)
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
             audio = Audio(_mono(sound, first, count), sound.samplerate)
             if duration is None and sound.format in ("MP3", "FLAC"):
                 _check_rest(file, sound)
         return audio if sample_rate is None else resampled(audio, sample_rate)
+
+
+def _name(file: Path) -> str | bytes:
+    """The name of a file for libsndfile: bytes, in any encoding; not on Windows, which takes no UTF-8 in bytes."""
+    return str(file) if sys.platform == "win32" else bytes(file)
 
 
 def _check_header(sound: soundfile.SoundFile, size: int) -> None:

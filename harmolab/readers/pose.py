@@ -272,15 +272,6 @@ def _install(part: Path, pip: Sequence[str]) -> None:
         )
 
 
-def remove_pose_environment() -> bool:
-    """Remove the environment; False where there was none."""
-    folder = pose_folder()
-    with suppress(FileNotFoundError):
-        shutil.rmtree(folder)
-        return True
-    return False
-
-
 # The dancer of a video
 
 BODY = (
@@ -338,16 +329,14 @@ def read_pose(
     video = video_frames(path, height=HEIGHT, colour=True)
     name, stride = _kept_name(Path(path)), max(1, int(np.ceil(video.fps / MOST_RATE)))
     with files.named_faults(path):
-        people = _kept_people(name)
-        if people is None:
+        if (people := _kept_people(name)) is None:
             people = _followed_people(video, stride, command or _command(), progress)
             _keep(name, people)
         return _dancer(people, video.fps / stride)
 
 
 def _command() -> list[str]:
-    folder = pose_environment()
-    if folder is None:
+    if (folder := pose_environment()) is None:
         raise ValueError("there is no MediaPipe to find a body with; `harmolab data pose --install` fetches it")
     return child_command(folder)
 

@@ -78,8 +78,6 @@ class VideoFrames:
     path : Path
     fps : float, hertz, the average rate
     height, width : int, pixels, of the frames, upright
-    max_frames : int
-        More than this is an error.
     source_size : (int, int)
         Height and width of the file's own pictures, pixels, upright.
     colour : bool
@@ -90,7 +88,6 @@ class VideoFrames:
     fps: float
     height: int
     width: int
-    max_frames: int
     source_size: tuple[int, int]
     colour: bool = False
 
@@ -116,8 +113,8 @@ class VideoFrames:
             index = 0  # of the next frame to come out
             for seconds, picture in _timed(container, stream, self.fps):
                 place = round(seconds * self.fps)
-                if place >= self.max_frames:
-                    raise ValueError(f"has more than max_frames={self.max_frames} frames; cut it into parts")
+                if place >= MAX_FRAMES:
+                    raise ValueError(f"has more than {MAX_FRAMES} frames; cut it into parts")
                 if held is not None and place > index:
                     yield held, place - index
                     index = place
@@ -140,9 +137,7 @@ def frame_count(video: VideoFrames) -> int:
         return max(0, round((container.duration or 0) / 1e6 * video.fps))
 
 
-def video_frames(
-    path: PathLike, *, height: int = 240, max_frames: int = MAX_FRAMES, colour: bool = False
-) -> VideoFrames:
+def video_frames(path: PathLike, *, height: int = 240, colour: bool = False) -> VideoFrames:
     """The frames of a video file, small and grey (for optical flow) or in colour (to be shown).
 
     Parameters
@@ -151,8 +146,6 @@ def video_frames(
         MP4, MOV, MKV, WebM, AVI, MPEG, FLV, Ogg, WMV or GIF.
     height : int, pixels
         Of the frames that come out; the width follows. A smaller video keeps its size.
-    max_frames : int
-        A longer video is an error: at once if its header says so, else when that frame is reached.
     colour : bool
         RGB frames (H, W, 3) in place of grey ones (H, W).
 
@@ -163,8 +156,9 @@ def video_frames(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. Besides files that hold no video: one frame or none, a size or frame rate that cannot be. A
-        file that ends before its header says raises while it is read.
+        Both name the file. Besides files that hold no video: one frame or none, a size or frame rate that cannot be;
+        more than 432,000 frames, at once if the header says so, else when that frame is reached. A file that ends
+        before its header says raises while it is read.
 
     Examples
     --------
@@ -176,13 +170,13 @@ def video_frames(
         raise ValueError(f"height must be at least {SMALLEST_SIDE} pixels, got {height}")
     fps = average_rate(Path(path))
     with _opened(Path(path)) as (container, stream):
-        if stream.frames > max_frames:
-            raise ValueError(f"has {stream.frames} frames, more than max_frames={max_frames}; cut it into parts")
+        if stream.frames > MAX_FRAMES:
+            raise ValueError(f"has {stream.frames} frames, more than {MAX_FRAMES}; cut it into parts")
         pictures = [picture for _, picture in itertools.islice(_timed(container, stream, fps), 2)]
         if len(pictures) < 2:
             raise ValueError(f"holds {len(pictures) or 'no'} frame, a video needs two or more; is it a picture?")
         small, own = (_upright(pictures[0], tallest) for tallest in (height, MAX_PIXELS))
-        return VideoFrames(Path(path), fps, *small, max_frames, own, colour)
+        return VideoFrames(Path(path), fps, *small, own, colour)
 
 
 @contextmanager

@@ -221,5 +221,4 @@ def maker_of(folder: PathLike) -> str:
     about = read_about(folder)
     if about.get("class") == "PoseNet":
         raise ValueError(f"{folder}: a network that trainings are measured by, no dancer; name the folder of the run")
-    unnamed = "harmogan" if about.get("class") == "Generator" else ""  # as weights were before 0.2
-    return str(about.get("system") or unnamed)
+    return str(about.get("system") or "")

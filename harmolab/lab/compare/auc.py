@@ -47,8 +47,6 @@ class CorpusResult:
         Folder of the recording of each window.
     patterns : dict
         Dance -> the bar patterns that were learnt for its clips.
-    lags : dict
-        Dance -> the lags of the fastest moment that were learnt for its clips, in beats.
     """
 
     summary: dict[str, Any]
@@ -57,7 +55,6 @@ class CorpusResult:
     dances: list[str]
     sequences: list[str]
     patterns: dict[str, list[BarPattern]] = field(default_factory=dict)
-    lags: dict[str, list[float]] = field(default_factory=dict)
 
 
 def compare(
@@ -110,7 +107,7 @@ def compare(
     Returns
     -------
     CorpusResult
-        `summary`, a dict of all numbers; the scores behind them; the patterns and lags that were learnt.
+        `summary`, a dict of all numbers; the scores behind them; the patterns that were learnt.
 
     Raises
     ------
@@ -156,11 +153,9 @@ def compare(
         **scoring.verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}
-    shifts: dict[str, list[float]] = {}
-    for clip, pattern, lag in zip(clips, learnt, table.lags.at(np.zeros(len(clips), np.int64)), strict=True):
+    for clip, pattern in zip(clips, learnt, strict=True):
         fitted.setdefault(clip.dance, []).append(pattern)
-        shifts.setdefault(clip.dance, []).append(float(lag) / TENTHS)
-    return replace(result, summary=plain(summary), patterns=fitted, lags=shifts)
+    return replace(result, summary=plain(summary), patterns=fitted)
 
 
 def _common_beats(*corpora: Corpus | None) -> Literal["annotated", "tracked"]:

@@ -142,15 +142,11 @@ def _place_row(music: BeatTrack, motion: Motion, params: HarmonyParams) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class BatchScores:
-    """(C,) arrays: h of Eq. 21, hit rate, chance level, harmony above chance, h_s, N and M of every clip."""
+    """(C,) arrays: h of Eq. 21, hit rate and harmony above chance of every clip."""
 
     harmony: FloatArray
     hit_rate: FloatArray
-    chance: FloatArray
     harmony_above_chance: FloatArray
-    hitting_score: FloatArray
-    n_audio: IntArray
-    n_visual: IntArray
 
 
 def rescore(batch: BeatBatch, params: HarmonyParams) -> BatchScores:
@@ -177,11 +173,7 @@ def rescore(batch: BeatBatch, params: HarmonyParams) -> BatchScores:
     return BatchScores(
         harmony=_harmony(score, n_audio, n_visual, params.beta),
         hit_rate=_quotient(hits, np.bincount(batch.audio_clip, minlength=clips)),
-        chance=chance,
         harmony_above_chance=np.where(counts, _above_chance(_quotient(score, total), chance), 0.0),
-        hitting_score=score,
-        n_audio=n_audio,
-        n_visual=n_visual,
     )
 
 
@@ -195,11 +187,7 @@ def rescore_places(batch: PlaceBatch, params: HarmonyParams) -> BatchScores:
     return BatchScores(
         harmony=_harmony(batch.hitting[now], batch.n_audio, batch.n_visual, params.beta),
         hit_rate=_quotient(batch.hits[now], batch.n_audio),
-        chance=batch.chance,
         harmony_above_chance=_above_chance(batch.curves[now], batch.chance),
-        hitting_score=batch.hitting[now],
-        n_audio=batch.n_audio,
-        n_visual=batch.n_visual,
     )
 
 

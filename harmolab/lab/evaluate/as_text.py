@@ -32,7 +32,6 @@ _NARROW = (
     "pass, limits from one let a tenth."
 )
 KINETIC = 72  # numbers of the kinetic features of SMPL's joints
-LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
 
 
 class Note(str):
@@ -172,8 +171,8 @@ def _distance_notes(evaluation: Evaluation) -> Iterator[Note]:
 
 
 def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
-    """Remarks on means over fewer songs than others, on frame rates that differ, and on bodies of no human size."""
-    means, rows = evaluation.means, (*evaluation.systems, RECORDED)
+    """Remarks on means over fewer songs than others, and on frame rates that differ."""
+    rows = (*evaluation.systems, RECORDED)
     rates = {row: _listed(evaluation.facts[row]["fps"]) for row in rows}
     for name, reason in (
         ("harmony", "too short, or with too few beats, to be judged"),
@@ -195,15 +194,6 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
             *("pfc", "jerk"),
             *(name for name in evaluation.set_measures if name.startswith("fid_")),
         )
-    hands = {row: means[row, "hands"].mean for row in evaluation.rows if (row, "hands") in means}
-    for row in evaluation.systems:
-        if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
-            yield Note(
-                f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
-                f"{hands[RECORDED]:.1f} m: the files are probably not in metres; convert them to metres by `harmolab "
-                "data convert --scale`.",
-                row,
-            )
 
 
 def deaf_measures(evaluation: Evaluation) -> Iterator[str]:

@@ -204,10 +204,8 @@ def measure_dances(
     *,
     others: Mapping[str, Callable[[Dance], float]] = MappingProxyType({}),
     of_sets: Mapping[str, Callable[[Sequence[Dance], Sequence[Dance]], float]] = MappingProxyType({}),
-    pose_net: Path | None = None,
-    seed: int = 0,
 ) -> pd.DataFrame:
-    """Numbers of many dances in one long table, which `summary` sums up: a line for each dance and measure.
+    """Numbers of many dances in one long table: a line for each dance and measure.
 
     Parameters
     ----------
@@ -219,16 +217,12 @@ def measure_dances(
         * Of single dances, in `harmolab.lab.evaluate.measured.SOURCES`: "harmony", "beat_align_motion", "jerk",
           "foot_skating", "likeness" and others.
         * In multiples of the mean of the recorded dances: "jerk_ratio", "skating_ratio", "speed_ratio".
-        * Of sets of dances: "fid", "diversity" or "multimodality", then "_kinetic", "_geometric" or "_pose". The "fid"
-          of a system is its Fréchet distance from the recorded dances; what small samples add is taken off.
+        * Of sets of dances: "fid", "diversity" or "multimodality", then "_kinetic" or "_geometric". The "fid" of a
+          system is its Fréchet distance from the recorded dances; what small samples add is taken off.
     others : dict
         Name -> function of a Dance to a number: measures of your own.
     of_sets : dict
         Name -> function to a number of two lists of Dances: those of a system and seed, and all recorded ones.
-    pose_net : Path
-        Weights that the "pose" measures need.
-    seed : int
-        Of the splits behind the correction of distances.
 
     Returns
     -------
@@ -275,17 +269,17 @@ def measure_dances(
         sets.setdefault((one.system, one.seed), []).append(one)
     for (system, each), own in sets.items():
         lines += [(system, "", each, name, measure(own, recorded)) for name, measure in of_sets.items()]
-    numbers_of = set_numbers(_feature_tables(dances, kinds, pose_net), seed=seed) if kinds else {}
+    numbers_of = set_numbers(_feature_tables(dances, kinds)) if kinds else {}
     lines += [(system, "", "", name, one.value) for (system, name), one in numbers_of.items() if name in measures]
     return pd.DataFrame(lines, columns=["system", "song", "seed", "measure", "value"])
 
 
-def _feature_tables(dances: Iterable[Dance], kinds: Collection[str], pose_net: Path | None) -> dict[str, pd.DataFrame]:
+def _feature_tables(dances: Iterable[Dance], kinds: Collection[str]) -> dict[str, pd.DataFrame]:
     """The features of dances by system, as `Collected.features` has them."""
     rows: dict[str, list[dict[str, Any]]] = {}
     for one in dances:
         about = {"song": one.song, "seed": one.seed, "skeleton": " ".join(one.motion.skeleton.joints)}
-        cells = feature_cells(motion_features(one.motion, pose_net, kinds))
+        cells = feature_cells(motion_features(one.motion, None, kinds))
         rows.setdefault(one.system, []).append({**about, **cells})
     return {system: pd.DataFrame(each) for system, each in rows.items()}
 
@@ -397,7 +391,7 @@ SOURCES: Mapping[str, Callable[[Dance], Mapping[str, float]]] = {
 }
 # Measures in multiples of the mean of the recorded dances.
 RATIOS = MappingProxyType({"jerk_ratio": "jerk", "skating_ratio": "foot_skating", "speed_ratio": "speed"})
-SET_MEASURES = tuple(f"{kind}_{name}" for kind in SETS for name in FEATURES)
+SET_MEASURES = tuple(f"{kind}_{name}" for kind in SETS for name in FEATURES if name != "pose")
 
 
 def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str] = FEATURES) -> dict[str, FloatArray]:

@@ -4,8 +4,9 @@
 ``row.json``    "about", which people write: what the data are; "measured": command, versions, settings, numbers
 evidence.csv    a line a dance with its measures: all numbers are computed from it
 files.csv       name and SHA-256 of every file of motion and music; the digest of the data is computed from it
-README.md       the means and what the files are, for people
 ==============  ======================================================================================================
+
+A README.md that people write may stand beside them.
 """
 
 import datetime
@@ -22,7 +23,7 @@ import pandas as pd
 
 from harmolab.files import PathLike, is_close, plain, read_json, reading, write_json, write_text
 from harmolab.lab.evaluate import summary
-from harmolab.lab.evaluate.as_text import MUSICAL, number_text
+from harmolab.lab.evaluate.as_text import MUSICAL
 from harmolab.lab.evaluate.engine import MANIFEST, read_manifest
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK, ROWS
 from harmolab.lab.evaluate.measured import MEASURES
@@ -225,9 +226,7 @@ def write_submission(table: PathLike, out: PathLike) -> None:
     write_text(out / FILES, csv_text(row.files))
     code = {"version": version("harmolab"), "sources": sources_digest(), "date": datetime.date.today().isoformat()}
     numbers = evaluate_numbers(read_evidence(out), row.measured["settings"])
-    measured = row.measured | {"harmolab": code, "numbers": numbers}
-    write_text(out / README, "\n".join(_readme(about, measured)) + "\n")
-    write_json(out / ROW, {"about": about, "measured": measured})
+    write_json(out / ROW, {"about": about, "measured": row.measured | {"harmolab": code, "numbers": numbers}})
 
 
 def csv_text(table: pd.DataFrame) -> str:
@@ -248,26 +247,6 @@ def read_evidence(folder: Path) -> pd.DataFrame:
     """The evidence of a row; what stands for no seed or no dance is an empty text."""
     with reading(folder / EVIDENCE, "the evidence of a row") as path:
         return _dances(path.read_bytes())
-
-
-def _readme(about: Mapping[str, Any], measured: Mapping[str, Any]) -> Iterator[str]:
-    """The lines of a row for people: a table of means, and what the files are."""
-    systems = measured["numbers"]["systems"]
-    yield f"# {about['title'] or 'A row for the leaderboard of harmolab'}\n"
-    over = "; of published codes over dances" if measured["settings"].get("protocols") else ""
-    yield f"Means over songs{over}, by harmolab {measured['harmolab']['version']}; intervals and ranks are in {ROW}.\n"
-    yield f"| | {' | '.join(systems)} |"
-    yield f"|---|{'---|' * len(systems)}"
-    for count in ("dances", "songs"):
-        yield f"| {count} | {' | '.join(str(numbers[count]) for numbers in systems.values())} |"
-    for name in dict.fromkeys(name for row in systems.values() for name in row if name not in ("dances", "songs")):
-        means = (number_text(numbers[name]["mean"]) if name in numbers else "-" for numbers in systems.values())
-        yield f"| {summary.measure_of(name).words} | {' | '.join(means)} |"
-    yield f"\n    {measured['command']}\n"
-    yield f"- `{ROW}`: what the data are (about), command, versions, settings and numbers (measured)"
-    yield f"- `{EVIDENCE}`: a line a dance, from which the numbers are computed"
-    yield f"- `{FILES}`: names and SHA-256 of the files of motion and music"
-    yield "\n`harmolab evaluate submit FOLDER` computes the numbers anew, and says what is missing."
 
 
 def submission_faults(folder: PathLike) -> list[str]:

@@ -1,6 +1,6 @@
 """The corpus lab: the scores of many clips with their own and with wrong music, and the AUC, while sliders move."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -29,31 +29,15 @@ class Corpus:
     names : C names
     music : C tracks of music beats
     dances : mode -> C tracks of visual beats, for modes that count hits
-    places : PlaceBatch of the C clips, optional: what the recommended mode needs
+    places : PlaceBatch of the C clips, for the recommended mode
     source : str, origin of the data
     """
 
     names: tuple[str, ...]
     music: tuple[BeatTrack, ...]
     dances: Mapping[str, tuple[BeatTrack, ...]]
-    places: PlaceBatch | None = None
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        if unknown := set(self.dances) - {mode for mode in live.MODES if live.MODES[mode].measure == "hits"}:
-            raise ValueError(f"no mode {', '.join(sorted(unknown))} counts hits; there are paper and valleys")
-        places = [] if self.places is None else [self.places.durations]
-        counts = {len(row) for row in (self.names, self.music, *self.dances.values(), *places)}
-        if counts == {0} or len(counts) != 1 or not self.modes:
-            raise ValueError(
-                f"a corpus needs at least one clip and one mode, with as many names, tracks and places as clips; got "
-                f"{', '.join(map(str, sorted(counts)))} in the modes {', '.join(self.modes) or 'none'}"
-            )
-
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Modes in which the clips can be scored."""
-        return tuple(mode for mode in live.MODES if mode in self.dances or (mode == "recommended" and self.places))
+    places: PlaceBatch
+    source: str
 
     @property
     def periods(self) -> FloatArray:
@@ -69,6 +53,8 @@ class Corpus:
         ValueError
             Without clips, or if one has no motion.
         """
+        if not clips:
+            raise ValueError("a corpus needs at least one clip")
         stages = [live.Stage.of(clip) for clip in clips]
         dances = {
             mode: tuple(visual_beats(one.motion, params=params) for one in stages)
@@ -86,7 +72,7 @@ def corpus_scores(
 ) -> FloatArray:
     """Scores of all clips, (C,) array, with true music, or with music that is `late` beats late."""
     seconds = (late or 0.0) * corpus.periods
-    if corpus.places is not None and params.measure == "shape":
+    if params.measure == "shape":
         return np.asarray(getattr(rescore_places(corpus.places.moved(seconds), params), score))
     pairs = zip(map(_late, corpus.music, seconds), corpus.dances[mode], strict=True)
     return np.array([getattr(score_harmony(*pair, params=params, n_rotations=0), score) for pair in pairs])
@@ -100,15 +86,15 @@ def _late(track: BeatTrack, seconds: float) -> BeatTrack:
     return replace(track, times=times, strengths=track.strengths[order], bar_places=None)
 
 
-def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> live.LiveLab:
+def corpus_lab(clips: Sequence[Clip], **values: Any) -> live.LiveLab:
     """A lab in the browser: sliders for a score's settings, and the scores of many clips with true and wrong music.
 
     The picture has the AUC, which is how well the score tells true from wrong music at these settings.
 
     Parameters
     ----------
-    clips : sequence of Clip with motion, or a `harmolab.lab.labs.corpus.Corpus` of their beats
-        In JupyterLab a button opens the chosen clip in a player under the picture, unless it is of a Corpus.
+    clips : sequence of Clip with motion
+        In JupyterLab a button opens the chosen clip in a player under the picture.
     **values
         Values at which controls start, such as ``delay=0.1``, in place of those of the first mode.
 
@@ -128,27 +114,22 @@ def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> live.LiveLab:
     >>> lab = corpus_lab(clips, delay=0.1)  # doctest: +SKIP
     >>> lab.numbers["auc"]  # doctest: +SKIP
     """
-    if isinstance(clips, Corpus):
-        return live.LiveLab(corpus_content(clips), values)
-    return live.LiveLab(corpus_content(Corpus.of(clips), play=partial(_player_element, clips)), values)
-
-
-def corpus_content(corpus: Corpus, *, play: Callable[..., str] | None = None) -> live.LabContent:
-    """The corpus lab of a corpus."""
+    corpus = Corpus.of(clips)
     controls = {
         **live.lab_controls("corpus"),
-        "clip": live.Slider("dance", "number", 0, len(corpus.names) - 1, 1),
-        "mode": live.Menu("way to score", "mode", {mode: live.MODE[mode] for mode in corpus.modes}),
+        "clip": live.Slider("dance", "number", 0, len(clips) - 1, 1),
+        "mode": live.CONTROLS["mode"],
         "score": live.Menu("score shown", "score", SCORES),
     }
-    return live.LabContent(
+    content = live.LabContent(
         kind="corpus",
         evidence=_evidence(corpus),
         controls=controls,
         extra={"score": "harmony", "late": 0.5, "clip": 0},
         numbers=partial(corpus_numbers, corpus),
-        play=play,
+        play=partial(_player_element, clips),
     )
+    return live.LiveLab(content, values)
 
 
 def _evidence(corpus: Corpus) -> dict[str, Any]:
@@ -158,7 +139,7 @@ def _evidence(corpus: Corpus) -> dict[str, Any]:
         "periods": corpus.periods,
         "music": [{**live.track_evidence(track), "duration": track.duration} for track in corpus.music],
         "dances": {mode: [live.track_evidence(track) for track in tracks] for mode, tracks in corpus.dances.items()},
-        "places": None if corpus.places is None else asdict(corpus.places),
+        "places": asdict(corpus.places),
     }
 
 

@@ -48,7 +48,9 @@ def _answer_table(answers: Answers, key: Key, value_of: Callable[[str], Any], *s
     if not answers.answers:
         raise ValueError("there are no answers to analyse")
     if len({answer.simulated for answer in answers.answers}) > 1:
-        raise ValueError("people and simulated raters in one analysis; analyse them apart")
+        raise ValueError(
+            "people and simulated raters in one analysis; analyse them apart: move answers/simulated-* away"
+        )
     raters, trials = answers.raters, tuple(key.trials)
     table = np.full((len(raters), len(trials), *shape), math.nan)
     for answer in answers.answers:

@@ -58,7 +58,6 @@ class Answer:
     ----------
     study, rater, trial : str
     choice : str, one of `trials.CHOICES`, or four marks ("8 7 10 3")
-    seconds : float or None, time that the rater took
     time : str, moment of the answer, as ISO 8601
     simulated : bool
         True if no person gave the answer; then, and only then, the rater's name starts with "simulated-".
@@ -68,7 +67,6 @@ class Answer:
     rater: str
     trial: str
     choice: str
-    seconds: float | None = None
     time: str = ""
     simulated: bool = False
 
@@ -81,9 +79,6 @@ class Answer:
         if not any(is_answer(kind, self.choice) for kind in QUESTIONS):
             choices = [choice for pair in CHOICES.values() for choice in pair]
             raise ValueError(f"choice must be one of {choices} or four marks, got {self.choice!r:.60}")
-        is_number = isinstance(self.seconds, int | float) and not isinstance(self.seconds, bool)
-        if self.seconds is not None and not (is_number and 0 <= self.seconds < float("inf")):
-            raise ValueError(f"seconds must be zero or more, got {self.seconds!r:.60}")
         if not isinstance(self.simulated, bool) or self.simulated != self.rater.startswith(SIMULATED):
             raise ValueError(
                 f"a simulated rater, and no other, is called {SIMULATED}...; got {self.rater!r:.60} "
@@ -115,21 +110,6 @@ class Answers:
     def raters(self) -> tuple[str, ...]:
         """Names of the raters, sorted."""
         return tuple(sorted({answer.rater for answer in self.answers}))
-
-    def of(self, raters: str) -> "Answers":
-        """The answers of "all" raters, of "people" or of "simulated" raters alone.
-
-        Raises
-        ------
-        ValueError
-            If none are left, or "all" are of both kinds.
-        """
-        answers = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
-        if not answers:
-            raise ValueError(f"there are no answers of {raters} raters")
-        if len({one.simulated for one in answers}) > 1:
-            raise ValueError("there are answers of people and of simulated raters; say --raters people or simulated")
-        return Answers(tuple(answers), self.notes)
 
 
 class AnswerLog:
@@ -166,7 +146,7 @@ class AnswerLog:
             if not content:
                 _sync_folder(self.path.parent)
 
-    def record(self, trials: TrialSet, trial: str, choice: str, *, seconds: float | None = None) -> Answer:
+    def record(self, trials: TrialSet, trial: str, choice: str) -> Answer:
         """The answer of the trials' rater to one of them, just written.
 
         Raises
@@ -180,7 +160,7 @@ class AnswerLog:
         if trial not in {one.id for one in self.resume(trials)}:
             raise ValueError(f"trial {trial!r:.60} is not waiting for an answer of {trials.rater}")
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        answer = Answer(trials.study, trials.rater, trial, choice, seconds, now, trials.rater.startswith(SIMULATED))
+        answer = Answer(trials.study, trials.rater, trial, choice, now, trials.rater.startswith(SIMULATED))
         self.append(answer)
         return answer
 
@@ -279,10 +259,10 @@ def _parsed(row: bytes, number: int) -> Answer | None:
             return None
         raise ValueError(f"line {number} is not an answer: {row[:60]!r}") from None
     names = {field.name for field in fields(Answer)}
-    if not isinstance(content, dict) or set(content) != names:
+    if not isinstance(content, dict) or set(content) - {"seconds"} != names:  # which older files have
         raise ValueError(f"line {number} must have the fields {', '.join(sorted(names))} and no other")
     try:
-        return Answer(**content)
+        return Answer(**{name: content[name] for name in names})
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from None
 

@@ -9,7 +9,6 @@ import re
 import secrets
 import shutil
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -269,7 +268,6 @@ class StudyServer(LocalPage):
     def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
         super().__init__(port=port)
         self._trials, self._log, self._show = trials, log, show
-        self._since = time.monotonic()
         self._answering = threading.Lock()
 
     def get(self, name: str) -> Reply | None:
@@ -296,7 +294,6 @@ class StudyServer(LocalPage):
 
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials that have no answer yet, and the page that asks the first of them."""
-        self._since = time.monotonic()
         trials, waiting = self._trials, self._log.resume(self._trials)
         if not waiting:
             return (), _page(text=f"Thank you. All {len(trials)} answers are saved; you can close this page.")
@@ -310,7 +307,7 @@ class StudyServer(LocalPage):
         """Write an answer; one to a trial that has an answer, as from a page that was sent twice, changes nothing."""
         with self._answering:
             if trial in {one.id for one in self._log.resume(self._trials)}:
-                self._log.record(self._trials, trial, choice, seconds=round(time.monotonic() - self._since, 3))
+                self._log.record(self._trials, trial, choice)
 
 
 # A song to which a person taps its beats and marks "one"

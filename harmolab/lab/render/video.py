@@ -121,10 +121,7 @@ def overlay_skeleton(
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
     stick.check_positive(fps=fps)
-    return _overlaid(frames, resample_motion(motion, fps), score, begin)
-
-
-def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None, begin: float) -> Iterator[Frame]:
+    motion = resample_motion(motion, fps)
     _, limbs = skull_and_limbs(motion.skeleton)
     widths = [*limb_widths(motion.skeleton, limbs), *joint_widths(motion.skeleton)]
     marks: BeatMarks | None = None
@@ -134,7 +131,7 @@ def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | Non
         drawn = frame.copy()
         if is_valid:
             stick.draw_strokes(drawn, _strokes(stick.fixed(places).tolist(), limbs, widths, len(frame)))
-        marks.draw(drawn, index, motion.fps)
+        marks.draw(drawn, index, fps)
         yield drawn
 
 

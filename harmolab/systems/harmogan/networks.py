@@ -28,7 +28,7 @@ from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
-from harmolab.systems.training.weights import MOST_LAYERS, load_weights, renamed, whole
+from harmolab.systems.training.weights import MOST_LAYERS, load_weights, whole
 from harmolab.types import FloatArray, Motion, SingleArray
 
 
@@ -159,7 +159,7 @@ class Generator(DancerNetwork):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""
-        sizes = renamed(build["model"])
+        sizes = dict(build["model"])
         is_bounded = sizes.pop("bounded", False) is True
         model = ModelParams(**{name: whole(name, value) for name, value in sizes.items()}, bounded=is_bounded)
         if model.layers > MOST_LAYERS:

@@ -29,7 +29,7 @@ from torch.optim import Optimizer
 from harmolab import files
 from harmolab.systems.training.about import SETTINGS
 from harmolab.systems.training.splits import Split
-from harmolab.systems.training.weights import read_tensors, renamed
+from harmolab.systems.training.weights import read_tensors
 from harmolab.types import BeatTrack, Motion
 
 # The history of a run, one row an epoch
@@ -133,7 +133,6 @@ class Sides(Protocol):
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
 SPLIT, CORPUS, LOCK = "split.json", "corpus.json", ".lock"
-_YOUNGER = {"step"}
 
 
 # The state and the folder of a run
@@ -308,12 +307,12 @@ def _read(path: Path) -> dict[str, Any]:
     with files.reading(path, "JSON", max_bytes=files.MAX_JSON_BYTES):
         if not isinstance(content := files.read_json(path), dict):
             raise ValueError("holds no settings of a run")
-    return renamed(content)
+    return content
 
 
 def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
-    """ValueError naming the first entry in which two dictionaries differ; older runs do not say their `_YOUNGER`."""
-    pairs = {key: (stored.get(key), settings.get(key)) for key in sorted(stored.keys() | settings.keys() - _YOUNGER)}
+    """ValueError naming the first entry in which two dictionaries differ."""
+    pairs = {key: (stored.get(key), settings.get(key)) for key in sorted(stored.keys() | settings.keys())}
     # A seed says more than the groups that follow from it.
     for name, (old, new) in sorted(pairs.items(), key=lambda item: isinstance(item[1][0], dict | list)):
         if isinstance(old, dict) and isinstance(new, dict):

@@ -298,7 +298,7 @@ def make_fabric(*, accelerator: str = "auto") -> Fabric:
 
     Parameters
     ----------
-    accelerator : "auto", "cpu" or "cuda"
+    accelerator : "auto" (cuda where it is there, else cpu), "cpu" or "cuda"
 
     Raises
     ------
@@ -309,13 +309,13 @@ def make_fabric(*, accelerator: str = "auto") -> Fabric:
 
     check_accelerator(accelerator)
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
-    gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
+    gpu = accelerator != "cpu" and torch.cuda.is_available()
     fabric = Fabric(
-        accelerator=accelerator,
+        accelerator="cuda" if gpu else "cpu",  # Fabric's "auto" takes a Mac's GPU, which knows no numbers of 64 bits
         devices=local,
         num_nodes=max(world // local, 1),
         strategy="ddp" if world > 1 else "auto",
-        precision="bf16-mixed" if gpu else "32-true",
+        precision="bf16-mixed" if gpu and torch.cuda.is_bf16_supported() else "32-true",
     )
     fabric.launch()
     return fabric

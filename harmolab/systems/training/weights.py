@@ -28,8 +28,6 @@ _WHAT = "weights of harmolab"
 MOST_LAYERS = 64
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
-# Names of settings as versions before 0.2 wrote them into runs and weights.
-_OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay"}
 _YOUNGER = {"draw_memory": 0.0, "layers": 1}  # settings that older files lack, and the value that their systems had
 
 
@@ -153,16 +151,11 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     """Tensors and metadata of a safetensors file; call it inside `reading`, which names the file in errors."""
     try:
         with safe_open(path, framework="pt") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
+            # Copies: numbers that stay in the file keep it open, and Windows replaces no open file. And products of a
+            # single row round by where in memory its numbers lie, which in a file is anywhere.
+            return {name: file.get_tensor(name).clone() for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
-
-
-def renamed(settings: Any) -> Any:
-    """Settings out of a file, at any depth, under the names they have now."""
-    if not isinstance(settings, dict):
-        return settings
-    return {_OLD_NAMES.get(name, name): renamed(value) for name, value in settings.items()}
 
 
 def whole(name: str, value: object) -> int:
@@ -202,6 +195,5 @@ def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:
         if values.shape != expected[name].shape:
             shapes = f"{tuple(values.shape)}; its description calls for {tuple(expected[name].shape)}"
             raise ValueError(f"{name} has shape {shapes}")
-    # Copies, since products of a single row round by where in memory its numbers lie, which in a file is anywhere.
-    module.load_state_dict({name: values.float().clone() for name, values in tensors.items()}, assign=True)
+    module.load_state_dict({name: values.float() for name, values in tensors.items()}, assign=True)
     return module.eval()

@@ -1,6 +1,6 @@
 // A lab: settings in, numbers and a picture out, at every move.
 const PICTURES = { scoring: drawScoring, saliency: drawSaliency, detector: drawDetector, meter: drawMeter, corpus: drawCorpus };
-const NEAR = 16, NUDGE = 0.01, APART = 0.005, AROUND = 1.2;  // pixels; seconds of a key press; between beats; heard around a beat
+const NEAR = 16, STILL = 3, NUDGE = 0.01, APART = 0.005, AROUND = 1.2;  // pixels; those that a hand shakes; seconds of a key press; between beats; heard around a beat
 
 // Sounds of a lab: name -> clicks, in seconds from the start of the clip, the dance earlier by the lag.
 const SOUNDS = {
@@ -11,9 +11,9 @@ const SOUNDS = {
   detector: (data, _, numbers) => ({ "Play the clicks": clicksOf(data.evidence.music, numbers.times, 0) }),
   meter: (_, __, { times, mask }) => ({ "Play the beats": clicksOf(times.filter((_, index) => mask[index]), times.filter((_, index) => !mask[index]), 0) }),
   corpus: ({ evidence }, { clip, late, lag }) => {
-    const dances = evidence.dances.valleys || evidence.dances.paper, music = evidence.music[clip];
+    const dances = evidence.dances.valleys, music = evidence.music[clip];
     const sound = track => clicksOf(track.times, dances[clip].times, lag);
-    return dances ? { "Play with the true music": sound(music), "Play with the wrong music": sound(lateTrack(music, late * evidence.periods[clip])) } : {};
+    return { "Play with the true music": sound(music), "Play with the wrong music": sound(lateTrack(music, late * evidence.periods[clip])) };
   },
 };
 const clicksOf = (music, dance, lag) => [...music.map(time => ({ time, kind: "music" })), ...dance.map(time => ({ time: time - lag, kind: "dance" }))];
@@ -129,18 +129,18 @@ export function mount(parent, data, { changed = () => {}, play = null, heading =
   }
 
   view.canvas.addEventListener("pointerdown", event => {
-    const beat = nearest(spot(event));
+    const at = spot(event), beat = nearest(at);
     if (!beat) return;
     if (beat.kind === "clip") { set({ clip: beat.index }); return; }
-    state.selected = beat; state.dragged = false;
+    state.selected = beat; state.drag = { grip: beat.x - at[0], begun: false };
     view.canvas.setPointerCapture(event.pointerId);
     draw();
   });
   view.canvas.addEventListener("pointermove", event => {
     if (!view.canvas.hasPointerCapture(event.pointerId)) { view.canvas.style.cursor = nearest(spot(event)) ? (data.kind === "corpus" ? "pointer" : "ew-resize") : ""; return; }
-    const { box, x } = state.picture.chart, [at] = spot(event);
-    state.dragged = true;
-    moveBeat(state.selected, (at - box.left) / (x(1) - x(0)));
+    const { box, x } = state.picture.chart, { drag, selected } = state, at = spot(event)[0] + drag.grip;  // the beat does not jump to the hand
+    drag.begun ||= Math.abs(at - selected.x) > STILL;
+    if (drag.begun) moveBeat(selected, (at - box.left) / (x(1) - x(0)));
   });
   view.canvas.addEventListener("pointerup", () => { if (state.selected && data.kind === "scoring") hear(state.selected); });
   view.canvas.addEventListener("keydown", event => {
