@@ -97,10 +97,15 @@ def test_no_option_takes_a_number_that_is_none(words: tuple[str, ...]):
 
 @cases(
     "words, value",
+    (("evaluate", "compare", "x", "--window"), "nan"),
+    (("evaluate", "compare", "x", "--window"), "-1"),
     (("evaluate", "compare", "x", "--rotations"), "3"),
+    (("evaluate", "compare", "x", "--null"), "nobody"),
     (("score", "song.wav", "dance.npz", "--clock"), "1e9"),
     (("score", "song.wav", "dance.npz", "--clock"), "nan"),
     (("score", "song.wav", "dance.npz", "--clock"), "0"),
+    (("play", "song.wav", "dance.npz", "--out", "x.mp4", "--rate"), "nan"),
+    (("data", "synth", "x", "--clips"), "0"),
 )
 def test_a_value_beyond_its_range_is_one_line(words: tuple[str, ...], value: str):
     assert refusal(*words, value).startswith(f"Invalid value for '{words[-1]}': ")
