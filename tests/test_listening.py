@@ -570,15 +570,6 @@ def test_rows_that_do_not_say_who_answered_are_not_drawn():
     refused('must say "simulated"', study_title, "Table", [])
 
 
-def test_dot_is_filled_only_if_the_interval_leaves_out_guessing():
-    ada = {"rater": "Ada", "rate": 0.9, "low": 0.7, "high": 1.0, "n": 9, "simulated": False}
-    rows = [ada, ada | {"rater": "Bob", "rate": 0.6, "low": 0.4, "high": 0.8}]
-    (ax,) = rates_figure(rows, label="right", title="").axes
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["Bob", "Ada"]
-    dots = [line for line in ax.lines if line.get_marker() == "o"]
-    assert {float(dot.get_xdata()[0]): dot.get_markerfacecolor() for dot in dots} == {0.6: "white", 0.9: "#222222"}
-
-
 # Marks from 0 to 10
 
 SYSTEMS = ("WaveNet", "LSTM")

@@ -1,6 +1,5 @@
 """Dances of minutes and half minutes in tables: planted dancers whose answers are known by construction."""
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -162,22 +161,17 @@ def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted(
 
 
 @pytest.mark.slow
-def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], Any]):
+def test_titles_say_who_keeps_the_limits_and_how_many_dances_move_like_people(dances: pd.DataFrame):
     figure = limits_figure(CELLS.endurance_table(dances), length="a few seconds")
     assert f"hardest limit: 100 % with {PLANTED}; next 0 % with {FROZEN}" in figure.get_suptitle()
     assert "synthetic dancers" in figure.axes[0].get_xlabel()
-    words = [text.get_text() for text in figure.axes[0].texts]
-    assert words[0] == "100 %" and any(re.fullmatch(r"0 %: \w.*", each) for each in words)
-    marks = marks_figure(CELLS.machine_marks(halves), MARKS, corpus="beatlocked")
-    assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
     names = ["dancers", "temperature", "smoothing", "draw_memory", "moves like people", "poses apart"]
     rows = [("Music2Dance", 0.0, 0.0, 0.0, 0.5, 9.0, 0.4, 0.5), ("Music2Dance", 1.0, 0.0, 0.0, 0.2, 80.0, 1.0, 9.0)]
     rows += [("statues of the recorded", np.nan, np.nan, np.nan, 1.0, 50.0, 1.0, 1.0)]
     table = pd.DataFrame(rows, columns=[*names, "pose variance / recorded", "jerk / recorded"])
     used = {"temperature": 1.0, "smoothing": 0.0, "draw_memory": 0.0}
-    curve, ring = (figure := chance_figure(table, used=used)).axes[2].lines[:2]
-    assert len(curve.get_xdata()) == 2 and ring.get_xdata().tolist() == [1.0]
-    assert "20% of dances move like people, fewer than at the best others (50%)" in figure.get_suptitle()
+    title = chance_figure(table, used=used).get_suptitle()
+    assert "20% of dances move like people, fewer than at the best others (50%)" in title
 
 
 def test_hands_effectors_and_losses_are_drawn_as_they_are():
@@ -187,12 +181,7 @@ def test_hands_effectors_and_losses_are_drawn_as_they_are():
     kinds = [one.assign(features=name, kind=kind) for name in ("one", "other") for kind in ("raw", "smoothed")]
     figure = CELLS.hands_figure(pd.concat(kinds), "tango", "beatlocked")
     spread = np.ptp(heights, axis=1).mean() * 100
-    words = f"range {spread:.0f} cm, SD {100 * heights.std(axis=1).mean():.1f} cm"
-    assert figure.axes[0].texts[0].get_text() == words
     assert figure.get_suptitle() == f"Hands in tango range over {spread:.0f} cm with one and {spread:.0f} cm with other"
-    assert figure.axes[-1].get_xlabel() == "time (s); recordings on the beat"
-    panels = [ax.get_title("left") for ax in figure.axes]
-    assert panels == ["one, raw", "one, smoothed", "other, raw", "other, smoothed"]
     shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
     points = pd.DataFrame({"x": [0.0, 1.0], "y": [1.0, 2.0], "ablation": ["recorded", "a"]})
     assert "0.50" in CELLS.effectors_figure(points, shares).axes[0].get_title("left")

@@ -75,8 +75,6 @@ def test_auc_picture_marks_what_lies_above_its_chance_band() -> None:
     marks = {line.get_xdata()[0]: (line.get_marker(), line.get_color()) for line in ax.lines[:3]}
     assert marks == {0.9: ("o", COLOURS["hit"]), 0.5: ("x", COLOURS["chance"]), 0.3: ("x", COLOURS["miss"])}
     assert [line.get_ydata()[0] for line in ax.lines[:3]] == [2, 1, 0]
-    assert [bar.get_width() for bar in ax.patches] == pytest.approx([0.2] * 3)
-    assert [text.get_fontweight() for text in ax.get_yticklabels()] == ["normal", "normal", "bold"]
 
 
 def auc_row(score: str, auc: float, corpus: str = "beatlocked") -> dict[str, object]:
@@ -97,31 +95,23 @@ def test_auc_figure_sorts_scores_of_the_first_corpus_and_counts_the_corpora_in_w
     assert pictures.auc_figure(pd.DataFrame(second)).axes[0].get_title(loc="right").strip() == "synthetic data"
 
 
-def test_pattern_picture_has_a_panel_for_each_dance_beats_by_number_and_the_fastest_moment() -> None:
+def test_pattern_picture_says_where_each_dance_is_fastest() -> None:
     patterns = {"waltz": [BarPattern(3, (1.0,), (0.0,))], "rumba": [BarPattern(2, (0.0,), (1.0,))]}
     figure = pictures.patterns_figure(CELLS.bar_courses(patterns), corpus="beatlocked")
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["waltz: fastest on 1", "rumba: fastest between 1 and 2"]
-    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["1", "2", "3", "1"]
-    (arrow,) = figure.axes[1].texts
-    assert arrow.xy[0] == pytest.approx(0.5, abs=0.01)
     assert "do not all stop on the beat" in figure.get_suptitle()
 
 
-def test_picks_picture_draws_people_and_scores_apart() -> None:
+def test_picks_picture_says_whether_the_best_score_is_clearly_better_than_guessing() -> None:
     ours = {"harmolab": [np.nan, 0.6], "low": [np.nan, 0.4], "high": [np.nan, 0.8]}
     table = pd.DataFrame({"judge": ["people", "score"], "paper": [0.78, np.nan], **ours})
     (ax,) = pictures.picks_figure(table, corpus="a").axes
-    assert sorted(bar.get_width() for bar in ax.patches) == [0.6, 0.78]
-    assert [(text.get_text(), text.xy[0]) for text in ax.texts[:2]] == [("78%", 0.02), ("60%", 0.02)]
     assert "score, not clearly better than guessing" in ax.get_title(loc="left")
-    assert len({bar.get_facecolor() for bar in ax.patches}) == 2
 
 
-def test_disturbance_picture_draws_each_score_over_the_levels() -> None:
+def test_disturbance_picture_says_which_score_stands_the_most() -> None:
     table = pd.DataFrame({"noise (cm)": [0.0, 1.0], "recommended": [1.0, 0.9], "paper": [0.5, 0.5]})
     (ax,) = pictures.disturbances_figure(table, ["recommended", "paper"]).axes
-    assert ax.get_xlabel() == "noise (cm)"
-    np.testing.assert_array_equal(ax.lines[0].get_ydata(), [1.0, 0.9])
     title = ax.get_title(loc="left")
     assert "“recommended (shape speed)” stands the most" in title and "AUC 0.90, the others 0.50 to 0.50" in title
 
@@ -166,10 +156,6 @@ def test_picture_counts_the_levels_of_each_music():
     row = {"corpus": "beatlocked", "beats": "tracked", "told": False, "a": "1 0 0 0 2", "b": "0 1 0 0 0", "c": ""}
     (ax,) = pictures.levels_figure(pd.DataFrame([row, row | {"told": True}])).axes
     assert ax.get_title("left") == "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
-    widths = {(round(bar.get_y() + 0.4), bar.get_x(), bar.get_width()) for bar in ax.patches if bar.get_width()}
-    assert widths == {(0, 0, 1), (0, 1, 2), (1, 0, 1)}
-    assert [text.get_text() for text in ax.texts if text.get_text()] == ["1", "1", "2"]
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b"]
 
 
 @pytest.mark.data
@@ -286,12 +272,9 @@ def record(kind: str, **shares: float) -> dict[str, object]:
     return {**about, "p_time .05": 0.05, "p .05": 0.02, "old p .05": 0.17, **shares}
 
 
-def test_picture_marks_each_share_in_the_row_of_its_kind():
-    rows = [record("a", seconds=6.0, **{"p .05": 0.9}), record("a")]  # the longest clips of a kind are drawn
-    rows.append(record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0}))
+def test_picture_says_which_clips_are_too_short():
+    rows = [record("a"), record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0})]
     (ax,) = pictures.nulls_figure(pd.DataFrame(rows)).axes
-    marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
-    assert marks["old score, published"] == ([0.17, 0.17], [1, 0]) and marks["H: in time, and where"][0][0] == 0.02
     assert [text.get_text() for text in ax.texts] == ["too short: not judged"]
 
 

@@ -565,36 +565,26 @@ def table_of(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
     return pd.concat([runs, pd.DataFrame({"row": ["mean pose"], "test full": 20.0})], ignore_index=True)
 
 
-def test_a_table_is_drawn_as_differences_from_final_with_limits_as_lines_and_the_papers_where_there_are_any():
+def test_title_of_a_table_has_its_least_error_and_the_papers_panel_is_there_where_there_are_numbers():
     figure = player_table_figure(table_of({"no delay": (8.0, 9.5), "final": (7.0, 9.0)}), players="players")
     assert figure.get_suptitle() == "Players: least error with final, 7.0 pixels (mean pose 20.0)"
-    ours, differences, paper = figure.axes
-    assert [line.get_xdata()[0] for line in ours.lines if line.get_label() == "mean pose"] == [20.0]
-    assert list(differences.containers[0].lines[0].get_xdata()) == [1.0, 0.0]
-    assert list(paper.containers[0].lines[0].get_xdata()) == [0.5, 0.0]
     table = table_of({"final": (7.0, float("nan"))})
     assert len(player_table_figure(table, players="players").axes) == 3
     assert len(player_table_figure(table.drop(columns="paper test"), players="hands").axes) == 2
 
 
-def test_components_are_labelled_with_part_and_share():
+def test_title_of_components_has_the_correlation_of_the_largest():
     rows = [("violin", 1, 0.77, "right hand", 0.2), ("violin", 2, 0.16, "left hand", 0.95)]
     table = pd.DataFrame(rows, columns=["instrument", "component", "share", "part", "correlation"])
     (ax,) = player_results.components_figure(table).axes
-    assert [bar.get_height() for bar in ax.patches] == [0.2, 0.95]
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["1\nright hand\n77 %", "2\nleft hand\n16 %"]
     assert ax.get_title("left") == "Planted violin: largest component predicted at 0.20"
 
 
-def test_error_and_hits_stand_side_by_side_with_other_music():
+def test_title_names_the_hands_of_least_error():
     table = pd.DataFrame({"hands": ["planted hands", "final"], "error": [1.0, 7.0], "error SD": [0.0, 0.2]})
     table = table.assign(**{"hits": [1.0, 0.8], "hits SD": [0, 0.1], "other": [0, 0.02], "pieces p < .05": [1.0, 0.5]})
-    error, hits = player_results.hits_figure({"piano": table}).axes
+    error, _ = player_results.hits_figure({"piano": table}).axes
     assert error.get_title("left") == "Planted piano: least error\nwith final"
-    assert [[bar.get_width() for bar in ax.patches] for ax in (error, hits)] == [[1.0, 7.0], [1.0, 0.8]]
-    (other,) = [line for line in hits.lines if line.get_label() == "other music"]
-    assert list(other.get_xdata()) == [0.0, 0.02]
-    assert [text.get_text() for text in hits.texts[:2]] == ["100 %", "50 %"]
 
 
 # Notebook 20

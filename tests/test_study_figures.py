@@ -10,14 +10,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib import ft2font
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox
 from matplotlib.patches import Patch
 from matplotlib.text import Text
@@ -29,9 +30,9 @@ from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
 from study.cells import notebook_cells
 from study.figures import framework, redraw, variants
-from study.figures.framework import TINTS, framework_figure
+from study.figures.framework import framework_figure
 from study.figures.pictures import PICTURES
-from study.figures.variants import APART, LOOKS
+from study.figures.variants import LOOKS
 from study.findings import RunTables, headline
 from study.profile import RunProfile
 from study.saving import PAGE_WIDTH, save_figure, save_table, smallest_text
@@ -82,17 +83,8 @@ def texts(ax: Axes) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
 
-def arrows(ax: Axes) -> list[tuple[float, float]]:
-    """From where to where along x the arrows go."""
-    return [(text.xyann[0], text.xy[0]) for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
-
-
 def titles(figure: Figure, side: str = "left") -> list[str]:
     return [ax.get_title(loc=side).strip() for ax in figure.axes]
-
-
-def labels(ax: Axes) -> list[str]:
-    return [text.get_text() for text in ax.get_yticklabels()]
 
 
 def spans(ax: Axes, gid: str = "interval") -> list[list[float]]:
@@ -100,34 +92,7 @@ def spans(ax: Axes, gid: str = "interval") -> list[list[float]]:
     return [list(line.get_xdata()) for line in ax.lines if line.get_gid() == gid]
 
 
-def marks_of(ax: Axes) -> dict[tuple[float, float], Line2D]:
-    """Every single mark: (x, y) -> its line."""
-    single = [line for line in ax.lines if len(line.get_xdata()) == 1]
-    return {tuple(np.round(line.get_xydata()[0].astype(float), 6).tolist()): line for line in single}
-
-
 # One measure (Fig. 11)
-
-
-def test_each_loss_has_a_hollow_mark_without_its_harmony_term_an_arrow_to_a_full_one_and_an_interval(ax: Axes):
-    rows = of_all("fid", [10.0, 40.0, 12.0, 30.0, NAN])
-    rows.loc[rows["variant"] == "paper", ["low", "high"]] = 35.0, 45.0
-    variants.draw_measure(ax, rows, "fid")
-    faces = {place: line.get_markerfacecolor() for place, line in marks_of(ax).items()}
-    assert faces == {
-        (10.0, 1 + APART): "white", (40.0, 1 - APART): LOOKS["paper"].colour,
-        (12.0, APART): "white", (30.0, -APART): LOOKS["recommended"].colour,
-    }  # fmt: skip
-    assert labels(ax) == ["our losses", "paper's losses"]
-    assert arrows(ax) == [(10.0, 40.0), (12.0, 30.0)]
-    assert spans(ax) == [[35.0, 45.0]]  # only where there is one
-
-
-def test_recorded_motion_has_a_row_of_its_own_and_a_value_below_zero_is_within_the_axes(ax: Axes):
-    variants.draw_measure(ax, of_all("above_chance", [-0.3, 0.2, 0.3, 0.4, 0.5]), "above_chance")
-    assert labels(ax)[0] == LOOKS["recorded"].label
-    assert (0.5, 0.0) in marks_of(ax)
-    assert ax.get_xlim()[0] < -0.3
 
 
 @cases(
@@ -155,17 +120,11 @@ def test_ablation_has_a_row_of_panels_a_corpus_and_marks_only_the_synthetic_one(
 # The trade-off
 
 
-def test_trade_off_has_a_mark_a_variant_with_both_intervals_and_small_ones_for_other_weights(ax: Axes):
+def test_interval_of_a_distance_does_not_go_below_0(ax: Axes):
     rows = both_measures("made up").reset_index(drop=True)
     rows.loc[(rows["variant"] == "paper") & (rows["measure"] == "fid"), ["low", "high"]] = -2.0, 18.0
-    sweep = pd.DataFrame({"harmony_weight": [2.0, 0.1], "above_chance": 0.6, "fid": 6.5, "jerk": [2.5, 6.5]})
-    variants.draw_trade_off(ax, rows, sweep, "fid")  # one training's FID has another unit
-    assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9)} == set(marks_of(ax))
-    assert spans(ax) == [[0.0, 18.0]]  # a distance does not go below 0
-    variants.draw_trade_off(ax, rows, sweep, "jerk")
-    light, heavy = (line for line in ax.lines if line.get_gid() == "sweep")
-    assert (light.get_xdata()[0], heavy.get_xdata()[0]) == (6.5, 2.5)
-    assert light.get_markersize() < heavy.get_markersize()
+    variants.draw_trade_off(ax, rows, pd.DataFrame(columns=["fid", "above_chance"]), "fid")
+    assert spans(ax) == [[0.0, 18.0]]
 
 
 def test_titles_of_the_trade_off_are_changes_by_our_harmony_term():
@@ -187,15 +146,7 @@ def votes(**shares: float) -> pd.DataFrame:
     return pd.DataFrame([{**about, "judge": judge, "share": share} for judge, share in judges])
 
 
-def test_votes_for_the_upper_name_lie_right_of_a_band_that_narrows_and_the_picture_says_nobody_was_asked(ax: Axes):
-    variants.draw_choices(ax, votes(paper=0.9, above=0.2))
-    shares = {line.get_label(): line.get_xdata() for line in ax.lines if not line.get_label().startswith("_")}
-    np.testing.assert_allclose(shares["paper's harmony"], [0.1])
-    np.testing.assert_allclose(shares["above chance"], [0.8])
-    assert labels(ax) == [f"{LOOKS['recommended'].label}\nover {LOOKS['paper'].label}"]
-    assert texts(ax) == ["10%", "80%"]
-    (band,) = [patch for patch in ax.patches if patch.get_label().startswith("a coin")]
-    np.testing.assert_allclose(band.get_bbox().intervalx, [0.5 - 0.98 / 7, 0.5 + 0.98 / 7])  # by the root of the units
+def test_picture_of_votes_says_which_variant_each_score_likes_best_and_that_nobody_was_asked():
     lines = ["Made up, 49 units, no people asked:"]
     for judge, name in (("paper's harmony", "paper"), ("above chance", "recommended")):
         lines.append(f"“{judge}” likes “{LOOKS[name].label}” best")
@@ -221,21 +172,6 @@ def both_scores(means: dict[tuple[str, str], tuple[float, float]], *corpora: str
     pairs = [(key, each) for key, values in means.items() for each in zip(variants.SIDES, values, strict=True)]
     every = product(corpora, pairs)
     return pd.DataFrame([trick(*key, mean, measure, corpus) for corpus, (key, (measure, mean)) in every])
-
-
-def test_arrow_leads_from_the_true_music_to_a_hollow_dot_at_the_late_one_and_chance_is_a_grey_bar(ax: Axes):
-    rows = [trick("a", "true", 0.9), trick("a", "late", 0.2), trick("paper", "true", 0.3), trick("paper", "late", 0.6)]
-    variants.draw_dumbbells(ax, pd.DataFrame([*rows, trick("a", "true", 0.8, "paper_chance")]), "paper_hit_rate")
-    late = [line for line in ax.lines if line.get_gid() == "late"]
-    assert [line.get_markerfacecolor() for line in late] == ["white"] * 2
-    assert spans(ax, "late") == [[0.2], [0.6]]
-    assert arrows(ax) == [(0.9, 0.2), (0.3, 0.6)] and len(ax.texts) == 2
-    (bar,) = [line for line in ax.lines if line.get_color() == COLOURS["chance"]]
-    assert list(bar.get_xdata()) == [0.8, 0.8]
-    # Generators keep their own colour, mark and name.
-    assert labels(ax) == [LOOKS["paper"].label, "a"]
-    mark = marks_of(ax)[0.3, 0.0]
-    assert (mark.get_color(), mark.get_marker()) == (LOOKS["paper"].colour, LOOKS["paper"].marker)
 
 
 @pytest.mark.usefixtures("saving")
@@ -280,17 +216,6 @@ ROWS = pd.DataFrame(
 )
 
 
-def test_systems_are_marked_at_what_they_meet_beyond_chance_above_what_needs_no_training(ax: Axes):
-    variants.draw_compared(ax, ROWS)
-    assert labels(ax) == ["random pieces", "recorded, right song", "HarmoGAN", "Ren et al. 2020"]  # from below
-    places = {height: (round(x), mark.get_marker()) for (x, height), mark in marks_of(ax).items() if x}
-    assert places == {2: (10, "o"), 1: (-10, "D"), 0: (-5, "D")}
-    assert sorted(np.round(span).tolist() for span in spans(ax)) == [[-20, 0], [5, 15]]
-    white = [x for (x, _), mark in marks_of(ax).items() if x and mark.get_markerfacecolor() == "white"]
-    assert len(white) == 2  # filled: above chance with the whole interval
-    assert [text.strip() for text in texts(ax)] == ["not trained well enough"]
-
-
 def test_one_contest_is_drawn_to_recorded_songs_where_there_are_any_and_its_title_counts_systems():
     lows = (("network", 0.35), ("network", 0.55), ("pieces", 0.55))  # pieces are no system
     measured = [row(f"{kind} from {low}", kind, 0.6, low, 0.7) for kind, low in lows]
@@ -320,15 +245,6 @@ BOTH = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
 DIAGRAMS = [framework.networks_figure(PARTS), framework_figure(PARTS, BOTH), framework.dancing_figure()]
 
 
-def test_every_measured_part_has_a_box_with_its_layers_size_and_shape():
-    (ax,) = DIAGRAMS[0].axes
-    assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(PARTS) + 3  # three in the legend
-    for part in PARTS:
-        assert (part["shape"] if part["name"] in SIGNALS else f"to {part['shape']}") in texts(ax)
-    assert texts(ax).count("GRU, 1.1 k") == sum(part["parameters"] > 0 for part in PARTS)
-    assert "generator $G$: 7.7 k parameters" in texts(ax)
-
-
 @pytest.mark.parametrize("figure", DIAGRAMS)
 def test_nothing_in_the_drawing_is_left_to_measure_all_of_it_is_on_the_paper_and_boxes_do_not_overlap(figure: Figure):
     (ax,) = figure.axes
@@ -341,15 +257,7 @@ def test_nothing_in_the_drawing_is_left_to_measure_all_of_it_is_on_the_paper_and
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
-def test_training_shows_each_loss_with_its_equation_and_both_weights():
-    lines = texts(DIAGRAMS[1].axes[0])
-    for equation in (23, 24, 25, 26, 27, 32):
-        assert any(f"Eq. {equation}" in line for line in lines)
-    assert f"weight: paper 0.001, ours {BOTH['ours'].mse_weight:g}" in lines
-    assert f"weight: paper 0, ours {BOTH['ours'].smoothness_weight:g}" in lines
-    assert "7.7 k parameters" in lines
-    assert any("4.4 k" in line and "6.6 k" in line for line in lines)  # discriminators of 4 and 6 parts
-    # One that is not heard is named.
+def test_the_only_discriminator_that_counts_is_named():
     params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
     assert "weight: paper 0.001, ours 0.1 ($D_{st}$ alone)" in texts(framework_figure(PARTS, params).axes[0])
 
@@ -358,14 +266,6 @@ def test_every_loss_weight_of_the_settings_is_in_the_picture():
     weights = {name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")}
     parts_of_terms = {"pretrain_kl", "count", "cross_domain"}
     assert set(re.findall(r"\{weight\.(\w+)\}", framework.DRAWING.read_text("utf-8"))) == weights - parts_of_terms
-
-
-def test_box_is_as_high_as_its_lines_need(ax: Axes):
-    framework.draw_diagram(ax, {"parts": [[1, 1, 1, "both", "a"], [1, 3, 1, "audio", "a", "b\nc"]]})
-    one, three = (patch.get_bbox().height for patch in ax.patches)
-    assert three - one == pytest.approx(2 * 0.155)
-    assert texts(ax) == ["a", "a", "b", "c"]
-    assert [to_hex(patch.get_facecolor()).upper() for patch in ax.patches] == [TINTS["both"], TINTS["audio"]]
 
 
 @cases("count, text", (0, "0"), (999, "999"), (1000, "1.0 k"), (99_960, "100 k"), (7.25e6, "7.2 M"))
@@ -395,26 +295,6 @@ def history(*courses: list[dict[str, Any]]) -> pd.DataFrame:
 COURSES = history(course("paper, without"), course("paper", harmony=-0.5), course("recommended", harmony=2.0))
 
 
-@cases(
-    "column, epochs, values, band",
-    ("mse", range(1, 14), [*range(10, 0, -1), 1, 1, 1], [(0.5, 10.5)]),
-    ("gan", [11, 12, 13], [1.3, 1.3, 1.3], []),
-)
-def test_term_is_drawn_where_it_was_measured_and_pretraining_is_marked(ax: Axes, column: str, epochs, values, band):
-    TRAINING.draw_term(ax, COURSES, column, ["paper"])
-    (line,) = ax.lines
-    np.testing.assert_array_equal([line.get_xdata(), line.get_ydata()], [[*epochs], values])
-    found = [patch for patch in ax.patches if patch.get_gid() == "pretraining"]
-    assert [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in found] == band
-
-
-def test_lines_look_as_their_variant_everywhere_and_are_dashed_without_harmony(ax: Axes):
-    TRAINING.draw_term(ax, COURSES, "mse", ["paper, without", "paper"])
-    without, with_it = ax.lines
-    assert without.get_color() == with_it.get_color() == LOOKS["paper"].colour
-    assert (without.is_dashed(), with_it.is_dashed()) == (True, False)
-
-
 def test_every_term_has_its_panel_and_the_two_harmony_losses_never_share_a_scale():
     figure = TRAINING.losses_figure(COURSES)
     panels = {ax.get_title(loc="left").split("\n")[0]: ax for ax in figure.axes}
@@ -423,22 +303,6 @@ def test_every_term_has_its_panel_and_the_two_harmony_losses_never_share_a_scale
         (line,) = panels[title].lines
         np.testing.assert_array_equal(line.get_ydata(), [loss] * 3)
     assert smallest_text(figure) >= 9
-
-
-def test_each_variant_is_validated_from_the_end_of_its_own_pretraining(ax: Axes):
-    longer = course("recommended")[:5] + course("recommended", harmony=2.0)
-    TRAINING.draw_validated(ax, history(course("paper", harmony=-0.5), longer), "val_harmony")
-    for line in ax.lines:
-        np.testing.assert_array_equal(line.get_xdata(), [0, 1, 2, 3])
-        np.testing.assert_allclose(line.get_ydata(), [0.2, 0.3, 0.4, 0.5])
-    assert ax.get_ylim() == (0.0, 1.0)
-
-
-@cases("column, level", ("val_above_chance", 0.0), ("val_count_ratio", 1.0))
-def test_chance_and_one_beat_for_one_are_dotted(ax: Axes, column: str, level: float):
-    TRAINING.draw_validated(ax, COURSES, column)
-    assert list(ax.lines[-1].get_ydata()) == [level, level]
-    assert ax.lines[-1].get_color() == COLOURS["chance"]
 
 
 def test_validation_has_the_papers_scores_and_what_they_do_not_tell():
@@ -452,20 +316,9 @@ DISTANCES |= {"recorded, halves": (-0.02, -1.0, 1.0), "recorded, other figures":
 MEASURED = pd.DataFrame([record(name, "fid", *numbers) for name, numbers in DISTANCES.items()])
 
 
-def test_distances_have_a_mark_with_its_number_and_the_axis_holds_every_interval_whole(ax: Axes):
+def test_no_distance_is_written_as_minus_0(ax: Axes):
     variants.draw_distances(ax, MEASURED, "fid")
-    references = ["recorded dance, two halves", "recorded dance, other figures"]
-    assert labels(ax) == [*references, LOOKS["paper"].label, LOOKS["paper, without"].label]
     assert sorted(texts(ax)) == ["0.0", "20.0", "25.0", "3.0"]
-    assert {x for x, _ in marks_of(ax)} >= {-0.02, 3.0, 25.0, 20.0}
-    assert sorted(spans(ax)) == [[-1.0, 1.0], [2.0, 4.0], [22.0, 28.0]]
-    low, high = ax.get_xlim()
-    assert low < -1.0 and high > 28.0
-
-
-def test_trainings_are_dots(ax: Axes):
-    variants.draw_distances(ax, pd.DataFrame([record("paper", "fid", 20.0) | {"seed 1": 15.0, "seed 2": 25.0}]), "fid")
-    assert spans(ax, "seed") == [[15.0, 25.0]]
 
 
 def test_the_distance_of_speeds_of_the_first_corpus_is_drawn_and_its_title_names_the_nearest_generator():
@@ -514,6 +367,8 @@ def test_recorded_and_generated_stand_under_each_other_at_the_same_moments_and_w
 
 SHIPPED = Path(__file__).parents[1] / "figures"
 ENTRIES = json.loads((SHIPPED / MANIFEST).read_text("utf-8"))
+PINS = (SHIPPED.parent / "constraints.txt").read_text("utf-8")
+SAME = 0.05  # of 255: values rounded otherwise make 0.008 at most, and the least mark lost makes 0.27
 # Drawn of bodies, of sound, or of the shapes of a network, by the patterns of their names.
 OF_NO_TABLE = (
     *("fig0[0-6]_*", "fig01_03_*", "fig05b_*", "fig10_*", "fig12_sheet_*", "fig14*", "own_dance_*"),
@@ -541,6 +396,30 @@ def test_shipped_tables_give_figures_of_large_letters_and_words_without_the_name
     for name, figure in drawn.items():
         words = " ".join(text.get_text() for text in figure.findobj(Text))
         assert not re.search("beatlocked|realdance|tang2018", words), name
+
+
+def unlike(one: Path, other: Path) -> float:
+    """By how many of 255 the colours of two pictures differ, root mean square; infinite if their sizes do."""
+    shades, others = (255 * imread(path)[..., :3] for path in (one, other))
+    return float(np.sqrt(np.mean((shades - others) ** 2))) if shades.shape == others.shape else np.inf
+
+
+# With other letters all else moves too: without hinting the same pictures differ by 24 to 44, or have other sizes.
+LETTERS_ALIKE = ft2font.__freetype_build_type__ == "local" and f"\nmatplotlib=={mpl.__version__}\n" in PINS
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not LETTERS_ALIKE, reason="other letters: not the matplotlib of constraints.txt with its own freetype"
+)
+@pytest.mark.usefixtures("saving")
+def test_every_mark_line_colour_and_word_of_a_picture_is_drawn_of_its_tables_as_published(drawn: dict[str, Figure]):
+    apart = {}
+    for name, figure in drawn.items():
+        about = ABOUT | {"source": ENTRIES[f"{name}.png"]["source"], "profile": RunProfile.full()}
+        apart[name] = unlike(SHIPPED / f"{name}.png", save_figure(figure, name, tables=(), **about).path)
+    changed = {name: round(difference, 2) for name, difference in apart.items() if difference > SAME}
+    assert not changed, "see what is new in them; if it is meant: make figures FROM=tables"
 
 
 @pytest.mark.slow
