@@ -173,7 +173,7 @@ def accuracy_figure(table: pd.DataFrame, differences: pd.DataFrame, *, remark: s
     ]
     grid: dict[str, Any] = {"more": 1.0, "loc": "outside lower left", "width_ratios": (1.5, 1), "sharex": "col"}
     panels = ["accuracy", "difference"]
-    figure = panels_figure(table, draw, panels, handles, height=lambda _: 2.5, by=["set"], **grid)
+    figure = panels_figure(table, draw, panels, handles, height=2.5, by=["set"], **grid)
     left = "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
     figure.axes[-2].set_xlabel(left)
     arrows = "\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}"
