@@ -22,7 +22,7 @@ from harmolab.lab.figures.style import COLOURS, styled_axes
 from study.figures.words import corpus_words, is_synthetic, listed, sentence
 from study.saving import mark_corpus
 
-Record = Mapping[str, Any]
+Records = pd.DataFrame | Sequence[Mapping[str, Any]]  # a table, or its rows
 
 
 @dataclass(frozen=True)
