@@ -123,19 +123,14 @@ def save_table(frame: pd.DataFrame, name: str, **about: Unpack[About]) -> Saved:
     return Saved(path)
 
 
-def mark_synthetic(ax: Axes) -> None:
-    """The words "synthetic data" at the right, above the title; `save_figure` then marks panels alone."""
+def mark_corpus(ax: Axes, corpus: str) -> None:
+    """The words "synthetic data" at the right, above the title, if the corpus is; `save_figure` then adds no mark."""
+    if not is_synthetic(corpus):
+        ax.set_title(" ", loc="right", fontsize=12, gid="source")
+        return
     title = ax.get_title(loc="left")
     words = "synthetic data" + "\n" * (title.count("\n") + bool(title))
     ax.set_title(words, loc="right", fontsize=9, style="italic", color=COLOURS["miss"], gid="source")
-
-
-def mark_corpus(ax: Axes, corpus: str) -> None:
-    """`mark_synthetic` for the picture of one corpus out of several, if it is; `save_figure` then adds no mark."""
-    if is_synthetic(corpus):
-        mark_synthetic(ax)
-    else:
-        ax.set_title(" ", loc="right", gid="source")
 
 
 def smallest_text(figure: Figure) -> float:

@@ -2,7 +2,7 @@
 
 from scipy.stats import kendalltau
 
-from study.claims.claim import Claim, value
+from study.claims.claim import Claim, spread, value
 from study.findings import RunTables
 
 FILES = {"violin": "a2b_table01_violin", "piano": "a2b_table02_piano"}
@@ -51,8 +51,7 @@ def _tau(tables: RunTables, instrument: str, column: str) -> float:
 
 
 def _order(tables: RunTables, instrument: str) -> str:
-    tau, low, high = (_tau(tables, instrument, name) for name in ("tau", "low", "high"))
-    return f"Kendall's tau {tau:.2f} [{low:.2f}, {high:.2f}]"
+    return f"Kendall's tau {spread(tables, 'a2b_rank_agreement', 'tau', instrument=instrument)}"
 
 
 def _no_agreement(tables: RunTables, instrument: str) -> str:

@@ -8,6 +8,7 @@ from study.findings import RunTables
 
 Verdict = Literal["reproduced", "refuted", "not reproduced", "cannot be tested"]
 Words = Callable[[RunTables], str]
+HEADS = ("in the paper", "what it claims", "its number", "what came out here")
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,8 @@ def value(tables: RunTables, table: str, column: str, **where: Any) -> Any:
 
 def spread(tables: RunTables, table: str, column: str = "mean", *, digits: int = 2, **where: Any) -> str:
     """A number of a table with its interval, as "0.41 [0.35, 0.46]": columns low and high, with the column's name or not."""
-    named = [(f"{column} low", f"{column} high"), (f"{column}, low", f"{column}, high"), ("low", "high")]
-    low, high = next(names for names in named if names[0] in tables[table])
-    numbers = [float(value(tables, table, name, **where)) for name in (column, low, high)]
+    prefix = next(words for words in (f"{column} ", f"{column}, ", "interval ", "") if f"{words}low" in tables[table])
+    numbers = [float(value(tables, table, name, **where)) for name in (column, f"{prefix}low", f"{prefix}high")]
     return "{} [{}, {}]".format(*(f"{number:.{digits}f}" for number in numbers))
 
 
@@ -88,26 +88,27 @@ def claims_table(claims: Sequence[Claim], tables: RunTables) -> str:
         raise ValueError(
             f"the tables contradict the verdict on {'; '.join(wrong)}: look at them, and change the verdict"
         )
-    lines = [
-        "| in the paper | what it claims | its number | what came out here | beside it: chance or a control | verdict | notebook, test |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    return "\n".join([*lines, *(_line(one, tables) for one in claims)])
+    heads = [*HEADS, "beside it: chance or a control", "verdict", "notebook, test"]
+    return markdown_table(heads, (_cells(one, tables) for one in claims))
 
 
-def _line(one: Claim, tables: RunTables) -> str:
+def short_table(claims: Sequence[Claim], tables: RunTables) -> str:
+    """The claims of one paper that could be tested, with the paper's number, ours and the verdict."""
+    tested = [one for one in claims if one.verdict != "cannot be tested"]
+    rows = ([one.place, one.claim, one.paper, one.ours(tables), one.verdict] for one in tested)
+    return markdown_table([*HEADS, "verdict"], rows)
+
+
+def _cells(one: Claim, tables: RunTables) -> list[str]:
     notebook = f"[{one.notebook[:2]}](../notebooks/{one.notebook}.ipynb), `{one.test}`"
     verdict = f"**{one.verdict}**" + (f"; it would take {one.needs}" if one.needs else "")
-    cells = (
-        one.place,
-        one.claim,
-        one.paper or "-",
-        one.ours(tables) or "-",
-        one.beside(tables) or "-",
-        verdict,
-        notebook,
-    )
-    return f"| {' | '.join(cells)} |"
+    return [one.place, one.claim, one.paper, one.ours(tables), one.beside(tables), verdict, notebook]
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, a dash in its empty cells."""
+    lines = [f"| {' | '.join(cell or '-' for cell in row)} |" for row in (heads, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(heads), *lines[1:]])
 
 
 def counts(claims: Iterable[Claim]) -> dict[str, int]:

@@ -60,11 +60,7 @@ def _inside(tables: RunTables, corpus: str) -> bool:
 
 
 def _auc(tables: RunTables, corpus: str) -> str:
-    row = {"corpus": corpus, "score": "paper"}
-    return (
-        f"{value(tables, AUC, 'AUC', **row):.2f} [{value(tables, AUC, 'interval low', **row):.2f}, "
-        f"{value(tables, AUC, 'interval high', **row):.2f}]"
-    )
+    return spread(tables, AUC, "AUC", corpus=corpus, score="paper")
 
 
 def _band(tables: RunTables, corpus: str) -> str:
@@ -82,11 +78,6 @@ def _readings(tables: RunTables) -> str:
 
 def _reading(tables: RunTables, column: str) -> float:
     return float(value(tables, "table08j_readings", column, reading="as it is"))
-
-
-def _picks(tables: RunTables, judge: str) -> str:
-    return "{:.2f} [{:.2f}, {:.2f}]".format(*(value(tables, "table08h_picked_clips", name, judge=judge)
-                                              for name in ("harmolab", "low", "high")))  # fmt: skip
 
 
 def _trick(tables: RunTables, column: str) -> float:
@@ -135,7 +126,7 @@ HARMONY = (
     ),
     Claim(
         "Fig. 8", "people pick out the videos with wrong music", ".78",
-        lambda tables: f"no person was asked; h in their place picks {_picks(tables, H_ALONE)} of the ten wrong clips",
+        lambda tables: f"no person was asked; h in their place picks {spread(tables, 'table08h_picked_clips', 'harmolab', judge=H_ALONE)} of the ten wrong clips",
         lambda tables: "by guessing .50", "cannot be tested", None, "14_listening_study", "test_listening.py", PEOPLE,
     ),
     Claim(

@@ -1,7 +1,6 @@
 """The pages `docs/claims.md` and `docs/report.md`, written from the published tables: ``python -m study.claims.pages``."""
 
 import sys
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harmolab.files import write_text
 from study.claims.body_dynamics import BODY_DYNAMICS, rest_of_order
-from study.claims.claim import Claim, claims_table, counts, spread, value
+from study.claims.claim import claims_table, counts, short_table, spread, value
 from study.claims.harmony import HARMONY
 from study.claims.music2dance import MUSIC2DANCE
 from study.findings import RunTables, published_tables
@@ -52,14 +51,6 @@ def number(tables: RunTables, table: str, column: str, digits: int = 2, **where:
     """A number of a table, rounded; a word as it is."""
     entry = value(tables, table, column, **where)
     return entry if isinstance(entry, str) else f"{entry:.{digits}f}"
-
-
-def short_table(claims: Sequence[Claim], tables: RunTables) -> str:
-    """The claims of one paper that could be tested, with the paper's number, ours and the verdict."""
-    lines = ["| in the paper | what it claims | its number | what came out here | verdict |", "|---|---|---|---|---|"]
-    tested = [one for one in claims if one.verdict != "cannot be tested"]
-    rows = ((one.place, one.claim, one.paper or "-", one.ours(tables), one.verdict) for one in tested)
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def main() -> int:

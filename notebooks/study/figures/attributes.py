@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
+from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import Audio, Clip, FloatArray
-from study.figures.framework import box_height, count_text, draw_diagram
+from study.figures.framework import box_height, count_text, drawing_figure
 from study.figures.variants import RIVAL, Look, draw_mean, of_measure, panels_figure, rows_by_name
 from study.figures.words import clip_words, count_words, listed
 
@@ -128,13 +128,7 @@ def classifier_figure(networks: Mapping[str, Sequence[Any]]) -> Figure:
         total = count_text(sum(stage.parameters for stage in stages))
         drawing["titles"].append([x - BOX / 2, height - 0.25, f"{name}:\n{total} parameters"])
     words = "shapes of one window: (moments, values), between the convolutions (channels, moments, features)"
-    with figure_style():
-        figure = Figure(figsize=(width, height))
-        figure.set_layout_engine("none")
-        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
-        ax.axis("off")
-        draw_diagram(ax, {**drawing, "labels": [[(COLUMN - BOX) / 2, 0.15, words]]})
-    return figure
+    return drawing_figure({**drawing, "size": (width, height), "labels": [[(COLUMN - BOX) / 2, 0.15, words]]})
 
 
 def _box_lines(stage: Any) -> list[str]:
@@ -173,7 +167,7 @@ def accuracy_figure(table: pd.DataFrame, differences: pd.DataFrame, *, remark: s
     ]
     grid: dict[str, Any] = {"more": 1.0, "loc": "outside lower left", "width_ratios": (1.5, 1), "sharex": "col"}
     panels = ["accuracy", "difference"]
-    figure = panels_figure(table, draw, panels, handles, height=lambda _: 2.5, by=["set"], **grid)
+    figure = panels_figure(table, draw, panels, handles, height=2.5, by=["set"], **grid)
     left = "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
     figure.axes[-2].set_xlabel(left)
     arrows = "\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}"

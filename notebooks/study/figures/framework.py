@@ -6,10 +6,11 @@ sizes and weights in braces there are measured.
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Rectangle
@@ -17,7 +18,7 @@ from matplotlib.path import Path as Outline
 
 from harmolab.lab.figures.style import COLOURS, figure_style
 from harmolab.systems.harmogan.params import TrainParams
-from study.figures.variants import Record
+from study.figures.variants import Records
 
 DRAWING = Path(__file__).with_name("diagrams.json")
 # Pale forms of the colours for music and movement, dark enough to be told apart without their edges.
@@ -27,12 +28,12 @@ _DASHES = (0, (4, 2))
 _LINE = 0.155  # inches from one line of text to the next
 
 
-def framework_figure(parts: Iterable[Record], params: Mapping[str, TrainParams]) -> Figure:
+def framework_figure(parts: Records, params: Mapping[str, TrainParams]) -> Figure:
     """Fig. 7a: training, with the size of each network and the weight of each loss.
 
     Parameters
     ----------
-    parts : records with the fields of `study.shapes.Part`
+    parts : table, or its records, with the fields of `study.shapes.Part`
     params : name of a way to train -> its settings; their loss weights are written out, 0 is a term that is off
     """
     names = [name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")]
@@ -45,7 +46,7 @@ def dancing_figure() -> Figure:
     return diagram("dancing", {})
 
 
-def networks_figure(parts: Iterable[Record]) -> Figure:
+def networks_figure(parts: Records) -> Figure:
     """Fig. 7c: generator and discriminators side by side; `parts` as for `framework_figure`."""
     return diagram("networks", _sizes(parts))
 
@@ -56,10 +57,10 @@ def _weight(params: TrainParams, name: str) -> str:
     return f"{weight} ($D_{{st}}$ alone)" if name == "gan" and params.cross_domain_weight == 0 else weight
 
 
-def _sizes(parts: Iterable[Record]) -> dict[str, str]:
+def _sizes(parts: Records) -> dict[str, str]:
     """Text for "network" (its parameters) and for "network.part" (layers, parameters and shape)."""
     texts, totals = {}, dict[str, int]()
-    for part in parts:
+    for part in pd.DataFrame(parts).to_dict("records"):
         network, count = part["network"], part["parameters"]
         totals[network] = totals.get(network, 0) + count
         layers = "" if part["layers"] in ("input", "output") else f"{part['layers']}, {count_text(count)}\nto "
@@ -83,11 +84,17 @@ def count_text(count: int) -> str:
 def diagram(name: str, values: Mapping[str, str]) -> Figure:
     """The drawing of that name, with `values` in place of the words in braces."""
     text = DRAWING.read_text("utf-8")
-    drawing = json.loads(re.sub(r"\{([\w. ]+)\}", lambda m: json.dumps(values.get(m[1], m[0]))[1:-1], text))[name]
+    filled = re.sub(r"\{([\w. ]+)\}", lambda m: json.dumps(values.get(m[1], m[0]))[1:-1], text)
+    return drawing_figure(json.loads(filled)[name])
+
+
+def drawing_figure(drawing: Mapping[str, Any]) -> Figure:
+    """A figure that is nothing but a drawing as for `draw_diagram`; "size" is its width and height in inches."""
+    width, height = drawing["size"]
     with figure_style():
-        figure = Figure(figsize=drawing["size"])
+        figure = Figure(figsize=(width, height))
         figure.set_layout_engine("none")
-        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, drawing["size"][0]), ylim=(0.0, drawing["size"][1]))
+        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
         ax.axis("off")
         draw_diagram(ax, drawing)
     return figure

@@ -6,16 +6,16 @@ LENGTHS = {name.replace(" ", "_"): name for name in ("a minute", "a minute on sy
 # Picture -> a notebook, or a module beside this one; its function that draws; and the tables it is given, in order.
 PICTURES: Mapping[str, tuple[str, ...]] = {
     "eq18_tolerance_and_chance": ("04_salience_and_scoring", "tolerance_figure", "eq18_tolerance_and_chance"),
-    "fig07_framework": ("redraw", "framework_of", "table07_parameters"),
+    "fig07_framework": ("framework", "framework_figure", "table07_parameters"),
     "fig07b_dancing": ("framework", "dancing_figure"),  # of no table
-    "fig07c_networks": ("redraw", "networks_of", "table07_parameters"),
+    "fig07c_networks": ("framework", "networks_figure", "table07_parameters"),
     "fig07d_losses": ("07_anatomy_and_training", "losses_figure", "table07_history"),
     "fig07e_validation": ("07_anatomy_and_training", "validation_figure", "table07_history"),
     "fig08_picking_inharmonious_clips": ("results", "picks_figure", "table08h_picked_clips"),
     "fig08b_auc_of_all_scores": ("results", "auc_figure", "table08b_auc"),
     "fig08c_bar_patterns": ("results", "patterns_figure", "fig08c_bar_patterns"),
     "fig08d_disturbances": ("results", "disturbances_figure", "table08g_beat_jitter"),
-    "fig08e_listening_study": ("redraw", "rates_of", "table08e_listening_study"),
+    "fig08e_listening_study": ("results", "rates_figure", "table08e_listening_study"),
     "fig08f_levels": ("results", "levels_figure", "table08i_levels"),
     "fig08g_false_alarms": ("results", "nulls_figure", "table08f_false_alarms"),
     "fig09_frechet_distances": ("variants", "distances_figure", "table09_motion_quality"),

@@ -20,7 +20,7 @@ from harmolab.lab.report import MANIFEST
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.music2dance.params import Music2DanceParams
 from study.cells import notebook_cells
-from study.figures import framework, player_points, player_results, results
+from study.figures import player_points, player_results
 from study.figures.pictures import LENGTHS, PICTURES
 from study.figures.words import corpus_words
 from study.findings import RunTables
@@ -36,6 +36,8 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
     **dict.fromkeys(("m2d_table01_accuracy", "m2d_table01c_confusion", "m2d_song_probabilities"), REMARK),
     **{f"m2d_{length}": {"length": words} for length, words in LENGTHS.items()},
     "m2d_chance": {"used": DRAWN},
+    "fig07_framework": {"params": {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}},
+    "fig08e_listening_study": {"label": "right answers", "title": "Who picks out late dances?"},
     "m2d_fig06_machine_marks": CORPUS,
     "m2d_fig08_hands": {"dance": "cha-cha", **CORPUS},
     "m2d_fig10_end_effectors": {"words": "{corpus}; cha-cha, a tenth of the spread drawn"},
@@ -47,25 +49,6 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 KEPT = ("notebook", "source", "seed", "title", "trained")  # of the entry in the manifest
 RUN = ("commit", "date", "seconds", "experiment")  # of the run that the tables are of
 cells = cache(notebook_cells)
-
-
-def framework_of(parts: pd.DataFrame) -> Figure:
-    """The framework of HarmoGAN."""
-    params = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
-    rows: list[Any] = parts.to_dict("records")
-    return framework.framework_figure(rows, params)
-
-
-def networks_of(parts: pd.DataFrame) -> Figure:
-    """The networks of HarmoGAN."""
-    rows: list[Any] = parts.to_dict("records")
-    return framework.networks_figure(rows)
-
-
-def rates_of(raters: pd.DataFrame) -> Figure:
-    """Right answers of simulated raters."""
-    rows: list[Any] = raters.to_dict("records")
-    return results.rates_figure(rows, label="right answers", title="Who picks out late dances?")
 
 
 def marks_of(marks: pd.DataFrame, corpus: str) -> Figure:

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.verdict.judge import LEVELS
-from study.figures.variants import Look, Record, draw_mean, of_first, rows_by_name
+from study.figures.variants import Look, Records, draw_mean, of_first, rows_by_name
 from study.figures.words import corpus_words, sentence
 from study.saving import mark_corpus
 
@@ -309,7 +309,7 @@ def _on_top(counts: pd.DataFrame) -> str:
 # Listening studies: share of right answers of each rater; simulated raters are named as such
 
 
-def study_title(title: str, rows: Sequence[Record]) -> str:
+def study_title(title: str, rows: Sequence[Mapping[Any, Any]]) -> str:
     """The title of a table or figure made from `rows`, which says "simulated" if any rater was.
 
     >>> study_title("Right answers", [{"rate": 0.8, "simulated": True}])
@@ -327,15 +327,16 @@ def study_title(title: str, rows: Sequence[Record]) -> str:
     return title
 
 
-def rates_figure(rows: Sequence[Record], *, label: str, title: str) -> Figure:
+def rates_figure(raters: Records, *, label: str, title: str) -> Figure:
     """A share with its interval for each row: a filled dot if the interval leaves out guessing, else an open one.
 
     Parameters
     ----------
-    rows : records with "rate", "low", "high", "n", "simulated", and "rater" or "version" as the name
+    raters : table, or its records, with "rate", "low", "high", "n", "simulated", and "rater" or "version" as the name
     label : str, name of the share
     title : str; `study_title` is added
     """
+    rows = pd.DataFrame(raters).to_dict("records")
     title = study_title(title, rows)
     with styled_axes((8.0, 1.4 + 0.35 * len(rows))) as (figure, (ax,)):
         places = rows_by_name(ax, [str(row.get("rater", row.get("version"))) for row in rows])

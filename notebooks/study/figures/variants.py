@@ -20,9 +20,9 @@ from matplotlib.ticker import MultipleLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from study.figures.words import corpus_words, is_synthetic, listed, sentence
-from study.saving import mark_corpus, mark_synthetic
+from study.saving import mark_corpus
 
-Record = Mapping[str, Any]
+Records = pd.DataFrame | Sequence[Mapping[str, Any]]  # a table, or its rows
 
 
 @dataclass(frozen=True)
@@ -70,20 +70,16 @@ def draw_mean(
 ) -> None:
     """A mark at the mean of a record with "mean", "low" and "high", and a line over its interval if it has one.
 
-    A mean that is not finite has no mark; `number` stands `up` points above the mark; `mark` changes its look.
+    A mean that is not finite has no mark. `number` stands `up` points above the mark, below it where
+    that is negative. `mark` changes the look of the mark.
     """
     if np.isfinite(row["low"]):
         ax.plot([row["low"], row["high"]], [place, place], color=look.colour, linewidth=width, zorder=2, gid="interval")
     if np.isfinite(row["mean"]):
         ax.plot(row["mean"], place, zorder=4, **look.mark | mark)
     if number:
-        draw_number(ax, number, (row["mean"], place), look.colour, up)
-
-
-def draw_number(ax: Axes, number: str, place: tuple[float, float], colour: str, up: float = 7) -> None:
-    """Words so many points above a place, below it where `up` is negative."""
-    side: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top"}
-    ax.annotate(number, place, (0, up), textcoords="offset points", fontsize=9, color=colour, **side)
+        text: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top", "fontsize": 9}
+        ax.annotate(number, (row["mean"], place), (0, up), textcoords="offset points", color=look.colour, **text)
 
 
 def draw_arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str) -> None:
@@ -109,7 +105,7 @@ def panels_figure(
     measures: Sequence[str],
     handles: Sequence[Artist] = (),
     *,
-    height: Callable[[pd.DataFrame], float],
+    height: float,
     more: float = 0.6,
     by: Sequence[str] = ("corpus",),
     loc: Any = "outside upper center",
@@ -130,29 +126,16 @@ def panels_figure(
     grid : as for ``subplots``
     """
     parts = {" ".join(map(str, names)): part for names, part in table.groupby(list(by), sort=False)}
-    heights = [height(part) for part in parts.values()]
-    size = (9.0, sum(heights) + more)
-    with styled_axes(size, len(parts), len(measures), height_ratios=heights, **grid) as (figure, axes):
+    size = (9.0, height * len(parts) + more)
+    with styled_axes(size, len(parts), len(measures), **grid) as (figure, axes):
         for ax, (part, measure) in zip(axes, product(parts.values(), measures), strict=True):
             ax.set_title(draw(ax, part, measure), fontsize=10.5)
         for ax, names in zip(axes[len(measures) - 1 :: len(measures)], parts, strict=True):
-            if is_synthetic(names):
-                mark_synthetic(ax)
+            # A picture of one corpus is marked by that alone: `save_figure` goes by all that its table has.
+            if is_synthetic(names) or len(parts) == 1:
+                mark_corpus(ax, names)
         entries = handles or axes[0].get_legend_handles_labels()[0]
         figure.legend(handles=entries, loc=loc, ncols=ncols)
-    return figure
-
-
-def one_panel(
-    table: pd.DataFrame,
-    draw: Callable[[Axes, pd.DataFrame, str], str],
-    measure: str,
-    handles: Sequence[Artist],
-    **look: Any,
-) -> Figure:
-    """`panels_figure` of one measure and one corpus, marked as synthetic by that corpus, not by its whole table."""
-    figure = panels_figure(table, draw, [measure], handles, more=0.5, **look)
-    mark_corpus(figure.axes[0], " ".join(map(str, table[look.get("by", ["corpus"])].iloc[0])))
     return figure
 
 
@@ -226,7 +209,7 @@ def distances_figure(table: pd.DataFrame) -> Figure:
         Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval"),
         Line2D([], [], linestyle="none", marker=".", color=COLOURS["ink"], label="one training"),
     ]
-    return one_panel(of_first(table, "corpus"), draw_distances, "fid_kinetic", handles, height=lambda _: 3.3)
+    return panels_figure(of_first(table, "corpus"), draw_distances, ["fid_kinetic"], handles, height=3.3, more=0.5)
 
 
 # Gain and cost of a harmony loss (Fig. 11): measures by loss, and harmony against its price
@@ -294,7 +277,7 @@ def ablation_figure(table: pd.DataFrame, gains: pd.DataFrame) -> Figure:
     ]
     if (seeds := table["seeds"].max()) > 1:
         handles.append(Line2D([], [], color=COLOURS["chance"], linewidth=2, label=f"95 % interval, {seeds} trainings"))
-    return panels_figure(table, draw, [*SHOWN], handles, height=lambda _: 2.9, ncols=4, gridspec_kw={"wspace": 0.08})
+    return panels_figure(table, draw, [*SHOWN], handles, height=2.9, ncols=4, gridspec_kw={"wspace": 0.08})
 
 
 def _change_words(gains: pd.DataFrame) -> str:
@@ -361,7 +344,7 @@ def trade_off_figure(table: pd.DataFrame, sweep: pd.DataFrame) -> Figure:
     weights = " < ".join(f"{weight:g}" for weight in sorted(set(sweep["harmony_weight"])))
     dot = {**_DOT, "markersize": 4, "color": LOOKS[WEIGHTED].colour}
     handles.append(Line2D([], [], **dot, label=f"one training, weight {weights}"))
-    return panels_figure(table, draw, [*PRICES], handles, height=lambda _: 3.4, more=0.7, sharey="row")
+    return panels_figure(table, draw, [*PRICES], handles, height=3.4, more=0.7, sharey="row")
 
 
 # Tricks that raise a score: each with its own music and with music half a beat late (Sec. 6)
@@ -444,7 +427,7 @@ def tricks_figure(table: pd.DataFrame) -> Figure:
         rate, above = (tricks_beaten(*both_musics(part, name)) for name in SIDES)
         return f"Do tricks please the score? {rate} raise the paper's hit rate, {above} harmony above chance"
 
-    return one_panel(of_first(table, "corpus"), draw, "paper_hit_rate", _music_handles(), height=lambda _: 3.6)
+    return panels_figure(of_first(table, "corpus"), draw, ["paper_hit_rate"], _music_handles(), height=3.6, more=0.5)
 
 
 def _draw_column(ax: Axes, values: pd.Series, heading: str) -> None:
@@ -479,7 +462,7 @@ def listening_figure(table: pd.DataFrame) -> Figure:
         return f"{SIDES[measure][1].format(corpus_of(part))}:\n{who_falls(*both_musics(part, measure))}"
 
     height = 0.42 * table.groupby("corpus")["trick"].nunique().max() + 1.2
-    return panels_figure(table, draw, [*SIDES], _music_handles(), height=lambda _: height, sharey="row")
+    return panels_figure(table, draw, [*SIDES], _music_handles(), height=height, sharey="row")
 
 
 # Which of two dances a score prefers (in place of Fig. 13)
@@ -529,7 +512,7 @@ def forced_choice_figure(table: pd.DataFrame) -> Figure:
             words = f"both scores like “{next(iter(best.values()))}” best"
         return f"{sentence(corpus_of(part))}, {part['n'].iloc[0]} units, no people asked:\n{words}"
 
-    return panels_figure(table, draw, ["share"], height=lambda _: 4.3, more=0.4)
+    return panels_figure(table, draw, ["share"], height=4.3, more=0.4)
 
 
 # Systems compared (Fig. 12): the paper's hit rate of each beyond what as many beats meet by chance
@@ -595,5 +578,5 @@ def comparison_figure(table: pd.DataFrame) -> Figure:
     ]
     recorded = table[~table["music"].map(is_synthetic)]
     shown = of_first(recorded if len(recorded) else table, "music", "corpus")
-    by: dict[str, Any] = {"by": ["music", "corpus"], "height": lambda part: 0.27 * len(part) + 0.8}
-    return one_panel(shown, draw, "hit_rate", handles, **by, ncols=4)
+    size = {"height": 0.27 * len(shown) + 0.8, "more": 0.5}
+    return panels_figure(shown, draw, ["hit_rate"], handles, by=["music", "corpus"], ncols=4, **size)
