@@ -42,8 +42,8 @@ from study.experiments.generation import (
     Trained,
     corpus_root,
     generator_corpora,
+    paper_split,
     trained,
-    training_split,
 )
 from study.experiments.study import corpus_folders, data_root, spread
 from study.profile import RunProfile
@@ -437,7 +437,7 @@ class Contest:
     @cached_property
     def split(self) -> Split:
         """The units of the corpus as the paper's systems hear them."""
-        return _split(self.profile, self.corpus)
+        return paper_split(self.profile, self.corpus)
 
     @cached_property
     def material(self) -> Material:
@@ -509,7 +509,7 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     rows = []
     for corpus in generator_corpora(profile):
         is_planted = corpus == SYNTHETIC
-        recorded = recorded_songs(profile, None if is_planted else _split(profile, corpus))
+        recorded = recorded_songs(profile, None if is_planted else paper_split(profile, corpus))
         dancers = tuple(planted if is_planted else recorded)
         if not dancers:
             raise ValueError(f"{corpus}: no recording has {SECONDS:g} s of movement in a row to compare with")
@@ -519,14 +519,10 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     return rows
 
 
-def _split(profile: RunProfile, corpus: str) -> Split:
-    return training_split(profile, corpus, FeatureParams.paper())
-
-
 @cache
 def teachers(profile: RunProfile, corpus: str) -> tuple[Recording, ...]:
     """The stretches of a corpus's recordings that its training units cover, in the order in which HarmoGAN has them."""
-    root, spans = corpus_root(profile, corpus).resolve().parent, training_spans(_split(profile, corpus))
+    root, spans = corpus_root(profile, corpus).resolve().parent, training_spans(paper_split(profile, corpus))
     return tuple(
         stretch for name, pieces in sorted(spans.items()) for stretch in stretches(load_recording(root / name), pieces)
     )

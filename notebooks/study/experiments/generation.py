@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Self
@@ -66,9 +66,31 @@ VARIANTS = {
 }
 
 
+Asked = dict[str, tuple[float, tuple[float, float], bool]]  # entry test -> value, range asked for, passed
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedSystem:
+    """One finished training: where it is kept, the system, and its entry tests where it has any."""
+
+    folder: Path
+    system: Any
+    entry: Asked = field(default_factory=dict)
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """What was written down of every epoch."""
+        return pd.read_csv(self.folder / HISTORY)
+
+    @property
+    def minutes(self) -> float:
+        """Minutes that it took; NaN where none were counted."""
+        return training_minutes(self.folder)
+
+
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
+    """One finished training of HarmoGAN: its folder, the generator, the pose network, the split, history by epoch.
 
     `minutes` are those of its pretraining and its own; NaN where none were counted.
     """
@@ -104,6 +126,11 @@ def training_split(profile: RunProfile, corpus: str, features: FeatureParams, wi
     root = corpus_root(profile, corpus)
     folders: list[PathLike] = [folder for folder in find_recordings(root).folders if folder.name not in without]
     return split_units(load_units(folders if without else [root], features, step=UNIT_STEP), seed=profile.seed)
+
+
+def paper_split(profile: RunProfile, corpus: str) -> Split:
+    """The `training_split` of a corpus as the paper's systems hear it."""
+    return training_split(profile, corpus, FeatureParams.paper())
 
 
 def corpus_root(profile: RunProfile, corpus: str) -> Path:
