@@ -180,12 +180,12 @@ def player_params(profile: RunProfile, data: PlayerData, settings: Audio2BodyPar
 
 def read_set(data: PlayerData, params: Audio2BodyParams) -> PlayedSet:
     """The performances as a training takes them; read once for all trainings that read the same."""
-    return replace(_read(data, *(getattr(params, name) for name in READING)), params=params)
+    read = {name: getattr(params, name) for name in READING}
+    return replace(_read(data, replace(Audio2BodyParams(), **read)), params=params)
 
 
 @cache
-def _read(data: PlayerData, *values: Any) -> PlayedSet:
-    params = replace(Audio2BodyParams(), **dict(zip(READING, values, strict=True)))
+def _read(data: PlayerData, params: Audio2BodyParams) -> PlayedSet:
     return played_set(data.performances, params, data.split)
 
 
