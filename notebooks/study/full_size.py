@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from unittest.mock import patch
 
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.lee2019.params import LeeParams
@@ -74,10 +73,15 @@ def run_minutes(runs: Path, profile: RunProfile) -> dict[str, float]:
 def measured(profile: RunProfile, corpus: str) -> dict[str, float]:
     """`run_minutes` of this machine, by two epochs of one training of each kind, full in size, in its own folder."""
     short = replace(profile, epochs=(2, 2), pose_epochs=2, n_seeds=1, n_rivals=1, n_dancers=1)
-    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, HARMOLAB_CACHE=folder):
-        for name, train in trainings(short, corpus):
-            if "Music2Dance" not in name or ", whole," in name:
-                train()
+    before = os.environ.get("HARMOLAB_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HARMOLAB_CACHE"] = folder
+        try:
+            for name, train in trainings(short, corpus):
+                if "Music2Dance" not in name or ", whole," in name:
+                    train()
+        finally:
+            os.environ.pop("HARMOLAB_CACHE") if before is None else os.environ.update(HARMOLAB_CACHE=before)
         return run_minutes(Path(folder) / "runs", profile)
 
 
