@@ -64,8 +64,7 @@ def run_minutes(runs: Path, profile: RunProfile) -> dict[str, float]:
     """
     minutes = {}
     for kind, (count, phases) in schedules(profile).items():
-        clocks = sorted(runs.glob(f"{kind}-*.seconds.json"))
-        epochs = [epoch_seconds(clock.with_name(clock.name.removesuffix(".seconds.json"))) for clock in clocks]
+        epochs = map(epoch_seconds, runs.glob(f"{kind}-*.seconds.json"))
         seconds = [sum(one.get(phase, 0.0) * number for phase, number in phases.items()) for one in epochs]
         minutes[kind] = count * max(seconds, default=0.0) / 60
     return minutes

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from harmolab.data.recordings import Recording, recording_beats
-from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import DANCES
 from harmolab.significance import bootstrap_interval as bootstrap_interval
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, SongSplit, train_attributes
@@ -25,10 +24,10 @@ from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import Clip
 from study.experiments.generation import kept_run
-from study.experiments.study import corpus_folders, data_root, readable_recordings
+from study.experiments.study import corpus_folders, data_root, planted_song, readable_recordings
 from study.profile import RunProfile
 
-SONG_SECONDS = 45.0  # of a synthetic song
+SONG_SECONDS, FIRST_SEED = 45.0, 800_000  # of synthetic songs
 SONGS_A_DANCE = 8  # synthetic ones
 SMOOTH = ("rumba", "waltz")  # against cha-cha and tango; the labels come from the dance, not from listening
 
@@ -80,17 +79,9 @@ def synthetic_songs(profile: RunProfile) -> LabelledSongs:
     count = max(2, min(SONGS_A_DANCE, profile.n_clips // 10))
     songs = []
     for (label, dance), number in product(enumerate(DANCES), range(count)):
-        clip = _synthetic_song(dance, number)
+        clip = planted_song(dance, number, SONG_SECONDS, FIRST_SEED)
         songs.append(Song(clip.name, blind_features(clip.audio), label))
     return LabelledSongs(tuple(songs), tuple(DANCES))
-
-
-def _synthetic_song(dance: str, number: int) -> Clip:
-    """A song with its planted beats and bars."""
-    seed = 800_000 + 1000 * list(DANCES).index(dance) + number
-    planted = planted_clip(ClipSettings(dance, SONG_SECONDS, seed=seed))
-    beats = planted.annotation.track(planted.clip.audio.duration)
-    return replace(planted.clip, name=f"{dance} {number + 1}", beats=beats)
 
 
 def example_song(profile: RunProfile, dance: str = "cha-cha") -> Clip:
@@ -100,7 +91,7 @@ def example_song(profile: RunProfile, dance: str = "cha-cha") -> Clip:
             if recording.clip.dance == dance:
                 annotated = recording.annotation is not None and recording.annotation.times.size > 0
                 return replace(recording.clip, beats=recording_beats(recording, "annotated") if annotated else None)
-    return _synthetic_song(dance, 0)
+    return planted_song(dance, 0, SONG_SECONDS, FIRST_SEED)
 
 
 def song_sets(profile: RunProfile) -> dict[str, LabelledSongs]:

@@ -45,6 +45,6 @@ def training_minutes(run: Path) -> float:
     return float(json.loads(file.read_text("utf-8"))["seconds"]) / 60 if file.is_file() else float("nan")
 
 
-def epoch_seconds(run: Path) -> dict[str, float]:
-    """Seconds of the last epoch of each phase of a run."""
-    return dict(json.loads(clock_file(run).read_text("utf-8")).get("last epoch", {}))
+def epoch_seconds(clock: Path) -> dict[str, float]:
+    """Seconds of the last epoch of each phase of a run, by its `clock_file`."""
+    return dict(json.loads(clock.read_text("utf-8")).get("last epoch", {}))

@@ -27,9 +27,9 @@ from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
 from harmolab.types import BeatTrack, Motion
 from study.experiments.contests import BASELINES, DRAWN, Baseline, Contest, Excerpt, contests
-from study.experiments.generation import VARIANTS, generator_corpora, trained
+from study.experiments.generation import VARIANTS, Asked, TrainedSystem, generator_corpora, trained
 from study.experiments.music2dance import DANCER_SETTINGS, trained_dancer
-from study.experiments.rivals import Asked, lee2019, ren2020
+from study.experiments.rivals import lee2019, ren2020
 from study.profile import RunProfile
 
 LEE_FPS = FeatureParams.paper().fps
@@ -151,20 +151,20 @@ def _bank(contest: Contest, training: int) -> Contestant:
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
     """HarmoGAN trained with the losses of a variant of `generation`."""
     run = trained(contest.profile, contest.corpus, VARIANTS[variant], training)
-    return _of_run(run, HarmoGAN.load(run.folder), run.generator.parameter_count(), run.folder.name)
+    system, parameters = HarmoGAN.load(run.folder), run.generator.parameter_count() / 1e6
+    return of_system(system, run.folder.name, parameters=parameters, minutes=run.minutes)
 
 
-def _of_run(run: Any, system: Any, parameters: int, identity: str, **facts: Any) -> Contestant:
-    """A trained system, with the number of parameters of what generates and the minutes of its training."""
-    return of_system(system, identity, parameters=parameters / 1e6, minutes=run.minutes, **facts)
+def _of_run(run: TrainedSystem, parameters: int, identity: str, **facts: Any) -> Contestant:
+    """A trained system, with the number of parameters of what generates, its minutes and entry tests."""
+    return of_system(run.system, identity, parameters=parameters / 1e6, minutes=run.minutes, entry=run.entry, **facts)
 
 
 def _lee(warped: bool, contest: Contest, training: int) -> Contestant:
     """Lee et al. 2019; without its warper its units follow each other at their own tempo, whatever the song's beats."""
     run = lee2019(contest.profile, contest.corpus, training)
-    facts: dict[str, Any] = {"entry": run.entry} if warped else {"entry": run.entry, "beats": own_tempo}
-    parameters = run.system.generator.parameter_count()
-    return _of_run(run, run.system, parameters, f"{run.folder.name} {warped}", **facts)
+    beats = {} if warped else {"beats": own_tempo}
+    return _of_run(run, run.system.generator.parameter_count(), f"{run.folder.name} {warped}", **beats)
 
 
 def own_tempo(excerpt: Excerpt) -> BeatTrack:
@@ -175,14 +175,13 @@ def own_tempo(excerpt: Excerpt) -> BeatTrack:
 
 def _ren(contest: Contest, training: int) -> Contestant:
     run = ren2020(contest.profile, contest.corpus, training)
-    return _of_run(run, run.system, parameter_count(run.system.generator), run.folder.name, entry=run.entry)
+    return _of_run(run, parameter_count(run.system.generator), run.folder.name)
 
 
 def _music2dance(settings: str, contest: Contest, training: int) -> Contestant:
     run = trained_dancer(contest.profile, contest.corpus, DANCER_SETTINGS[settings], training)
     network = run.system.generator
-    identity = _digest(run.folder.name, plain(network.params))
-    return _of_run(run, run.system, network.parameter_count(), identity)
+    return _of_run(run, network.parameter_count(), _digest(run.folder.name, plain(network.params)))
 
 
 def _number(name: str) -> int:

@@ -9,9 +9,10 @@ Of every song some seconds are danced, as in the paper; beats are those of the w
 to the song, or planted with it, that movement comes with it.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import chain, product
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -21,7 +22,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from harmolab.beats.audio import audio_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
-from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.compare.windows import dance_patterns
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits
 from harmolab.params import DANCES, BarPattern, HarmonyParams
@@ -35,17 +35,17 @@ from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.splits import Split, stretches, training_spans
 from harmolab.systems.training.units import DanceUnit, UnitSet, filled_beats
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 from study.experiments.generation import (
     SYNTHETIC,
     VARIANTS,
     Trained,
     corpus_root,
     generator_corpora,
+    paper_split,
     trained,
-    training_split,
 )
-from study.experiments.study import corpus_folders, data_root, spread
+from study.experiments.study import corpus_folders, data_root, planted_song, readable_recordings, spread
 from study.profile import RunProfile
 
 SECONDS = 6.0  # of a song that are danced, as in the paper
@@ -130,15 +130,18 @@ def seven_dances(profile: RunProfile) -> tuple[str, list[Excerpt]]:
     files = {} if root is None else ballroom_files(root)
     if set(files) != set(DANCES):
         return SYNTHETIC_SONGS, synthetic_songs(profile)
-    pairs = [(dance, path) for dance in DANCES for path in spread(files[dance], profile.songs)]
-    return BALLROOM_SONGS, [
-        _excerpt(f"{path.parent.name}/{path.stem}", load_audio(path), dance, "Ballroom", None) for dance, path in pairs
-    ]
+    songs = []
+    for dance in DANCES:
+        for path in spread(files[dance], profile.songs):
+            name = f"{path.parent.name}/{path.stem}"
+            songs.append(_tracked(Clip(name, load_audio(path), None, 0.0, "Ballroom", dance=dance)))
+    return BALLROOM_SONGS, songs
 
 
 def synthetic_songs(profile: RunProfile) -> list[Excerpt]:
     """As many synthetic songs of each of the seven dances as the profile says, with their planted dancers."""
-    return [_synthetic(dance, number) for dance in DANCES for number in range(profile.songs)]
+    pairs = product(DANCES, range(profile.songs))
+    return [_tracked(planted_song(dance, number, SONG_SECONDS, UNHEARD)) for dance, number in pairs]
 
 
 def ballroom_files(root: Path) -> dict[str, list[Path]]:
@@ -150,17 +153,10 @@ def ballroom_files(root: Path) -> dict[str, list[Path]]:
     return files
 
 
-def _synthetic(dance: str, number: int) -> Excerpt:
-    """The `number`-th synthetic song of a dance, and its planted dancer."""
-    seed = UNHEARD + 1000 * list(DANCES).index(dance) + number
-    clip = synthetic_clip(dance, seconds=SONG_SECONDS, seed=seed)
-    return _excerpt(f"{dance} {number + 1}", clip.audio, dance, "synthetic", clip.motion)
-
-
-def _excerpt(song: str, audio: Audio, dance: str, source: str, motion: Motion | None) -> Excerpt:
-    """Seconds 12 to 18 of a song, or the last six of a shorter one."""
-    clip = Clip(song, audio, motion, 0.0, source, audio_beats(audio, tempo=dance), dance)
-    return Excerpt(song, clip, max(0.0, min(BEGIN, audio.duration - SECONDS)))
+def _tracked(clip: Clip) -> Excerpt:
+    """Seconds 12 to 18 of a song, or the last six of a shorter one, with tracked beats."""
+    clip = replace(clip, beats=audio_beats(clip.audio, tempo=clip.dance))
+    return Excerpt(clip.name, clip, max(0.0, min(BEGIN, clip.audio.duration - SECONDS)))
 
 
 def recorded_songs(profile: RunProfile, split: Split | None = None) -> list[Excerpt]:
@@ -186,16 +182,8 @@ def recorded_songs(profile: RunProfile, split: Split | None = None) -> list[Exce
         tested = {unit.sequence.rpartition("/")[2] for unit in split.test.units}
         folders = tuple(folder for folder in folders if folder.name in tested)
     sample = spread(folders, profile.n_sequences or len(folders))
-    return [excerpt for recording in _readable(sample) for excerpt in windows(recording)]
-
-
-def _readable(folders: Iterable[Path]) -> Iterable[Recording]:
-    """The recordings of those folders that can be read."""
-    for folder in folders:
-        try:
-            yield load_recording(folder)
-        except (ValueError, FileNotFoundError):
-            continue
+    recordings = chain.from_iterable(map(readable_recordings, sample))
+    return [excerpt for recording in recordings for excerpt in windows(recording)]
 
 
 def windows(recording: Recording) -> list[Excerpt]:
@@ -437,7 +425,7 @@ class Contest:
     @cached_property
     def split(self) -> Split:
         """The units of the corpus as the paper's systems hear them."""
-        return _split(self.profile, self.corpus)
+        return paper_split(self.profile, self.corpus)
 
     @cached_property
     def material(self) -> Material:
@@ -509,7 +497,7 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     rows = []
     for corpus in generator_corpora(profile):
         is_planted = corpus == SYNTHETIC
-        recorded = recorded_songs(profile, None if is_planted else _split(profile, corpus))
+        recorded = recorded_songs(profile, None if is_planted else paper_split(profile, corpus))
         dancers = tuple(planted if is_planted else recorded)
         if not dancers:
             raise ValueError(f"{corpus}: no recording has {SECONDS:g} s of movement in a row to compare with")
@@ -519,14 +507,10 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     return rows
 
 
-def _split(profile: RunProfile, corpus: str) -> Split:
-    return training_split(profile, corpus, FeatureParams.paper())
-
-
 @cache
 def teachers(profile: RunProfile, corpus: str) -> tuple[Recording, ...]:
     """The stretches of a corpus's recordings that its training units cover, in the order in which HarmoGAN has them."""
-    root, spans = corpus_root(profile, corpus).resolve().parent, training_spans(_split(profile, corpus))
+    root, spans = corpus_root(profile, corpus).resolve().parent, training_spans(paper_split(profile, corpus))
     return tuple(
         stretch for name, pieces in sorted(spans.items()) for stretch in stretches(load_recording(root / name), pieces)
     )

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Self
@@ -47,28 +47,46 @@ class Variant:
     features: FeatureParams
     params: TrainParams
 
-    def without_harmony(self) -> Self:
-        """The ablation: everything else the same."""
-        return replace(self, params=replace(self.params, harmony_weight=0.0))
-
-    def without_discriminators(self) -> Self:
-        """The same without discriminators."""
-        return replace(self, params=replace(self.params, gan_weight=0.0))
+    def weighted(self, **weights: Any) -> Self:
+        """The same with other weights of the losses (fields of `TrainParams`); a weight of 0 is an ablation."""
+        return replace(self, params=replace(self.params, **weights))
 
 
 _PAPER = Variant(FeatureParams.paper(), TrainParams.paper())
 _OURS = Variant(FeatureParams.recommended(), TrainParams.recommended())
 VARIANTS = {
-    "paper, without": _PAPER.without_harmony(),
+    "paper, without": _PAPER.weighted(harmony_weight=0.0),
     "paper": _PAPER,
-    "recommended, without": _OURS.without_harmony(),
+    "recommended, without": _OURS.weighted(harmony_weight=0.0),
     "recommended": _OURS,
 }
 
 
+Asked = dict[str, tuple[float, tuple[float, float], bool]]  # entry test -> value, range asked for, passed
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedSystem:
+    """One finished training: where it is kept, the system, and its entry tests where it has any."""
+
+    folder: Path
+    system: Any
+    entry: Asked = field(default_factory=dict)
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """What was written down of every epoch."""
+        return pd.read_csv(self.folder / HISTORY)
+
+    @property
+    def minutes(self) -> float:
+        """Minutes that it took; NaN where none were counted."""
+        return training_minutes(self.folder)
+
+
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
+    """One finished training of HarmoGAN: its folder, the generator, the pose network, the split, history by epoch.
 
     `minutes` are those of its pretraining and its own; NaN where none were counted.
     """
@@ -106,6 +124,11 @@ def training_split(profile: RunProfile, corpus: str, features: FeatureParams, wi
     return split_units(load_units(folders if without else [root], features, step=UNIT_STEP), seed=profile.seed)
 
 
+def paper_split(profile: RunProfile, corpus: str) -> Split:
+    """The `training_split` of a corpus as the paper's systems hear it."""
+    return training_split(profile, corpus, FeatureParams.paper())
+
+
 def corpus_root(profile: RunProfile, corpus: str) -> Path:
     """The folder of a corpus; the synthetic one is written if it is not there.
 
@@ -133,13 +156,14 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
         first, then = profile.epochs if not params.sketches else (0, max(1, profile.epochs[1] // params.sketches))
         params = replace(params, pretrain_epochs=first, adversarial_epochs=then)
     if params.sketches:
-        of_songs = sketched_split(profile, corpus, variant.features, without, seed, params.sketches, params.shifted)
-        split = of_songs.split
-        folders = [_run(split, profile, params, None, of_songs)]
+        # The sketches are the same whatever the losses.
+        drawn = replace(TrainParams.recommended(), seed=seed, sketches=params.sketches, shifted=params.shifted)
+        split, bank, patterns = sketched_split(profile, corpus, variant.features, without, drawn)
+        folders = [_run("pretrained", split, profile, params, choreographer=bank, patterns=patterns)]
     else:
         split = training_split(profile, corpus, variant.features, without)
-        base = _run(split, profile, _pretraining(params), None)
-        folders = [base, _run(split, profile, params, base)]
+        base = _run("pretrained", split, profile, _pretraining(params))
+        folders = [base, _run("run", split, profile, params, pretrained=base)]
     return Trained(
         folders[-1],
         load_generator(folders[-1] / DEFAULT_STEM),
@@ -152,11 +176,9 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
 
 @cache
 def sketched_split(
-    profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...], seed: int, sketches: int,
-    shifted: float,
-) -> Sketched:  # fmt: skip
+    profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...], params: TrainParams
+) -> Sketched:
     """`training_split` with sketches, drawn by the seed of the training."""
-    params = replace(TrainParams.recommended(), seed=seed, sketches=sketches, shifted=shifted)
     folders = [one for one in find_recordings(corpus_root(profile, corpus)).folders if one.name not in without]
     return sketched(training_split(profile, corpus, features, without), folders, params)
 
@@ -169,17 +191,11 @@ def _pretraining(params: TrainParams) -> TrainParams:
     return replace(TrainParams.paper(), adversarial_epochs=0, **settings)
 
 
-def _run(
-    split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None, of_songs: Sketched | None = None
-) -> Path:
-    """Folder of a finished training of these settings."""
-    model, more = model_params(profile), {} if of_songs is None else of_songs._asdict()
-    more.pop("split", None)
+def _run(kind: str, split: Split, profile: RunProfile, params: TrainParams, **more: Any) -> Path:
+    """Folder of a finished training of these settings; `more` goes to `train_harmogan`."""
+    model = model_params(profile)
     about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
-    return kept_run(
-        "pretrained" if pretrained is None else "run", about,
-        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained, **more),
-    )  # fmt: skip
+    return kept_run(kind, about, lambda options: train_harmogan(split, options, model=model, params=params, **more))
 
 
 def kept_run(kind: str, about: Any, train: Callable[[TrainOptions], object]) -> Path:
@@ -213,5 +229,4 @@ def _home() -> Path:
 def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
     """(harmony weight, training) of the recommended losses from none to twice as much (first seed)."""
     for weight in SWEEP:
-        variant = replace(_OURS, params=replace(_OURS.params, harmony_weight=weight))
-        yield weight, trained(profile, corpus, variant, 1)
+        yield weight, trained(profile, corpus, _OURS.weighted(harmony_weight=weight), 1)

@@ -47,12 +47,16 @@ def load_pianomime(folder: PathLike) -> list[Performance]:
         Both name the file.
     """
     folder = Path(folder)
-    with reading(folder / "clips.csv", "a table of clips", max_bytes=MAX_TEXT_BYTES) as file:
-        columns = read_columns(file, ("clip", "piece"))
+    return [_pianomime_clip(folder / f"{name}.npz", piece) for name, piece in _pieces(folder / "clips.csv").items()]
+
+
+def _pieces(table: Path) -> dict[str, str]:
+    """Clip of pianomime -> its piece."""
+    with reading(table, "a table of clips", max_bytes=MAX_TEXT_BYTES):
+        columns = read_columns(table, ("clip", "piece"))
         if bad := [name for name in columns["clip"] if not re.fullmatch(r"[\w-]{1,80}", name)]:
             raise ValueError(f"names a clip {bad[0][:30]!r}; a name has letters, digits, _ and - only")
-    pairs = zip(columns["clip"], columns["piece"], strict=True)
-    return [_pianomime_clip(folder / f"{name}.npz", piece) for name, piece in pairs]
+    return dict(zip(columns["clip"], columns["piece"], strict=True))
 
 
 def _pianomime_clip(path: Path, piece: str) -> Performance:
@@ -134,12 +138,8 @@ def _confident(points: Any, visibility: Any, count: int, name: str) -> FloatArra
 def _tracked_piece(path: Path) -> str:
     """The piece of a tracked video: that of its twin in the set of pianomime beside it, else its own."""
     table = path.parent.parent / PIANOMIME / "clips.csv"
-    if path.stem in _TWINS and table.is_file():
-        with reading(table, "a table of clips", max_bytes=MAX_TEXT_BYTES):
-            columns = read_columns(table, ("clip", "piece"))
-        pieces = dict(zip(columns["clip"], columns["piece"], strict=True))
-        if twin := pieces.get(_TWINS[path.stem]):
-            return f"{PIANOMIME}_{twin}"
+    if path.stem in _TWINS and table.is_file() and (twin := _pieces(table).get(_TWINS[path.stem])):
+        return f"{PIANOMIME}_{twin}"
     return f"{TRACKED}_{path.stem}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harmolab.body.skeletons import Skeleton
+from harmolab.body.skeletons import Skeleton, turned
 from harmolab.data.synthetic import DANCER
 from harmolab.shape_speed import ShapeSignal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion
@@ -33,15 +33,8 @@ def statue_on_turntable(motion: Motion, track: BeatTrack) -> Motion:
     beats = beat_positions(np.arange(motion.n_frames) / motion.fps, track)
     way = beats % 1.0
     angle = np.pi / 4 * (np.floor(beats) + way**3 * (10 - 15 * way + 6 * way**2))
-    return replace(motion, positions=_turned(pose, angle))
-
-
-def _turned(pose: FloatArray, angle: FloatArray) -> FloatArray:
-    """Joints (T, J, 3) turned by (T,) angles about the vertical through the middle of the first frame's."""
     middle = pose[0].mean(axis=0) * np.array([1.0, 0.0, 1.0])
-    x, y, z = np.moveaxis(pose - middle, -1, 0)
-    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    return np.stack([x * cos + z * sin, y, z * cos - x * sin], axis=-1) + middle
+    return replace(motion, positions=turned(pose - middle, angle[:, None]) + middle)
 
 
 def locked_table(bodies: Mapping[str, Mapping[str, FloatArray]], track: BeatTrack, fps: float) -> pd.DataFrame:

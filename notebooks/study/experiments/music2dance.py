@@ -6,22 +6,17 @@ Trainings are kept in the cache folder and go on where they were cut off.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
-
-import pandas as pd
 
 from harmolab.systems.music2dance.params import Music2DanceParams
 from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
 from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.systems.music2dance.train import train_music2dance
-from harmolab.systems.training.checkpoints import HISTORY
 from harmolab.systems.training.splits import Split, split_units
-from study.experiments.clock import training_minutes
 from study.experiments.contests import Contest
-from study.experiments.generation import UNIT_STEP, corpus_root, kept_run
+from study.experiments.generation import UNIT_STEP, TrainedSystem, corpus_root, kept_run
 from study.profile import RunProfile
 
 _PAPER, _OURS = Music2DanceParams.paper(), Music2DanceParams.recommended()
@@ -60,17 +55,7 @@ def ablated(name: str, share: float = 0.1) -> Music2DanceParams:
     return replace(short, **ABLATIONS[name])
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedDancer:
-    """One finished training: where it is kept, the system, its history, the minutes it took."""
-
-    folder: Path
-    system: Music2Dance
-    history: pd.DataFrame
-    minutes: float
-
-
-def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams, seed: int) -> TrainedDancer:
+def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams, seed: int) -> TrainedSystem:
     """The network of some settings and a seed, trained now unless it was before, on HarmoGAN's split."""
     settings = profiled(profile, replace(settings, seed=seed))
     # How a trained network dances is no matter of its training: one training serves all.
@@ -82,10 +67,10 @@ def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams
     )  # fmt: skip
     system = Music2Dance.load(folder)
     system.generator.params = settings
-    return TrainedDancer(folder, system, pd.read_csv(folder / HISTORY), training_minutes(folder))
+    return TrainedSystem(folder, system)
 
 
-def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
+def ablated_dancers(contest: Contest, name: str) -> list[TrainedSystem]:
     """The trainings of an ablation, a name of `ABLATIONS`, as many as `RunProfile.n_dancers`."""
     count = min(contest.trainings, contest.profile.n_dancers)
     settings = ablated(name, contest.profile.ablation_share)

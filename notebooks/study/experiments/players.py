@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from harmolab.musician.cleaning import Cleaned, cleaned
 from harmolab.musician.params import Audio2BodyParams
@@ -20,8 +19,7 @@ from harmolab.musician.synthetic import PlantedPerformance, planted_performances
 from harmolab.musician.system import Audio2Body
 from harmolab.musician.train import Errors, train_audio2body
 from harmolab.readers.player_points import INSTRUMENTS, SIDES, hand_joints
-from harmolab.systems.training.checkpoints import HISTORY
-from study.experiments.generation import kept_run
+from study.experiments.generation import TrainedSystem, kept_run
 from study.experiments.instrument_sets import load_pianomime, load_tracked
 from study.experiments.study import data_root
 from study.profile import RunProfile
@@ -138,13 +136,13 @@ def player_corpora(profile: RunProfile) -> tuple[PlayerData, ...]:
     return tuple(own for own in data if own is not None)
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedPlayer:
-    """One finished training: the system, its history, and its errors by side."""
+class TrainedPlayer(TrainedSystem):
+    """One finished training of an `Audio2Body`."""
 
-    system: Audio2Body
-    history: pd.DataFrame
-    errors: Mapping[str, Errors]
+    @property
+    def errors(self) -> dict[str, Errors]:
+        """Its errors by side."""
+        return {side: Errors(**values) for side, values in self.system.meta["errors"].items()}
 
 
 def trained_player(
@@ -160,9 +158,7 @@ def trained_player(
     length = sum(each.motion.n_frames for each in data.performances)
     about = {"params": params, "data": (data.label, data.instrument, length), "split": split.to_dict()}
     folder = kept_run("audio2body", about, lambda options: train_audio2body(read_set(data, params), split, options))
-    system = Audio2Body.load(folder)
-    by_side = {side: Errors(**values) for side, values in system.meta["errors"].items()}
-    return TrainedPlayer(system, pd.read_csv(folder / HISTORY), by_side)
+    return TrainedPlayer(folder, Audio2Body.load(folder))
 
 
 def n_player_seeds(profile: RunProfile) -> int:
@@ -184,12 +180,12 @@ def player_params(profile: RunProfile, data: PlayerData, settings: Audio2BodyPar
 
 def read_set(data: PlayerData, params: Audio2BodyParams) -> PlayedSet:
     """The performances as a training takes them; read once for all trainings that read the same."""
-    return replace(_read(data, *(getattr(params, name) for name in READING)), params=params)
+    read = {name: getattr(params, name) for name in READING}
+    return replace(_read(data, replace(Audio2BodyParams(), **read)), params=params)
 
 
 @cache
-def _read(data: PlayerData, *values: Any) -> PlayedSet:
-    params = replace(Audio2BodyParams(), **dict(zip(READING, values, strict=True)))
+def _read(data: PlayerData, params: Audio2BodyParams) -> PlayedSet:
     return played_set(data.performances, params, data.split)
 
 

@@ -11,12 +11,11 @@ import numpy as np
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.training.about import DEFAULT_STEM
 from harmolab.systems.training.checkpoints import TrainOptions
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import save_weights
-from study.experiments.generation import kept_run, training_split
+from study.experiments.generation import kept_run, paper_split
 from study.experiments.unheard_songs import common_points
 from study.profile import RunProfile
 
@@ -34,7 +33,7 @@ def pointed(units: UnitSet) -> UnitSet:
 @cache
 def points_net(profile: RunProfile, corpus: str) -> PoseNet:
     """The network, trained on the training side of a corpus as HarmoGAN's is, now unless it was before."""
-    split = training_split(profile, corpus, FeatureParams.paper())
+    split = paper_split(profile, corpus)
     epochs = profile.pose_epochs or TrainParams.recommended().pose_epochs
 
     def train(options: TrainOptions) -> None:

@@ -5,7 +5,7 @@ The entry tests ask about known figures: is a system, as trained here, trained w
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,43 +22,28 @@ from harmolab.systems.lee2019.train import Lee2019, rebuilt, speed, train_lee201
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.train import Ren2020, pose_loss, speed_ratio, train_ren2020
-from harmolab.systems.training.checkpoints import HISTORY
-from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.loop import Tensors
 from harmolab.systems.training.splits import Split
-from study.experiments.clock import training_minutes
-from study.experiments.generation import kept_run, training_split
+from study.experiments.generation import Asked, TrainedSystem, kept_run, paper_split
 from study.profile import RunProfile
 
 QUICK_EPOCHS = 2  # of each phase, where the profile cuts trainings short: no number is printed of what so few make
-Asked = dict[str, tuple[float, tuple[float, float], bool]]
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedRival:
-    """One finished training: where it is kept, the system, its entry tests, the minutes it took."""
-
-    folder: Path
-    system: Any
-    entry: Asked
-    minutes: float
-
-
-def lee2019(profile: RunProfile, corpus: str, seed: int) -> TrainedRival:
+def lee2019(profile: RunProfile, corpus: str, seed: int) -> TrainedSystem:
     """The system of Lee et al. 2019 of a seed, trained now unless it was before."""
-    split = training_split(profile, corpus, FeatureParams.paper())
+    split = paper_split(profile, corpus)
     folder = _run("lee2019", train_lee2019, split, lee_params(profile, seed))
     system: Any = Lee2019.load(folder)
-    return TrainedRival(folder, system, entry_lee2019(system.generator, split), training_minutes(folder))
+    return TrainedSystem(folder, system, entry_lee2019(system.generator, split))
 
 
-def ren2020(profile: RunProfile, corpus: str, seed: int) -> TrainedRival:
+def ren2020(profile: RunProfile, corpus: str, seed: int) -> TrainedSystem:
     """The system of Ren et al. 2020 of a seed, trained now unless it was before."""
-    split = training_split(profile, corpus, FeatureParams.paper())
+    split = paper_split(profile, corpus)
     folder = _run("ren2020", train_ren2020, split, ren_params(profile, seed))
-    system: Any = Ren2020.load(folder)
-    history = pd.read_csv(folder / HISTORY)
-    return TrainedRival(folder, system, entry_ren2020(system.generator, split, history), training_minutes(folder))
+    run = TrainedSystem(folder, Ren2020.load(folder))
+    return replace(run, entry=entry_ren2020(run.system.generator, split, run.history))
 
 
 def lee_params(profile: RunProfile, seed: int) -> LeeParams:

@@ -22,7 +22,7 @@ from harmolab.data.recordings import (
 from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.files import cache_folder
 from harmolab.lab.compare.windows import cut_clips, learn_patterns
-from harmolab.params import BarPattern
+from harmolab.params import DANCES, BarPattern
 from harmolab.score import hit_mask
 from harmolab.significance import rotations
 from harmolab.systems.choreographer.banks import shipped_bank
@@ -57,6 +57,16 @@ def example_recording(dance: str, *, seed: int = 1) -> Recording:
     danced = shipped_bank("salsa").choreograph(song.audio, song.beats, seconds=SONG_SECONDS)
     clip = replace(song, motion=danced.motion, offset=danced.start, source=SOURCE)
     return Recording(clip, replace(planted.annotation, units=()), Path(clip.name))
+
+
+def planted_song(dance: str, number: int, seconds: float, first_seed: int) -> Clip:
+    """The `number`-th synthetic song of a dance, with its planted dancer, beats and bars.
+
+    Songs of other uses have another `first_seed`; the seeds of corpora are drawn from another sequence.
+    """
+    seed = first_seed + 1000 * list(DANCES).index(dance) + number
+    planted = planted_clip(ClipSettings(dance, seconds, seed=seed), name=f"{dance} {number + 1}")
+    return replace(planted.clip, beats=planted.annotation.track(planted.clip.audio.duration))
 
 
 def waltz_example(*, late: float = 0.0) -> Clip:

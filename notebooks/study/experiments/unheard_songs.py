@@ -6,13 +6,12 @@ from functools import cache, lru_cache
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.beats.meter import with_one
-from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import DANCES
 from harmolab.systems.music2dance.codes import body_points
 from harmolab.types import Clip, Motion
 from study.experiments.contests import Contest, Excerpt, recorded_songs, synthetic_songs
 from study.experiments.generation import SYNTHETIC, generator_corpora
+from study.experiments.study import planted_song
 from study.profile import RunProfile
 
 QUICK_SECONDS, QUICK_DRAWS, QUICK_DANCES = 10.0, 2, ("cha-cha", "waltz")
@@ -24,13 +23,7 @@ UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from 
 @lru_cache(maxsize=64)  # a minute each: all that a quick run asks for, again and again
 def unheard_song(dance: str, number: int, seconds: float) -> Excerpt:
     """A synthetic song of a dance that is in no corpus, with its planted beats and "one": all of it is danced."""
-    settings = ClipSettings(dance, seconds=seconds, seed=UNHEARD + 1000 * list(DANCES).index(dance) + number)
-    planted = planted_clip(settings)
-    beats, downbeats = planted.clip.beats, planted.annotation.downbeats
-    if beats is None or downbeats is None:
-        raise ValueError(f"{dance}: a planted clip came without beats")
-    track = with_one(beats, float(downbeats[0]), DANCES[dance].meter)
-    clip = Clip(f"{dance} {number}", planted.clip.audio, None, 0.0, "synthetic", track, dance)
+    clip = replace(planted_song(dance, number, seconds, UNHEARD), name=f"{dance} {number}", motion=None)
     return Excerpt(clip.name, clip, 0.0, seconds)
 
 

@@ -54,7 +54,7 @@ REACH = 0.04  # metres: a search may move joints as far as the generator may
 GENERATORS = {
     CORRECTED: (VARIANTS[CORRECTED], 3),
     WITHOUT: (VARIANTS[WITHOUT], 1),
-    UNJUDGED: (VARIANTS[CORRECTED].without_discriminators(), 3),
+    UNJUDGED: (VARIANTS[CORRECTED].weighted(gan_weight=0.0), 3),
     "paper": (VARIANTS["paper"], 1),
 }
 
