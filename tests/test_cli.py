@@ -26,11 +26,11 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.cli import PANELS, app, retiming, screen
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
-from harmolab.lab.explain.filmed import FilmedMotion
 from harmolab.lab.explain.performance import Performance
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion import save_motion
+from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.video import write_gif, write_video
 from harmolab.types import Audio, Motion
 from harmolab.verdict.judge import score_clip
@@ -734,8 +734,8 @@ def test_a_poorly_followed_body_is_told_no_sign_anywhere(video: Path, tmp_path: 
     growing = 1 + 0.2 * np.where(np.arange(lost.n_frames) // 30 % 2, 1.0, -1.0)[:, None, None]
     loose = replace(lost, positions=growing * lost.positions)
     monkeypatch.setattr("harmolab.cli.playing.is_body_found", lambda path: True)
-    monkeypatch.setattr("harmolab.cli.sources.video_performance", lambda path: Performance(path, loose, True))
-    monkeypatch.setattr("harmolab.lab.render.video.filmed_motion", lambda path, **_: FilmedMotion(loose))
+    monkeypatch.setattr("harmolab.cli.sources.dance_performance", lambda files: Performance(files.motion, loose, True))
+    monkeypatch.setattr("harmolab.lab.render.video.filmed_motion", lambda path, **_: MotionFile(loose, "video"))
     outs = {"score": (), "play": ("--out", tmp_path / "x.html"), "retime": ("--out", tmp_path / "x.mp4")}
     for command, out in outs.items():
         said = run(command, video, *out).output

@@ -28,7 +28,6 @@ from harmolab.musician.performances import Performance, load_notes, load_perform
 from harmolab.readers.aist import read_array_pickle
 from harmolab.readers.audio import audio_info, load_audio
 from harmolab.readers.beats import load_annotation, load_beats
-from harmolab.readers.keypoints import load_keypoints
 from harmolab.readers.motion import load_motion
 from harmolab.readers.smpl import SMPL_24, load_body
 from harmolab.types import Audio, BeatTrack, Motion, Notes
@@ -287,7 +286,7 @@ def arrays_of_motion(path: Path) -> list[np.ndarray]:
 READERS: dict[str, Callable[[Path], list[np.ndarray]]] = {
     "players/": lambda path: arrays_of_points(path.parent),
     "bailando/": lambda path: [load_motion(path.parent, fps=60.0).positions],
-    "frames/": lambda path: [load_keypoints(path.parent, fps=25).positions],
+    "frames/": lambda path: [load_motion(path.parent, fps=25).positions],
     "set/": lambda path: [array for one in load_pianomime(path.parent) for array in arrays_of_performance(one)],
     **dict.fromkeys(("wholebody", "holistic", "hands"), arrays_of_points),
     "pianist": lambda path: arrays_of_performance(load_tracked(path)),

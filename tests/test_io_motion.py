@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.readers.bvh import load_bvh, save_bvh
-from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, keypoints_motion, load_keypoints
+from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25, keypoints_motion
 from harmolab.readers.motion import load_motion, load_offset, read_motion, save_motion
 from harmolab.types import Motion
 from tests.builders import ARM, bone_lengths, cases, missing, refused
@@ -379,7 +379,7 @@ def test_unseen_joint_is_filled_by_a_straight_line_or_goes_along_with_the_body(
 ):
     points = confident()
     points[hidden, joint] = 0.0
-    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
+    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
     np.testing.assert_allclose(motion.positions[:, joint], [(x, 10 * joint) for x in places])
     assert motion.valid.all()
 
@@ -387,7 +387,7 @@ def test_unseen_joint_is_filled_by_a_straight_line_or_goes_along_with_the_body(
 def test_frames_in_which_two_fifths_of_the_joints_are_hidden_are_not_valid(tmp_path: Path):
     points = confident()
     points[1, :6] = points[2, :7] = points[3, 10:] = 0.0
-    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
+    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
     np.testing.assert_array_equal(motion.valid, [True, True, False, False, True])
 
 
@@ -395,12 +395,12 @@ def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
     points = confident()
     points[:, 3] = 0.0
     path = save(tmp_path / "points.npy", points)
-    refused(r"points\.npy: never shows left_ear; keep the other joints only", load_keypoints, path, fps=30)
+    refused(r"points\.npy: never shows left_ear; keep the other joints only", load_motion, path, fps=30)
     refused(
         r"\(--joints nose,left_eye,right_eye,right_ear,left_shoulder,\S+,right_ankle; in Py", load_motion, path, fps=30
     )
     refused(r"never shows left_ear$", load_motion, path, fps=30, joints=["left_ear"])
-    motion = load_keypoints(path, fps=30, joints=["left_shoulder", "left_wrist"])
+    motion = load_motion(path, fps=30, joints=["left_shoulder", "left_wrist"])
     assert motion.skeleton == Skeleton(("left_shoulder", "left_wrist"), (-1, 0))
     np.testing.assert_allclose(motion.positions[0, :, 1], [50, 90])
     assert motion.valid.all()
@@ -440,29 +440,29 @@ def test_openpose_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path):
     ([[person(0)], [person(0, 0.1), person(5)], [person(10)]], [0, 5, 10]),  # a doubtful figure, although it is near
 )
 def test_openpose_follows_the_same_dancer(tmp_path: Path, frames: list[list[np.ndarray]], places: list[float]):
-    motion = load_keypoints(write_frames(tmp_path / "frames", frames), fps=30)
+    motion = load_motion(write_frames(tmp_path / "frames", frames), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], places)
 
 
 def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
-    motion = load_keypoints(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
+    motion = load_motion(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 2, 4])
     np.testing.assert_array_equal(motion.valid, [True, False, True])
 
 
 def test_openpose_frames_of_18_and_of_25_points_are_not_mixed(tmp_path: Path):
     folder = write_frames(tmp_path / "frames", [[person(0)], [person(1)[:18]]])
-    refused("frames: mixes poses of different numbers of joints", load_keypoints, folder, fps=30)
+    refused("frames: mixes poses of different numbers of joints", load_motion, folder, fps=30)
 
 
 def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_path: Path):
     folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(4)])
     (folder / "other_1_keypoints.json").write_text("{}")
     twice = r"frames: has two files for frame 1: dance_0+1_keypoints\.json and other_1_"
-    refused(twice, load_keypoints, folder, fps=30)
+    refused(twice, load_motion, folder, fps=30)
     (folder / "other_1_keypoints.json").unlink()
     (folder / "dance_000000000002_keypoints.json").unlink()
-    refused("frames: frame 2 is missing between 0 and 3; add it, or number the files", load_keypoints, folder, fps=30)
+    refused("frames: frame 2 is missing between 0 and 3; add it, or number the files", load_motion, folder, fps=30)
 
 
 @cases(
@@ -476,7 +476,7 @@ def test_openpose_frame_number_that_is_missing_or_there_twice_is_an_error(tmp_pa
 def test_damaged_openpose_frame_is_named(tmp_path: Path, content: str, fault: str):
     folder = write_frames(tmp_path / "frames", [[person(0)], [person(1)]])
     (folder / "dance_000000000001_keypoints.json").write_text(content)
-    refused(rf"dance_000000000001_keypoints\.json: .*{fault}", load_keypoints, folder, fps=30)
+    refused(rf"dance_000000000001_keypoints\.json: .*{fault}", load_motion, folder, fps=30)
 
 
 # What is no motion at all
@@ -646,11 +646,12 @@ def test_damaged_json_is_refused_by_name(tmp_path: Path, content: object, fault:
 
 
 def test_landmarks_are_2d_with_equal_units_or_metres_with_y_up(tmp_path: Path):
-    path = as_json(tmp_path / "dance.json", [landmarks(0.2), landmarks(0.4)])
-    motion = load_keypoints(path, fps=25, aspect=2.0)
+    frames = [landmarks(0.2), landmarks(0.4)]
+    motion = load_motion(as_json(tmp_path / "dance.json", {"aspect": 2.0, "frames": frames}), fps=25)
     np.testing.assert_allclose(motion.positions[:, 5], [[0.4, 0.5], [0.8, 0.5]])
-    np.testing.assert_allclose(load_keypoints(path, fps=25, world=True).positions[0, 5], [0.2, -0.5, 0.5])
-    motion = load_keypoints(path, fps=25, joints=("left_hip", "left_knee"))
+    motion = load_motion(as_json(tmp_path / "dance.json", {"world": True, "frames": frames}), fps=25)
+    np.testing.assert_allclose(motion.positions[0, 5], [0.2, -0.5, 0.5])
+    motion = load_motion(as_json(tmp_path / "dance.json", frames), fps=25, joints=("left_hip", "left_knee"))
     assert (motion.skeleton.joints, motion.skeleton.bones) == (("left_hip", "left_knee"), ((0, 1),))
 
 
@@ -690,24 +691,24 @@ def test_33_places_without_visibility_are_of_a_picture_or_of_a_body_in_space_wit
 @cases("frame", {"landmarks": [landmarks(0.2)]}, {"poseLandmarks": landmarks(0.2)}, [landmarks(0.2)])
 def test_landmarks_may_be_written_as_tasks_and_javascript_have_them(tmp_path: Path, frame: object):
     path = as_json(tmp_path / "dance.json", [{"landmarks": []}, frame, frame, {"landmarks": []}])
-    assert load_keypoints(path, fps=25).positions[0, 5].tolist() == [0.2, 0.5]
+    assert load_motion(path, fps=25).positions[0, 5].tolist() == [0.2, 0.5]
     two = as_json(tmp_path / "two.json", [frame, [landmarks(0.2)] * 2])
-    refused(r"two\.json: frame 1 is no list of 33 landmarks", load_keypoints, two, fps=25)
+    refused(r"two\.json: frame 1 is no list of 33 landmarks", load_motion, two, fps=25)
 
 
 def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
     path = as_json(tmp_path / "dance.json", {"fps": 30.0, "frames": [landmarks(0.2), {"landmarks": landmarks(0.4)}]})
-    assert (load_keypoints(path).fps, load_keypoints(path, fps=24).fps) == (30, 24)
+    assert (load_motion(path).fps, load_motion(path, fps=24).fps) == (30, 24)
 
 
 def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
     bodies = {0: landmarks(0.2), 3: landmarks(0.5), 4: landmarks(0.5, 0.2)}
     numbered = [{"frame_width": 1280, "frame_id": number, "pose_landmarks": body} for number, body in bodies.items()]
     for frames in ([bodies.get(number) for number in range(5)], numbered):
-        motion = load_keypoints(as_json(tmp_path / "dance.json", frames), fps=25)
+        motion = load_motion(as_json(tmp_path / "dance.json", frames), fps=25)
         np.testing.assert_allclose(motion.positions[:4, 0, 0], [0.2, 0.3, 0.4, 0.5])
         assert motion.valid.tolist() == [True, False, False, True, False]
-    refused("names a frame twice", load_keypoints, as_json(tmp_path / "twice.json", numbered[:1] * 2), fps=25)
+    refused("names a frame twice", load_motion, as_json(tmp_path / "twice.json", numbered[:1] * 2), fps=25)
 
 
 @cases("step, first", (2, 0), (2, 1), (3, 6))
@@ -733,19 +734,19 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     values = np.random.default_rng(0).uniform(0, 1, (4, 33, 4))
     values[:, :, 3] = 1.0
     values[2] = np.nan
-    motion = load_keypoints(save(tmp_path / "dance.npy", values), fps=25)
+    motion = load_motion(save(tmp_path / "dance.npy", values), fps=25)
     assert motion.valid.tolist() == [True, True, False, True]
     np.testing.assert_allclose(motion.positions[2], (values[1, :, :2] + values[3, :, :2]) / 2)
     assert keypoints_motion(values[:2, :, :3], 25).valid.all()
 
 
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):
-    path = as_json(tmp_path / "dance.json", [landmarks(0.2), landmarks(0.4)])
-    refused("holds key points but no frame rate; pass fps", load_keypoints, path)
-    refused("aspect is width over height", load_keypoints, path, fps=25, aspect=0.0)
+    path = as_json(tmp_path / "dance.json", {"aspect": 0.0, "frames": [landmarks(0.2), landmarks(0.4)]})
+    refused("holds key points but no frame rate; pass fps", load_motion, path)
+    refused("aspect is width over height", load_motion, path, fps=25)
     refused(r"has shape \(2, 33, 5\)", keypoints_motion, np.zeros((2, 33, 5)), 25)
     (tmp_path / "dance.csv").write_text("x,y")
-    refused(r"dance\.csv: cannot be read as key points", load_keypoints, tmp_path / "dance.csv", fps=25)
+    refused(r"dance\.csv: is no motion file that is known", load_motion, tmp_path / "dance.csv", fps=25)
 
 
 # Motion to BVH: what our reader gives back, and what other programs need

@@ -21,13 +21,13 @@ from harmolab.lab.compare.windows import cut_clips
 from harmolab.lab.evaluate import measured
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
-from harmolab.lab.explain.filmed import FilmedMotion
 from harmolab.lab.labs.live import Stage
 from harmolab.lab.player_data import of_dance
 from harmolab.lab.render.video import retime_files
 from harmolab.params import HarmonyParams
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion import load_motion, load_offset, save_motion
+from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.video import write_video
 from harmolab.types import Motion
 from harmolab.verdict.judge import score_clip, score_motion
@@ -136,7 +136,7 @@ def test_no_command_judges_the_place_in_the_beat_where_nothing_says_when_the_dan
     assert placed["verdict"] != UNPLACED
     film, dancer = tmp_path / "silent.mp4", load_motion(motion)
     write_video(film, np.zeros((3, 32, 32, 3), np.uint8), FPS)
-    monkeypatch.setattr("harmolab.lab.render.video.filmed_motion", lambda path, **_: FilmedMotion(dancer))
+    monkeypatch.setattr("harmolab.lab.render.video.filmed_motion", lambda path, **_: MotionFile(dancer, "video"))
     retimed = retime_files(song, film, tmp_path / "bent.mp4", dance=options[-1] if options else "")
     assert {score.judgement.verdict for score in (retimed.before, retimed.after) if score.judgement} == {UNPLACED}
 

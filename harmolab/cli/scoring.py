@@ -19,7 +19,7 @@ from harmolab import __version__, lab, musician
 from harmolab.cli import common
 from harmolab.cli.common import FileOptions, JudgeOptions, check_untold, is_told
 from harmolab.cli.screen import is_verbose, note, printable, progress, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, music_remarks, note_tempo, sources, video_performance
+from harmolab.cli.sources import Sources, check_signs, clip_of, dance_performance, music_remarks, note_tempo, sources
 from harmolab.files import write_text
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ def check_options(context: typer.Context, page: PageOptions, mode: str) -> None:
 
 def explain(
     context: typer.Context,
+    out: Path,
     song: Path,
     motion: Path | None,
     page: PageOptions,
@@ -74,30 +75,26 @@ def explain(
     offset: float | None,
     as_json: bool,
 ) -> None:
-    """Write the page that says how a dance, or a playing, goes with its song, and print its first lines."""
-    common.check_out(page.why, "the page", common.PAGES)
+    """Write the page `out` that says how a dance, or a playing, goes with its song, and print its first lines."""
+    common.check_out(out, "the page", common.PAGES)
     result: OwnDance | ExplainedPlaying
     if page.instrument is None:
         files, place = sources(context, song, motion, judged), {"guess": page.guess, "search": page.search}
         result = _dance(files, judged.params(files.dance), read, offset=offset, **place)
+        lab.save_page(out, result)
     else:
         result = _playing(context, song, motion, page.instrument, offset=offset, fps=read.fps)
-    if page.why is not None:
-        _save(page.why, result)
+        musician.save_playing_page(out, result)
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
     else:
         typer.echo("\n".join([*result.summary, *(result.details if is_verbose() else ())]))
-    wrote(page.why, err=as_json)
+    wrote(out, err=as_json)
 
 
 def _dance(files: Sources, params: harmolab.HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
     """A dance beside its song; `place` are offset, guess and search of `explain_performance`."""
-    if files.is_video:
-        performance = video_performance(files.motion)
-    else:
-        report = common.note_assumptions
-        performance = lab.load_performance(files.motion, report=report, progress=progress, **read.keywords)
+    performance = dance_performance(files, **read.keywords)
     with waiting("listening"):
         result = lab.explain_performance(
             files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
@@ -121,16 +118,6 @@ def _playing(
     with waiting("listening"):
         audio = harmolab.load_sound(song, sample_rate=None)
         return musician.explain_playing(load_playing(points, audio, instrument=instrument, film=song, **options))
-
-
-def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
-    """Write the page about a dance or a playing."""
-    from harmolab.lab.explain.performance import OwnDance
-
-    if isinstance(result, OwnDance):
-        lab.save_page(out, result)
-    else:
-        musician.save_playing_page(out, result)
 
 
 # A folder of recordings, a row each
@@ -318,7 +305,7 @@ def score(
 
     check_options(context, page, mode)
     if page.why is not None:
-        explain(context, song, motion, page, judged, read, offset=offset, as_json=as_json)
+        explain(context, page.why, song, motion, page, judged, read, offset=offset, as_json=as_json)
         return
     if motion is None and is_corpus(song):
         if judged.pattern is None:  # a file of patterns has names of its own

@@ -158,7 +158,7 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
 
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     """The movement of a video, and the song's time at which it begins, by its sound unless told."""
-    performance = video_performance(files.motion)
+    performance = dance_performance(files)
     if offset is not None or files.song.resolve() == files.motion.resolve():
         return performance.motion, offset or 0.0
     begin = sound_offset(files, performance.sound)
@@ -182,12 +182,16 @@ def sound_offset(files: Sources, sound: Audio | None) -> float | None:
     return place.seconds
 
 
-def video_performance(video: Path) -> Performance:
-    """The movement of a video and its sound; first the question whether what finds bodies may be fetched."""
-    offer_poses(video)
-    performance = lab.load_performance(video, progress=progress)
+def dance_performance(files: Sources, **reading: Any) -> Performance:
+    """The movement of the dance, `reading` as in `load_performance`, and lines on how it was read.
+
+    Of a video also its sound; first the question whether what finds bodies may be fetched.
+    """
+    if files.is_video:
+        offer_poses(files.motion)
+    performance = lab.load_performance(files.motion, report=note_assumptions, progress=progress, **reading)
     for sentence in performance.notes:
-        note(f"{video.name}: {sentence}")
+        note(f"{files.motion.name}: {sentence}")
     return performance
 
 

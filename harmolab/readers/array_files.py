@@ -291,9 +291,9 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
         about = content if isinstance(content, dict) else {}
         own = about.get("fps")
         if values is None:
-            rate = None if options.fps is None else options.rate(own)
+            passed = {} if options.fps is None else {"fps": options.rate(own)}
             points, own_words = keypoints.content_points(content)
-            motion = keypoints.described_motion(points, own_words, fps=rate, joints=options.joints)
+            motion = keypoints.described_motion(points, own_words | passed, joints=options.joints)
             return motion_file.as_read(motion, "key points", options, *_guess(motion, points, about))
         return _array_motion(_numbers(values), file, options, own)
 
@@ -346,7 +346,7 @@ def _array_motion(
     is_world = is_open and keypoints.are_world_landmarks(values)
     is_image = is_open and keypoints.are_image_landmarks(values)
     if is_world or is_image or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-        motion = keypoints.described_motion(values, {}, fps=rate, joints=options.joints, world=is_world)
+        motion = keypoints.described_motion(values, {"fps": rate, "world": is_world}, joints=options.joints)
         return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
     factor, unit = motion_file.metre_factor(values, options)
     unit = _METRES if options.scale is None and factor == 1 else unit

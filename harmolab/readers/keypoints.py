@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from harmolab import files
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
-from harmolab.readers.arrays import SAVING, check_joints, checked_motion, number_array, read_npy
+from harmolab.readers.arrays import SAVING, check_joints, checked_motion, number_array
 from harmolab.types import BoolArray, FloatArray, Motion
 
 # JSON: layouts of many people, and MediaPipe's landmarks of one body
@@ -372,44 +372,6 @@ MOST_CONFIDENCE = 2.0  # some estimators go a little beyond 1
 FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
 
 
-def load_keypoints(
-    path: files.PathLike,
-    *,
-    fps: float | None = None,
-    joints: Sequence[str] | None = None,
-    world: bool | None = None,
-    aspect: float | None = None,
-) -> Motion:
-    """One dancer's movement from key points: `.json`, `.jsonl`, `.npy`, or the folder that OpenPose wrote.
-
-    Parameters
-    ----------
-    path : str or path
-        Arrays are those of `keypoints_motion`.
-    fps : float, frames per second; needed unless the JSON holds it
-    joints : names to keep, optional
-    world, aspect : of MediaPipe's landmarks; default what the file says, else as in `keypoints_motion`
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Both name the file.
-    """
-    path = Path(path)
-    if path.is_dir():
-        return _load_folder(path, fps, joints)
-    is_array = path.suffix.lower() == ".npy"
-    with files.reading(path, "key points", max_bytes=files.MAX_BYTES if is_array else files.MAX_JSON_BYTES):
-        values, about = _array(path) if is_array else content_points(json_or_lines(path))
-        return described_motion(values, about, fps=fps, joints=joints, world=world, aspect=aspect)
-
-
-def _array(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
-    """The array of a `.npy` file, which says nothing about it."""
-    with path.open("rb") as stream:
-        return read_npy(stream, path.stat().st_size), {}
-
-
 def content_points(content: Any) -> tuple[NDArray[Any], dict[str, Any]]:
     """The key points of a JSON file's content, and what it says about them."""
     if is_landmarks(content):
@@ -417,24 +379,14 @@ def content_points(content: Any) -> tuple[NDArray[Any], dict[str, Any]]:
     return followed_person(people_by_frame(content)), {}
 
 
-def described_motion(
-    values: NDArray[Any],
-    about: dict[str, Any],
-    *,
-    fps: float | None = None,
-    joints: Sequence[str] | None = None,
-    world: bool | None = None,
-    aspect: float | None = None,
-) -> Motion:
-    """The motion of key points, with what the file says about them where the arguments leave it open."""
-    rate = about.get("fps") if fps is None else fps
-    if rate is None:
+def described_motion(values: NDArray[Any], about: Mapping[str, Any], *, joints: Sequence[str] | None = None) -> Motion:
+    """The motion of key points by what is known about them: "fps", and of landmarks "world" and "aspect"."""
+    if (rate := about.get("fps")) is None:
         raise files.MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
-    is_world = about.get("world") if world is None else world
+    is_world = about.get("world")
     if not isinstance(is_world, bool | None):
         raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
-    ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
-    frames = looked_at(values)
+    ratio, frames = float(about.get("aspect", 1.0)), looked_at(values)
     points = values[frames] if values.ndim else values
     return keypoints_motion(points, float(rate) / frames.step, joints=joints, world=is_world, aspect=ratio)
 
@@ -588,16 +540,6 @@ def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) 
         for axis in range(points.shape[2]):
             filled[:, joint, axis] = np.interp(frames, frames[present], filled[present, joint, axis])
     return filled
-
-
-def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
-    """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
-    paths = frame_files(folder)
-    if fps is None:
-        raise files.MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
-    frames = people_in_frames(paths)
-    with files.named_faults(folder):
-        return keypoints_motion(followed_person(frames), fps, joints=joints)
 
 
 def people_in_frames(paths: Iterable[Path], pose: Pose | None = None) -> list[list[FloatArray]]:

@@ -60,12 +60,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
-from harmolab.files import WRITTEN_BY, PathLike, atomic_write, named_faults, reading
+from harmolab.files import WRITTEN_BY, MissingFrameRate, PathLike, atomic_write, named_faults, reading
 from harmolab.readers.array_files import frame_motion, load_json, load_npy, load_pickle
 from harmolab.readers.arrays import SAVING, check_joints, checked_motion, in_metres, npz_names, read_npz
 from harmolab.readers.bvh import read_bvh, save_bvh
 from harmolab.readers.c3d import load_c3d
-from harmolab.readers.keypoints import BAILANDO_END, SAVING_POINTS, frame_files, load_keypoints
+from harmolab.readers.keypoints import (
+    BAILANDO_END,
+    SAVING_POINTS,
+    followed_person,
+    frame_files,
+    keypoints_motion,
+    people_in_frames,
+)
 from harmolab.readers.motion_file import MotionFile, ReadingKeywords, ReadingOptions, as_read
 from harmolab.readers.smpl import MEMBERS, is_parameters, parameter_motion
 from harmolab.readers.video import is_video
@@ -171,8 +178,11 @@ def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
     """A folder of OpenPose's, or of Bailando's joints in space."""
     if (files := frame_files(folder))[0].name.endswith(BAILANDO_END):
         return frame_motion(folder, files, options)
-    motion = load_keypoints(folder, fps=options.fps, joints=options.joints)
+    if options.fps is None:
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
+    people = people_in_frames(files)
     with named_faults(folder):
+        motion = keypoints_motion(followed_person(people), options.fps, joints=options.joints)
         return as_read(motion, "OpenPose key points", options)
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from harmolab.beats.flow import STILL
 from harmolab.files import Counted, PathLike, Progress, named_faults, silent
 from harmolab.lab.explain.offset import PICTURE, picture_motion
+from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.pose import UNREAD, pose_environment, read_pose
 from harmolab.readers.video import frame_count, is_video, video_frames
 from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
@@ -114,22 +115,8 @@ LOOSE_LIMBS = 0.12
 HEIGHT = 160  # pixels of the video that flow is measured on
 
 
-@dataclass(frozen=True, eq=False)
-class FilmedMotion:
-    """The movement in a video.
-
-    Parameters
-    ----------
-    motion : Motion of a body, or `picture_motion`
-    notes : sentences about how it was read, for people
-    """
-
-    motion: Motion
-    notes: tuple[str, ...] = ()
-
-
-def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress = silent) -> FilmedMotion:
-    """The movement of the dancer in a video.
+def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress = silent) -> MotionFile:
+    """The movement of the dancer in a video, of a body or `picture_motion`, with notes for people on how it was read.
 
     Parameters
     ----------
@@ -145,7 +132,7 @@ def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress =
     path = Path(path)
     if pose_environment() is not None and not by_flow:
         reading = read_pose(path, progress=progress)
-        return FilmedMotion(reading.motion, reading.notes)
+        return MotionFile(reading.motion, "video", reading.notes)
     frames, watch = video_frames(path, height=HEIGHT), PictureWatch()
     with named_faults(path):
         if frames.fps < LEAST_RATE:
@@ -153,7 +140,7 @@ def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress =
         pictures = Counted(frames, frame_count(frames))
         motion = picture_motion(pictures, frames.fps, watch=watch, progress=progress)
         watch.check()
-        return FilmedMotion(motion)
+        return MotionFile(motion, "video")
 
 
 def check_sign(path: PathLike, motion: Motion) -> None:

@@ -12,13 +12,13 @@ from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import skull_and_limbs
 from harmolab.clips import load_clip
 from harmolab.data.recordings import ReadingReport, load_any_motion
-from harmolab.files import Counted, PathLike, Progress, check_output, silent
+from harmolab.files import MAX_JSON_BYTES, Counted, PathLike, Progress, check_output, reading, silent
 from harmolab.lab.explain.filmed import check_sign, filmed_motion, has_body
 from harmolab.lab.render import stick
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, Stroke
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
-from harmolab.readers.keypoints import load_keypoints
+from harmolab.readers.keypoints import content_points, described_motion, json_or_lines
 from harmolab.readers.motion import save_motion
 from harmolab.readers.motion_file import ReadingKeywords
 from harmolab.readers.player_points import joint_widths, limb_widths
@@ -68,8 +68,11 @@ def load_points(
     if motion.positions.shape[2] != 2:
         raise ValueError(f"{path}: {IN_SPACE}")
     if Path(path).suffix.lower() == ".json":
-        # MediaPipe's as shares of both sides, whatever proportions of the picture the file notes.
-        motion = load_keypoints(path, fps=fps, aspect=1.0, joints=joints)
+        with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
+            places, about = content_points(json_or_lines(file))
+            # MediaPipe's as shares of both sides, whatever proportions of the picture the file notes.
+            passed = {"aspect": 1.0} | ({} if fps is None else {"fps": fps})
+            return described_motion(places, about | passed, joints=joints)
     return motion
 
 
