@@ -205,7 +205,7 @@ SetNumbers = dict[tuple[str, str], SetNumber]  # (system, measure) -> number
 def feature_set(table: pd.DataFrame, name: str, skeleton: str) -> FeatureSet:
     """The features of a name of those dances that have them; kinetic ones only with the joints of `skeleton`."""
     rows = table[table["skeleton"] == skeleton] if name == "kinetic" else table
-    columns = feature_columns(rows, name)
+    columns = feature_columns(rows.dropna(axis=1, how="all"), name)  # a body of more joints has more, elsewhere
     rows = rows.dropna(subset=columns)
     return FeatureSet(rows[columns].to_numpy(np.float64), tuple(rows["song"]), tuple(rows["seed"]))
 
