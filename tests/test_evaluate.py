@@ -416,6 +416,15 @@ def test_distances_lose_the_bias_of_small_samples(rng: np.random.Generator) -> N
     assert abs(number.value) < number.raw / 2  # 0 is the truth
 
 
+def test_a_system_of_more_joints_takes_no_distance_from_the_others(rng: np.random.Generator) -> None:
+    songs = [f"{song}" for song in range(12)]
+    alike = [feature_rows(name, rng.normal(size=(12, 8)), songs) for name in (RECORDED, "x")]
+    more = feature_rows("y", rng.normal(size=(12, 11)), songs).assign(skeleton="other")
+    apart = set_numbers({RECORDED: alike[0], "x": alike[1]})
+    together = pd.concat([*alike, more])  # as the parts of a table have them: NaN where a body has no such joint
+    assert set_numbers({str(name): rows for name, rows in together.groupby("key")}) == apart
+
+
 def test_what_is_left_of_the_bias_and_distances_below_0_is_said(table: Evaluation, rng: np.random.Generator) -> None:
     few, most = (rng.normal(size=(2, n, 72)) for n in (20, 200))  # one distribution: 0 is the truth
     left, none = (frechet_distance(*sides) for sides in (few, most))

@@ -276,12 +276,12 @@ def measure_dances(
 
 def _feature_tables(dances: Iterable[Dance], kinds: Collection[str]) -> dict[str, pd.DataFrame]:
     """The features of dances by system, as `Collected.features` has them."""
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for one in dances:
-        about = {"song": one.song, "seed": one.seed, "skeleton": " ".join(one.motion.skeleton.joints)}
-        cells = feature_cells(motion_features(one.motion, None, kinds))
-        rows.setdefault(one.system, []).append({**about, **cells})
-    return {system: pd.DataFrame(each) for system, each in rows.items()}
+    rows = [
+        {"system": one.system, "song": one.song, "seed": one.seed, "skeleton": " ".join(one.motion.skeleton.joints),
+         **feature_cells(motion_features(one.motion, None, kinds))}
+        for one in dances
+    ]  # fmt: skip
+    return {str(system): own for system, own in pd.DataFrame(rows).groupby("system", sort=False)}
 
 
 def statue(motion: Motion) -> Motion:

@@ -177,14 +177,6 @@ SETS = MappingProxyType({"fid": "Fréchet distance", "diversity": "diversity", "
 LEAST = 4  # dances on either side that a distance without its small-sample bias needs
 
 
-class FeatureSet(NamedTuple):
-    """Features of dances, (n, d), and the song and seed of each."""
-
-    values: FloatArray
-    songs: tuple[str, ...]
-    seeds: tuple[str, ...]
-
-
 class SetNumber(NamedTuple):
     """A number of a set of dances; of a distance also the number before its bias is taken off. NaN for what is not.
 
@@ -202,12 +194,12 @@ class SetNumber(NamedTuple):
 SetNumbers = dict[tuple[str, str], SetNumber]  # (system, measure) -> number
 
 
-def feature_set(table: pd.DataFrame, name: str, skeleton: str) -> FeatureSet:
-    """The features of a name of those dances that have them; kinetic ones only with the joints of `skeleton`."""
+def features_of(table: pd.DataFrame, name: str, skeleton: str) -> pd.DataFrame:
+    """The features of a name, by song and seed, of those dances that have them; kinetic ones only of `skeleton`."""
     rows = table[table["skeleton"] == skeleton] if name == "kinetic" else table
-    columns = feature_columns(rows, name)
-    rows = rows.dropna(subset=columns)
-    return FeatureSet(rows[columns].to_numpy(np.float64), tuple(rows["song"]), tuple(rows["seed"]))
+    features = rows.set_index(["song", "seed"])[feature_columns(rows, name)]
+    # A body of more joints has more features, which stand in columns of the table that the others lack.
+    return features.dropna(axis=1, how="all").dropna().astype(np.float64)
 
 
 def common_skeleton(table: pd.DataFrame) -> str:
@@ -236,48 +228,42 @@ def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> SetNu
     skeleton = common_skeleton(features[RECORDED])
     numbers: SetNumbers = {}
     for name in FEATURES:
-        recorded = feature_set(features[RECORDED], name, skeleton)
-        if len(recorded.values) < 2 or not recorded.values.shape[1]:
+        recorded = features_of(features[RECORDED], name, skeleton)
+        if len(recorded) < 2 or not recorded.shape[1]:
             continue
         for system, table in features.items():
-            danced = feature_set(table, name, skeleton)
-            if not len(danced.values) or danced.values.shape[1] != recorded.values.shape[1]:
+            danced = features_of(table, name, skeleton)
+            if danced.empty or danced.shape[1] != recorded.shape[1]:
                 continue
-            sides = _halves(recorded) if system == RECORDED else (danced.values, recorded.values)
+            scaled = pd.DataFrame(standardise(danced, recorded), danced.index)
+            sides = _halves(scaled) if system == RECORDED else (scaled, pd.DataFrame(standardise(recorded, recorded)))
             if min(map(len, sides)) >= LEAST:
-                numbers[system, f"fid_{name}"] = _distance(*sides, recorded.values, seed)
-            scaled = danced._replace(values=standardise(danced.values, recorded.values))
+                distance = frechet_distance(*sides, seed=seed)
+                numbers[system, f"fid_{name}"] = SetNumber(distance.value, distance.n_a, distance.raw, distance.n_b)
             numbers |= {(system, f"{kind}_{name}"): number for kind, number in _variety(scaled).items()}
     return numbers
 
 
-def _halves(recorded: FeatureSet) -> tuple[FloatArray, FloatArray]:
-    """The features of every second song, and of the others."""
-    places = {song: place for place, song in enumerate(sorted(set(recorded.songs)))}
-    second = np.array([places[song] % 2 == 1 for song in recorded.songs])
-    return recorded.values[~second], recorded.values[second]
+def _halves(recorded: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The dances to every second song by name, from the first one on, and those to the songs between."""
+    is_second = recorded.reset_index()["song"].rank(method="dense").to_numpy() % 2 == 0
+    return recorded[~is_second], recorded[is_second]
 
 
-def _distance(danced: FloatArray, recorded: FloatArray, unit: FloatArray, seed: int) -> SetNumber:
-    """The Fréchet distance of two sets in units of a third."""
-    result = frechet_distance(standardise(danced, unit), standardise(recorded, unit), seed=seed)
-    return SetNumber(result.value, result.n_a, result.raw, result.n_b)
-
-
-def _variety(danced: FeatureSet) -> dict[str, SetNumber]:
+def _variety(danced: pd.DataFrame) -> dict[str, SetNumber]:
     """Diversity over the dances of a seed, mean over seeds; multimodality over the seeds of a song, mean over songs."""
-    by_seed, by_song = (_groups(danced.values, names) for names in (danced.seeds, danced.songs))
-    numbers, count = {}, len(danced.values)
+    by_seed, by_song = (_groups(danced, level) for level in ("seed", "song"))
+    numbers, count = {}, len(danced)
     if by_seed:
         numbers["diversity"] = SetNumber(float(np.mean([diversity(each) for each in by_seed])), count)
-    if by_song and len(set(danced.seeds)) > 1:
+    if by_song and danced.index.unique("seed").size > 1:
         numbers["multimodality"] = SetNumber(multimodality(by_song), count)
     return numbers
 
 
-def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
-    """The rows of each name, of those that have two or more."""
-    return [rows.to_numpy() for _, rows in pd.DataFrame(values).groupby(np.array(names), sort=False) if len(rows) > 1]
+def _groups(features: pd.DataFrame, level: str) -> list[FloatArray]:
+    """The features of each song, or of each seed, of those that have two dances or more."""
+    return [rows.to_numpy() for _, rows in features.groupby(level=level, sort=False) if len(rows) > 1]
 
 
 def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:
@@ -292,10 +278,11 @@ def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNum
         if system != RECORDED:
             numbers |= _protocol_numbers(system, table, recorded, protocol)
     danced = {song for system, table in features.items() if system not in (RECORDED, FROZEN) for song in table["song"]}
-    truth, places = recorded[recorded["song"].isin(danced)], recorded["song"].rank(method="dense") % 2
+    truth = recorded[recorded["song"].isin(danced)]
     numbers |= _protocol_numbers(RECORDED, truth, recorded, protocol)
     if len(truth) == len(recorded):
-        halves = _protocol_numbers(RECORDED, recorded[places == 0], recorded[places == 1], protocol)
+        first, second = _halves(recorded)
+        halves = _protocol_numbers(RECORDED, second, first, protocol)
         distances = [key for key in numbers if key[0] == RECORDED and "FID" in key[1]]
         numbers = {key: one for key, one in numbers.items() if key not in distances}
         numbers |= {key: one for key, one in halves.items() if "FID" in key[1]}
@@ -327,7 +314,7 @@ def _protocol_features(table: pd.DataFrame, protocol: str, skeleton: str) -> dic
     """The protocol's features by name, of dances with the joints of `skeleton`."""
     rows = table[table["skeleton"] == skeleton]
     names = [name for name in feature_names(rows) if name.startswith(f"{protocol} ")]
-    sets = {name.removeprefix(f"{protocol} "): feature_set(rows, name, skeleton).values for name in names}
+    sets = {name.removeprefix(f"{protocol} "): features_of(rows, name, skeleton).to_numpy() for name in names}
     return {name: values for name, values in sets.items() if values.size}
 
 
