@@ -44,7 +44,7 @@ from harmolab.systems.choreographer.lay import (
     node_costs,
     runs_of,
 )
-from harmolab.systems.choreographer.takes import Take, dancing_span, nearest_dance, take_of
+from harmolab.systems.choreographer.takes import Take, dancing_span, mirrored, nearest_dance, take_of
 from harmolab.systems.training.motion_code import fixed_bones
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from harmolab.verdict.bar_pattern import fit_pattern
@@ -494,11 +494,11 @@ def test_music_is_slow_or_fast_beside_the_recorded_beats(dancer: Choreographer, 
 
 def test_a_mirrored_take_has_left_and_right_in_each_others_place(rng: np.random.Generator):
     take = wandering_take("a", rng)
-    twin = take.mirrored
+    twin = mirrored(take)
     left, right = SIDED.joints.index("left_hand"), SIDED.joints.index("right_hand")
     np.testing.assert_allclose(twin.motion.positions[:, [left, 0]], take.motion.positions[:, [right, 0]] * [-1, 1, 1])
     assert twin.name == "a, mirrored"
-    np.testing.assert_array_equal(twin.mirrored.motion.positions, take.motion.positions)
+    np.testing.assert_array_equal(mirrored(twin).motion.positions, take.motion.positions)
     one, other = (mv.Course(each, take.beats) for each in (take, twin))
     np.testing.assert_allclose(one.turns(), -other.turns(), atol=1e-9)
     np.testing.assert_allclose(one.speeds(), other.speeds(), rtol=1e-6)

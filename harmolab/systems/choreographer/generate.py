@@ -16,6 +16,7 @@ import numpy as np
 from harmolab.body.skeletons import Skeleton, side_pairs
 from harmolab.files import PathLike, Progress, cache_folder, silent
 from harmolab.metrics.likeness import SHORTEST, LikenessLimits
+from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer import lay
 from harmolab.systems.choreographer.form import Form, pace
 from harmolab.systems.choreographer.moves import ChoreographerParams, Course, Moves, moves_of, pattern_shares, pulse
@@ -25,6 +26,7 @@ from harmolab.systems.choreographer.takes import (
     Take,
     load_takes,
     meter_of,
+    mirrored,
     read_takes,
     same_skeleton,
     save_takes,
@@ -264,6 +266,8 @@ class Choreographer(DanceSystem):
         self.skeleton: Skeleton = same_skeleton(self.takes)
         self._limits = limits
         self._moves: dict[tuple[Take, ...], Moves] = {}
+        self._signals: dict[Take, ShapeSignal] = {}
+        self._mirrored: dict[Take, Take] = {}
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -492,14 +496,22 @@ class Choreographer(DanceSystem):
             return self._moves[takes]
         courses = []
         for take in takes:
-            beats = pulse(take.signal, pace(period, DEFAULT_PERIOD))
+            if take not in self._signals:
+                self._signals[take] = shape_signal(shape_speed(take.motion))
+            beats = pulse(self._signals[take], pace(period, DEFAULT_PERIOD))
             if beats.size > 1:
                 courses.append(Course(take, beats))
         if sum(take.seconds for take in takes) < max(FEW_SECONDS, ENOUGH_SHARE * seconds) and side_pairs(self.skeleton):
-            courses += [Course(course.take.mirrored, course.beats) for course in courses]
+            courses += [Course(self._mirror(course.take), course.beats) for course in courses]
         if not courses:
             raise ValueError(f"no recording is long enough for two beats of {period:.2f} s")
         return moves_of(courses, self.params)
+
+    def _mirror(self, take: Take) -> Take:
+        """The take with its sides exchanged, once for all songs."""
+        if take not in self._mirrored:
+            self._mirrored[take] = mirrored(take)
+        return self._mirrored[take]
 
 
 # Corpora that were read before are kept, not read and measured again

@@ -27,7 +27,7 @@ from harmolab.beats.meter import cycle_of_meter
 from harmolab.body.kinematics import peak_frames
 from harmolab.body.skeletons import HIPS, Skeleton, foot_joints, heading
 from harmolab.params import BarPattern, check_kinds
-from harmolab.shape_speed import ShapeSignal, shape_speed
+from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.significance import ranks
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray, SingleArray
@@ -416,26 +416,29 @@ def _edges(course: Course) -> BoolArray:
     return np.asarray(outside | (filler[frames[1] + 1] > filler[frames[0]]))
 
 
-def bar_patterns(takes: Sequence[Take]) -> tuple[dict[tuple[str, int], BarPattern], list[tuple[str, int]]]:
+def bar_patterns(
+    takes: Sequence[Take], signals: Sequence[ShapeSignal]
+) -> tuple[dict[tuple[str, int], BarPattern], list[tuple[str, int]]]:
     """The bar pattern that takes of one dance and cycle share, by both; and the dance and cycle of each take.
 
     It is learnt on these takes, of the speed of the body's shape; those without beats or movement have no part in it.
     """
     keys = [(take.dance, cycle_of_meter(take.meter or None)) for take in takes]
     sums: dict[tuple[str, int], list[bar_pattern.PatternSums]] = {}
-    for take, key in zip(takes, keys, strict=True):
-        if take.beats.size > 1 and take.signal.values.any():
-            positions = bar_pattern.beat_positions(take.signal.times, take.track)
-            sums.setdefault(key, []).append(bar_pattern.pattern_sums(positions, take.signal.values, key[1]))
+    for take, signal, key in zip(takes, signals, keys, strict=True):
+        if take.beats.size > 1 and signal.values.any():
+            positions = bar_pattern.beat_positions(signal.times, take.track)
+            sums.setdefault(key, []).append(bar_pattern.pattern_sums(positions, signal.values, key[1]))
     return {key: bar_pattern.fit_pattern(own) for key, own in sums.items()}, keys
 
 
 def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
     """Rank of each beat of each take among all its moments, by the bar pattern of its dance; (B,) arrays in (0, 1)."""
-    patterns, keys = bar_patterns(takes)
+    signals = [shape_signal(shape_speed(take.motion)) for take in takes]
+    patterns, keys = bar_patterns(takes, signals)
     return [
-        bar_pattern.beat_ranks(take.signal.times, take.signal.values, take.track, patterns[key])
-        if take.beats.size > 1 and take.signal.values.any()
+        bar_pattern.beat_ranks(signal.times, signal.values, take.track, patterns[key])
+        if take.beats.size > 1 and signal.values.any()
         else np.full(take.beats.size, UNKNOWN_SHARE)
-        for take, key in zip(takes, keys, strict=True)
+        for take, signal, key in zip(takes, signals, keys, strict=True)
     ]

@@ -21,9 +21,8 @@ import hashlib
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,6 @@ from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
-from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
 from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind, usual_meter
 
@@ -91,20 +89,6 @@ class Take:
         places = self.places if self.places.size else None
         return BeatTrack(self.beats, np.ones(self.beats.size), 100.0, self.motion.duration, places)
 
-    @cached_property
-    def signal(self) -> ShapeSignal:
-        """The speed of the body's shape over time, computed once for all songs."""
-        return shape_signal(shape_speed(self.motion))
-
-    @cached_property
-    def mirrored(self) -> Self:
-        """The take as a mirror shows it: sides change places, and joints that have a side in their name; made once."""
-        joints, other = named_joints(self.motion.skeleton), {"left": "right", "right": "left", "": ""}
-        keys = sides_and_parts(self.motion.skeleton)
-        twins = [joints.get((other[side], part), joint) for joint, (side, part) in enumerate(keys)]
-        positions = self.motion.positions[:, twins] * np.array([-1.0, 1.0, 1.0])
-        return replace(self, name=f"{self.name}, mirrored", motion=replace(self.motion, positions=positions))
-
 
 Item = Recording | PlantedClip | Clip | Motion | Take
 
@@ -144,6 +128,15 @@ def _take(
             meter = meter or meter_of(track, dance)
             take = replace(take, places=track.bar_places[inside] % meter, meter=meter)
     return take
+
+
+def mirrored(take: Take) -> Take:
+    """The take as a mirror shows it: left and right change places, and so do joints that have a side in their name."""
+    joints, other = named_joints(take.motion.skeleton), {"left": "right", "right": "left", "": ""}
+    keys = sides_and_parts(take.motion.skeleton)
+    twins = [joints.get((other[side], part), joint) for joint, (side, part) in enumerate(keys)]
+    positions = take.motion.positions[:, twins] * np.array([-1.0, 1.0, 1.0])
+    return replace(take, name=f"{take.name}, mirrored", motion=replace(take.motion, positions=positions))
 
 
 def meter_of(track: BeatTrack, dance: str = "") -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from harmolab.data.recordings import Recording, load_recording, recording_beats
 from harmolab.files import Progress, silent
 from harmolab.params import BarPattern
+from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.moves import bar_patterns
 from harmolab.systems.choreographer.takes import Take, take_of
@@ -108,7 +109,7 @@ def _takes(folder: Path, spans: list[tuple[float, float]]) -> list[Take]:
 def dance_patterns(takes: Sequence[Take]) -> dict[str, BarPattern]:
     """The bar pattern of each dance whose takes know their places in the bar, learnt on them."""
     placed = [take for take in takes if take.dance and take.places.size]
-    patterns, _ = bar_patterns(placed)
+    patterns, _ = bar_patterns(placed, [shape_signal(shape_speed(take.motion)) for take in placed])
     return {dance: replace(pattern, dance=dance) for (dance, _), pattern in patterns.items()}
 
 
