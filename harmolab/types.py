@@ -155,8 +155,8 @@ class Motion(Display):
         Names and tree of the J joints. `Skeleton.unnamed` will do where neither is known.
     valid : (T,) bool array
         False where a frame is filler, as between two recordings that were joined, or where the body was hidden.
-        Filler has no beats, and measures leave it out. All frames are valid when it is left out. Where filler jumps
-        away from the body, as frames that a sensor lost and that are zero do, straight lines take its place.
+        Filler has no beats, and measures leave it out. All frames are valid when it is left out. Straight lines
+        take the place of filler in which all joints lie at one point, such as frames that a sensor lost and that are 0.
 
     Raises
     ------
@@ -219,16 +219,16 @@ class Motion(Display):
 
 
 def _bridged(positions: FloatArray, valid: BoolArray) -> FloatArray:
-    """`positions` with straight lines over filler, where this jumps away by half the size of the body in a frame.
+    """`positions` with straight lines over filler in which all joints lie at one point.
 
-    Interpolated or smoothed, such filler would move the valid frames beside it.
+    Frames that a sensor lost are such in many files: zeros. Interpolated or smoothed, they would move the valid frames
+    beside them.
     """
-    edges = np.flatnonzero(valid[1:] != valid[:-1])
-    jump = np.abs(positions[edges + 1] - positions[edges]).max(initial=0.0)
-    if jump == 0 or not 0 < np.median(np.ptp(positions[valid], axis=1).max(axis=1)) / 2 < jump:
+    lost = ~valid & (np.ptp(positions, axis=1) == 0).all(axis=-1)
+    if positions.shape[1] == 1 or not lost.any() or lost.all():
         return positions
-    frames, columns = np.arange(len(valid)), positions.reshape(len(valid), -1).T
-    lines = np.stack([np.interp(frames, frames[valid], column[valid]) for column in columns], axis=-1)
+    kept, columns = np.flatnonzero(~lost), positions.reshape(len(lost), -1).T
+    lines = np.stack([np.interp(np.arange(len(lost)), kept, column[kept]) for column in columns], axis=-1)
     return frozen_array(lines.reshape(positions.shape), "positions")
 
 
