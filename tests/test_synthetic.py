@@ -4,6 +4,8 @@ import itertools
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import librosa
 import mir_eval
@@ -18,6 +20,7 @@ from harmolab.data.synthetic.beats import ClipSettings, beat_grid, movement_ends
 from harmolab.data.synthetic.dancer import ARM_POSES, FEET, FIGURES, HEADING, MANNERS, POSE_SIZE, joint_positions
 from harmolab.data.synthetic.music import GROOVES, synthetic_music
 from harmolab.params import DANCES
+from harmolab.readers.motion import save_motion
 from tests.builders import bone_lengths, cases, refused
 
 EVERY_DANCE = pytest.mark.parametrize("dance", list(DANCES))
@@ -426,6 +429,21 @@ def test_stopped_run_goes_on_where_it_was(tmp_path: Path):
     assert [name for name in after if after[name] != before[name]] == ["clip_0002_jive"]
     assert labels == [("making clips", 5)]
     assert [path.name for path in out.iterdir() if path.name.startswith(".")] == []
+
+
+def test_of_two_that_write_one_corpus_the_second_waits_and_none_loses_a_clip(tmp_path: Path, monkeypatch):
+    second = Thread(target=write_corpus, args=(tmp_path,), kwargs={"clips": 2, "seconds": 1.0})
+
+    def save(path: Path, *args: Any, **options: Any) -> None:
+        if second.ident is None:  # the first is in the middle of a clip
+            second.start()
+            second.join(0.5)
+        save_motion(path, *args, **options)
+
+    monkeypatch.setattr("harmolab.data.synthetic.clips.save_motion", save)
+    write_corpus(tmp_path, clips=2, seconds=1.0)
+    second.join()
+    assert [len(list(folder.iterdir())) for folder in find_recordings(tmp_path).folders] == [3, 3]
 
 
 def test_other_settings_rewrite_the_clips(tmp_path: Path):

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from filelock import FileLock
 
 from harmolab.data.synthetic.beats import ClipSettings
 from harmolab.data.synthetic.dancer import choreography, dance_motion, figure_names
@@ -154,7 +155,7 @@ def write_corpus(
     its dance, and clips take the figures in rotation, so that most clips share no figure with any other.
 
     A folder appears whole. A run that was stopped goes on where it was: folders with the same settings are kept, those
-    with other settings are written anew.
+    with other settings are written anew. Of two that write the same folder at once, one waits for the other.
 
     Parameters
     ----------
@@ -190,13 +191,14 @@ def write_corpus(
     _check_folder(out, set(plan))
     planted_clip(next(iter(plan.values())))  # settings out of range fail here, before a folder is made
     out.mkdir(parents=True, exist_ok=True)
-    for leftover in out.glob(f"{UNFINISHED}clip_*"):
-        shutil.rmtree(leftover)
-    shared = {key: value for key, value in asdict(common).items() if key not in ROTATING}
-    write_json(out / "corpus.json", {"source": "synthetic", "generator": GENERATOR, "clips": int(clips), **shared})
-    for name, one in progress(plan.items(), "making clips"):
-        if not _is_finished(out / name, one):
-            _write_clip(out / name, planted_clip(one, name=name))
+    with FileLock(out / ".lock"):
+        for leftover in out.glob(f"{UNFINISHED}clip_*"):
+            shutil.rmtree(leftover)
+        shared = {key: value for key, value in asdict(common).items() if key not in ROTATING}
+        write_json(out / "corpus.json", {"source": "synthetic", "generator": GENERATOR, "clips": int(clips), **shared})
+        for name, one in progress(plan.items(), "making clips"):
+            if not _is_finished(out / name, one):
+                _write_clip(out / name, planted_clip(one, name=name))
     return out
 
 
@@ -216,8 +218,7 @@ def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...
     per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(names)))
     per_round = len(names) // per_clip
     order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(names))
-    first = turn % per_round * per_clip
-    return tuple(names[place] for place in order[first : first + per_clip])
+    return tuple(names[place] for place in order[turn % per_round * per_clip :][:per_clip])
 
 
 def _check_folder(out: Path, expected: set[str]) -> None:
@@ -250,10 +251,9 @@ def _recorded(settings: ClipSettings) -> dict[str, Any]:
 
 def _write_clip(folder: Path, planted: PlantedClip) -> None:
     """Write a clip's folder in place of what an earlier run left there."""
-    clip = planted.clip
     with atomic_folder(folder) as part:
-        save_audio(part / "audio.wav", clip.audio)
-        save_motion(part / "motion.npz", cast(Motion, clip.motion), offset=clip.offset)
+        save_audio(part / "audio.wav", planted.clip.audio)
+        save_motion(part / "motion.npz", cast(Motion, planted.clip.motion), offset=planted.clip.offset)
         write_json(part / "beats.json", _annotation(planted))
 
 
