@@ -182,6 +182,9 @@ def test_a_notebook_gets_the_page_and_the_sentence_beside_the_live_widget(plante
     assert "application/vnd.jupyter.widget-view+json" in data
     assert data["text/plain"] == f"{lab.sentence}\n{lab.line}"
     assert data["text/html"].startswith(f'<iframe title="{lab.content.title}" srcdoc="')
+    # JupyterLab drops the frames of notebooks that are not trusted, and keeps what stands in them.
+    left = re.sub("<[^>]*>", "", data["text/html"])
+    assert left.startswith(f"{lab.content.title}: not shown here. ") and "“Trust Notebook”" in left
 
 
 @cases(
