@@ -509,7 +509,8 @@ def test_letters_of_eight_points_have_nine_pixels_in_every_shipped_figure_on_a_p
     assert {path.name for path in SHIPPED.glob("*.png") if inches(path) > widest} == TOO_WIDE
 
 
-def test_words_about_a_column_that_the_published_run_has_not_say_that_it_is_older():
+def test_words_about_a_column_that_the_published_run_has_not_say_that_it_is_older(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # as on Colab, where notebooks run in another folder than their own
     words = headline(lambda tables: str(tables["table11_ablation"]["a column of tomorrow"].sum())).data
     assert words.startswith("**The published full run is older than these words (it has no 'a column of tomorrow').**")
     assert "table_of_tomorrow.csv is missing" in headline(lambda tables: str(tables["table_of_tomorrow"])).data

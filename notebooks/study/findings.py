@@ -13,7 +13,7 @@ import pandas as pd
 from IPython.display import Markdown
 
 from study.profile import RunProfile
-from study.saving import figures_folder, project_folder
+from study.saving import figures_folder
 
 
 class RunTables(Mapping[str, pd.DataFrame]):
@@ -45,8 +45,8 @@ Words = Callable[[RunTables], str]
 
 
 def published_tables() -> RunTables:
-    """The committed tables, which a full run made."""
-    return RunTables(project_folder() / "figures")
+    """The committed tables, which a full run made: those beside these notebooks, wherever one of them is run."""
+    return RunTables(Path(__file__).resolve().parents[2] / "figures")
 
 
 def headline(words: Words) -> Markdown:
