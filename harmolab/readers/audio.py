@@ -397,6 +397,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
             yield samples
-    stated = tagged_seconds(stream) or (float(stream.duration * stream.time_base) if stream.frames else 0.0)
+    # An AVI tells no duration of sound without coding: its frames are samples.
+    stated = tagged_seconds(stream) or float(stream.frames and (stream.duration or stream.frames) * stream.time_base)
     if count < (0.95 * stated - 1) * rate:
         raise ValueError(f"is cut off or damaged: {count / rate:.1f} of {stated:.1f} s of sound are there")
