@@ -334,6 +334,9 @@ def sound(*parts: tuple[float, float]) -> Audio:
     ([(2, -90), (4, -20), (2, -90)], 0.5, [(0, 2), (6, 8)]),
     ([(8, -90), (4, -20), (1, -51), (2, -20)], 0.5, [(0, 8), (12, 13)]),  # the median of what sounds
     ([(4, -90)], 0.5, []),
+    ([(4, -45), (2, -57), (4, -45)], 0.5, []),  # a quiet recording
+    ([(4, -45), (2, -78), (4, -45)], 0.5, [(4, 6)]),
+    ([(4, -70), (2, -99), (4, -80), (1, -120)], 0.5, [(10, 11)]),
 )
 def test_silence_is_far_below_the_music_or_below_hearing_for_a_second(
     parts: list[tuple[float, float]], period: float, silences: list[tuple[float, float]]

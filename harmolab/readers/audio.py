@@ -234,7 +234,8 @@ def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
 def _mixed(block: NDArray[Any]) -> NDArray[Any]:
     """The mean of the channels (frames, channels), or the first where they cancel: one may be another's inverse."""
     mean = block.mean(axis=1)
-    return block[:, 0] if np.abs(mean).max() < 0.01 * np.abs(block[:, 0]).max() else mean
+    # By power, not by the largest sample: a lossy coder leaves noise of what cancels, and some of its samples are high.
+    return block[:, 0] if mean.var() < 0.01 * block[:, 0].var() else mean
 
 
 def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:
@@ -396,6 +397,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
             yield samples
-    stated = tagged_seconds(stream) or (float(stream.duration * stream.time_base) if stream.frames else 0.0)
+    # An AVI tells no duration of sound without coding: its frames are samples.
+    stated = tagged_seconds(stream) or float(stream.frames and (stream.duration or stream.frames) * stream.time_base)
     if count < (0.95 * stated - 1) * rate:
         raise ValueError(f"is cut off or damaged: {count / rate:.1f} of {stated:.1f} s of sound are there")

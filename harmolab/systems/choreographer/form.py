@@ -18,8 +18,10 @@ from harmolab.types import Audio, BoolArray, FloatArray
 
 HOP = 0.05  # seconds of sound whose loudness is one number
 NOTHING, FAINT = -55.0, 30.0  # decibels of full scale, and below the median of what sounds, at which there is silence
-SILENCE = 1.0  # seconds that a silence lasts at least, and beats of it, since slow music pauses between two beats
-SILENT_BEATS = 1.5
+# Where no moment reaches the first (decibels of full scale), silence is so far below the loudest one, or at the last.
+QUIET, BELOW, LEAST = -42.0, 32.0, -100.0
+# Seconds that a silence lasts at least, and beats of it, since slow music pauses between two beats.
+SILENCE, SILENT_BEATS = 1.0, 1.5
 BLINK = 1.0  # seconds of sound that a silence may have in it
 SMOOTHING = 0.6  # seconds, standard deviation, of the loudness
 NARROW, WIDE = 5.0, 20.0  # decibels of range: below the first loudness hardly counts; more than the second is not used
@@ -53,7 +55,7 @@ class Form:
         squares = np.pad(np.square(audio.samples, dtype=np.float64), (0, -audio.samples.size % size))
         power = squares.reshape(-1, size).mean(axis=1)
         level = _decibels(power)
-        sounds = level > NOTHING
+        sounds = level > (NOTHING if level.max() > QUIET else max(level.max() - BELOW, LEAST))
         if not sounds.any():
             return cls(np.zeros(0), np.zeros(0, bool))
         sounds &= level > np.median(level[sounds]) - FAINT
