@@ -7,6 +7,7 @@ import itertools
 import json
 import re
 import shutil
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from numbers import Integral
 from pathlib import Path
@@ -199,6 +200,8 @@ def write_corpus(
         for name, one in progress(plan.items(), "making clips"):
             if not _is_finished(out / name, one):
                 _write_clip(out / name, planted_clip(one, name=name))
+        with suppress(PermissionError):  # Windows keeps an open file; a lock file that is gone is made anew
+            (out / ".lock").unlink()
     return out
 
 
