@@ -19,10 +19,10 @@ from harmolab.lab.explain.offset import picture_motion
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HOW_PATTERNS, HarmonyParams
-from harmolab.readers.motion import load_motion
+from harmolab.readers.motion import load_motion, save_motion
 from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
-from harmolab.types import Clip
+from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_clip
 from tests.builders import cases, complaint, done, planted_dance, write_pair, write_song
 
@@ -101,6 +101,25 @@ def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], t
     with av.open(str(out)) as container:
         sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
     assert np.abs(sound).max() > 0.05  # the video's own
+
+
+@pytest.mark.slow
+@cases(
+    "has_sound, line",
+    (True, "begin at 3.30 s of the song, by its sound"),
+    (False, "Where in its beat you dance cannot"),
+)
+def test_points_over_their_film_begin_in_another_song_where_its_sound_says(has_sound: bool, line: str, tmp_path: Path):
+    clip = planted_dance(seconds=20.0, fps=30.0)
+    song, film, points = write_pair(tmp_path, clip)[0], tmp_path / "film.mp4", tmp_path / "points.npz"
+    sound = clip.audio.span(3.3, 16.0) if has_sound else None
+    write_video(film, [np.full((48, 64, 3), 90, np.uint8)] * 480, 30.0, audio=sound)
+    save_motion(
+        points, Motion(np.array([32, 40]) - 15 * clip.motion.positions[99:579, :, :2], 30.0, clip.motion.skeleton)
+    )
+    result = render(song, points, "--over", film, "--out", tmp_path / "x.mp4")
+    assert line in " ".join(result.output.split())
+    assert ("on the beat" in result.stdout) == has_sound
 
 
 def test_points_without_their_video_are_drawn_as_a_person(take: tuple[Path, Path], tmp_path: Path):

@@ -14,7 +14,7 @@ from harmolab.cli import common
 from harmolab.cli.common import HEIGHT, FileOptions, PartOptions
 from harmolab.cli.data import is_body_found
 from harmolab.cli.screen import note, progress, waiting, wrote
-from harmolab.cli.sources import Sources, check_signs, clip_of, reading_fault, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, film_offset, reading_fault, sources
 
 if TYPE_CHECKING:
     from harmolab.verdict.judge import Judgement
@@ -63,10 +63,12 @@ def render(
     seconds = GIF_SECONDS if is_gif and part.seconds is None else part.seconds
     if seconds is not None and seconds <= 0:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
-    reading, points = read.keywords, None
+    reading, points, offset = read.keywords, None, part.offset
     if over is not None and not files.is_video:
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
-    clip = clip_of(files, offset=part.offset, track=video.marks, sample_rate=None, movement=points, **reading)
+        offset = film_offset(files, over) if offset is None else offset
+    clip = clip_of(files, offset=offset, track=video.marks, sample_rate=None, movement=points, **reading)
+    clip = replace(clip, has_start=clip.has_start and (points is None or offset is not None))
     in_video = points_in_video(files.motion) if files.is_video else None
     score = harmolab.score_clip(clip, params) if video.marks else None
     judgement = _judgement(files, clip, score)

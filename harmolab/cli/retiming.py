@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,7 +10,7 @@ import typer
 from harmolab.cli import common
 from harmolab.cli.common import HEIGHT, VIDEOS_OUT, Dance, FileOptions, JudgeOptions, Offset, Song, show, with_options
 from harmolab.cli.screen import note, printable, progress, wrote
-from harmolab.cli.sources import note_tempo, reading_fault, sound_offset, sources
+from harmolab.cli.sources import film_offset, note_tempo, reading_fault, sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -65,7 +64,6 @@ def retime(
     """
     from harmolab.data.recordings import recorded_offset
     from harmolab.lab.render.video import retime_files
-    from harmolab.readers.audio import video_sound
 
     common.check_untold(context, ("slowest", "fastest"), "is for --method dp only", when=method == "lee2019")
     place = (0.5 if judged.how == "hit" else 0.0) if phase is None else phase
@@ -76,8 +74,7 @@ def retime(
     common.check_untold(context, ("height",), f"is for a video, not for {out}", when=not is_video)
     offset = recorded_offset(files.motion) if offset is None else offset
     if offset is None and files.song != files.motion:
-        with suppress(ValueError):  # it has no sound
-            offset = sound_offset(files, video_sound(files.motion)) if files.is_video else None
+        offset = film_offset(files, files.motion) if files.is_video else None
         if offset is None:
             note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
     retimed = retime_files(

@@ -167,6 +167,19 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     return performance.motion, begin
 
 
+def film_offset(files: Sources, film: Path) -> float | None:
+    """Second of the song at which points of a film begin: by their file, else by its sound; None where unclear."""
+    from harmolab.data.recordings import recorded_offset
+    from harmolab.readers.audio import video_sound
+
+    if (begin := recorded_offset(files.motion)) is not None or files.song.resolve() == film.resolve():
+        return begin or 0.0
+    sound = None
+    with suppress(ValueError):  # the film has no sound that can be read
+        sound = video_sound(film)
+    return sound_offset(files._replace(motion=film), sound)
+
+
 def sound_offset(files: Sources, sound: Audio | None) -> float | None:
     """Second of the song at which a video with this sound begins, and a line on it; None where the sound is unclear."""
     from harmolab.lab.explain.offset import REPEATS, find_sound_offset
