@@ -159,12 +159,11 @@ def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | N
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     """The movement of a video, and the song's time at which it begins, by its sound unless told."""
     performance = dance_performance(files)
-    if offset is not None or files.song.resolve() == files.motion.resolve():
-        return performance.motion, offset or 0.0
-    begin = sound_offset(files, performance.sound)
-    if begin is None:
-        raise ValueError(UNPLACED.format(files))
-    return performance.motion, begin
+    if offset is None and files.song.resolve() != files.motion.resolve():
+        offset = sound_offset(files, performance.sound)
+        if offset is None:
+            raise ValueError(UNPLACED.format(files))
+    return performance.motion, offset or 0.0
 
 
 def film_offset(files: Sources, film: Path) -> float | None:
@@ -174,10 +173,9 @@ def film_offset(files: Sources, film: Path) -> float | None:
 
     if (begin := recorded_offset(files.motion)) is not None or files.song.resolve() == film.resolve():
         return begin or 0.0
-    sound = None
     with suppress(ValueError):  # the film has no sound that can be read
-        sound = video_sound(film)
-    return sound_offset(files._replace(motion=film), sound)
+        return sound_offset(files._replace(motion=film), video_sound(film))
+    return None
 
 
 def sound_offset(files: Sources, sound: Audio | None) -> float | None:
