@@ -125,6 +125,18 @@ def test_every_name_in_the_conventions_exists():
     assert [name for name in [*wrong, "body.kinematics.joint_speed"] if not exists(name)] == wrong
 
 
+def test_every_name_below_harmolab_or_study_that_a_page_names_exists():
+    pages = [*sorted((ROOT / "docs").glob("*.md")), *ROOT.glob("*.md")]
+    named = {
+        (page.name, name.removeprefix("harmolab."))
+        for page in pages
+        if page.name != "CHANGELOG.md"  # also has what went
+        for name in re.findall(r"`((?:harmolab|study)(?:\.[A-Za-z_]\w*)+)[`(]", page.read_text("utf-8"))
+    }
+    assert len(named) > 40
+    assert [one for one in sorted(named) if not (exists(one[1]) or hasattr(harmolab, one[1]))] == []
+
+
 def test_settings_of_paper_mode_are_as_the_conventions_say():
     paper = HarmonyParams.paper()
     told = {row[1].strip("`").rpartition(".")[2]: row[2] for row in rows(CONVENTIONS) if "HarmonyParams." in row[1]}
