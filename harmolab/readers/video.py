@@ -49,11 +49,11 @@ class _Coding(NamedTuple):
     container: dict[str, str]
 
 
+# One step less of motion search than the preset has: a quarter faster, files 6 % larger, the same likeness.
+_X264 = {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"}
 CODINGS = {
-    # One step less of motion search than the preset has: a quarter faster, files 6 % larger, the same likeness.
-    ".mp4": _Coding(
-        "libx264", "aac", {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"}, {"movflags": "+faststart"}
-    ),
+    # Sound lies beside its pictures; without "max_interleave_delta" all but the last 10 s of it come before them.
+    ".mp4": _Coding("libx264", "aac", _X264, {"movflags": "+faststart", "max_interleave_delta": "0"}),
     ".webm": _Coding(
         "libvpx-vp9", "libopus", {"deadline": "realtime", "cpu-used": "7", "crf": "30", "b": "0", "row-mt": "1"}, {}
     ),
