@@ -701,9 +701,10 @@ def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, reco
     succeed("play", recording, "--seconds", 1, "--height", 120, "--out", out)
 
 
-def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
+def test_a_gif_needs_frames_of_one_size_and_a_rate_that_it_can_hold(tmp_path: Path):
     frame = np.zeros((32, 32, 3), np.uint8)
     refused("at least one frame", write_gif, tmp_path / "x.gif", [], 10.0)
+    refused("x.gif: a gif has 1 to 50 pictures a second, got 60", write_gif, tmp_path / "x.gif", [frame], 60.0)
     refused("frame 1 has shape", write_gif, tmp_path / "x.gif", [frame, frame[:20]], 10.0)
     refused("x.gif: frame 0 has shape", write_gif, tmp_path / "x.gif", [frame[..., 0]], 10.0)
     assert not list(tmp_path.iterdir())
