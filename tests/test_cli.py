@@ -241,7 +241,7 @@ def test_bracketed_names_are_whole(tmp_path: Path, click_track: Callable[..., Au
 
 def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_path: Path):
     clip = planted_dance(seconds=12.0)
-    save_motion(tmp_path / "late.npz", clip.motion, offset=3.0)
+    save_motion(tmp_path / "late.npz", replace(clip.motion, valid=np.arange(clip.motion.n_frames) >= 40), offset=3.0)
     assert json.loads(succeed("data", "check", tmp_path / "late.npz", "--json").stdout)[0]["offset"] == 3.0
     (tmp_path / "take").mkdir()
     save_motion(tmp_path / "take" / "motion.npz", clip.motion, offset=3.0)
@@ -249,12 +249,14 @@ def test_where_a_dance_begins_is_shown_and_said_where_a_file_cannot_keep_it(tmp_
     beside = json.loads(run("data", "check", tmp_path / "take" / "motion.npz", "--json").stdout)[0]
     assert beside["kind"] == "motion" and "beats.json: cannot be read" in beside["odd"][-1]
     said = "the movement begins at 3 s of the song: pass --offset 3 with it"
-    assert said in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
+    converted = succeed("data", "convert", tmp_path / "late.npz", tmp_path / "late.bvh").output
+    assert said in converted and "late.bvh: BVH cannot say that 40 frames are filler" in converted
     assert said not in succeed("data", "convert", tmp_path / "late.npz", tmp_path / "copy.npz").output
     song = write_song(tmp_path / "song.wav", planted_dance(seconds=15.0))
     bent = ("--out", tmp_path / "bent.bvh")
     known = succeed("retime", song, tmp_path / "late.npz", *bent).output
     assert said in known and (taken := "is taken to begin with the song; --offset says where else") not in known
+    assert re.search(r"bent\.bvh: BVH cannot say that \d+ frames are filler", known)
     assert f"late.bvh {taken}" in succeed("retime", song, tmp_path / "late.bvh", *bent).output
     assert taken not in succeed("retime", song, tmp_path / "late.bvh", "--offset", 0, *bent).output
 
@@ -701,9 +703,10 @@ def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, reco
     succeed("play", recording, "--seconds", 1, "--height", 120, "--out", out)
 
 
-def test_a_gif_needs_frames_of_one_size(tmp_path: Path):
+def test_a_gif_needs_frames_of_one_size_and_a_rate_that_it_can_hold(tmp_path: Path):
     frame = np.zeros((32, 32, 3), np.uint8)
     refused("at least one frame", write_gif, tmp_path / "x.gif", [], 10.0)
+    refused("x.gif: a gif has 1 to 50 pictures a second, got 60", write_gif, tmp_path / "x.gif", [frame], 60.0)
     refused("frame 1 has shape", write_gif, tmp_path / "x.gif", [frame, frame[:20]], 10.0)
     refused("x.gif: frame 0 has shape", write_gif, tmp_path / "x.gif", [frame[..., 0]], 10.0)
     assert not list(tmp_path.iterdir())

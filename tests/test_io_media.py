@@ -585,6 +585,14 @@ def test_sound_of_a_video_is_where_it_was(tmp_path: Path, name: str, start: floa
     assert numbers(video_frames(tmp_path / name)) == list(range(30))
 
 
+def test_sound_and_pictures_of_an_mp4_lie_beside_each_other_so_that_it_plays_as_it_loads(tmp_path: Path):
+    write_video(tmp_path / "v.mp4", grey_levels(300, 0), 10.0, audio=Audio(np.tile(pulse(0.5).samples, 30), 22050))
+    with av.open(str(tmp_path / "v.mp4")) as container:
+        packets = sorted((one for one in container.demux() if one.dts is not None), key=lambda packet: packet.pos)
+    times = np.array([float(packet.dts * packet.time_base) for packet in packets])
+    assert times[0] <= 0.1 and np.diff(times).min() > -1.0  # dts of the first pictures lie a little before 0
+
+
 @cases("name, kind", ("v.MTS", "mpegts"), ("v.m2ts", "mpegts"), ("v.3gp", "3gp"), ("v.flv", "flv"))
 def test_films_of_cameras_and_old_phones_are_videos_with_sound(tmp_path: Path, name: str, kind: str):
     write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=pulse(0.5))

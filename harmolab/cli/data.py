@@ -129,8 +129,6 @@ def convert(
     say(f"{motion}: {read.kind}, {common.frames_text(read.motion)}", *(f"read: {sentence}" for sentence in read.notes))
     wrote(out)
     common.say_begin(begin, out)
-    if out.suffix.lower() == ".bvh" and not read.motion.valid.all():
-        note(f"{out}: BVH cannot say that {(~read.motion.valid).sum()} frames are filler; they count as movement")
 
 
 # `harmolab data pose`: the body in a video as a motion file; may what finds it be fetched?

@@ -38,7 +38,7 @@ class VideoOptions:
     verdict : Video: the verdict on the whole dance, below in the picture.
     follow : Video: keep the hips in the middle of the picture.
     height : Video: height in pixels; the width is 4/3 of it. A film keeps its shape, and is never enlarged.
-    rate : Video: pictures a second (default: those of the film, else 30, or 12.5 in a gif).
+    rate : Video: pictures a second (default: those of the film, else 30, or 12.5 in a gif, which has 50 at most).
     """
 
     over: Path | None = None

@@ -27,7 +27,7 @@ are: the best rotation of all children at once (Kabsch 1976), the shortest one w
   a second ROOT.
 * A joint without children ends in an `End Site` at OFFSET 0 0 0, in which our reader sees no further joint.
 
-Which frames are valid is not kept: BVH has no place for it.
+Which frames are valid is not kept: BVH has no place for it. The log says how many are not.
 """
 
 import itertools
@@ -46,7 +46,7 @@ from harmolab.body.rotations import alignment, mean_shape
 from harmolab.body.skeletons import Skeleton, ancestors, children, skeleton_part, subtree, tree_order
 from harmolab.files import PathLike, atomic_write, named_faults, read_text, reading
 from harmolab.readers.arrays import checked_motion, in_metres
-from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, as_read, head_above_feet
+from harmolab.readers.motion_file import LOG, Assumption, MotionFile, ReadingOptions, as_read, head_above_feet
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
@@ -358,6 +358,8 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
         stream.writelines(f"{line}\n" for line in _hierarchy_text(skeleton, order, above.sum(axis=1) - 1, bones, scale))
         stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
         np.savetxt(stream, _motion_text(bones, order, scale), fmt="%.6f")
+    if lost := int((~motion.valid).sum()):
+        LOG.info("%s: BVH cannot say that %d frames are filler; they count as movement", path, lost)
 
 
 def _one_tree(motion: Motion) -> Motion:

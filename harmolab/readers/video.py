@@ -49,11 +49,11 @@ class _Coding(NamedTuple):
     container: dict[str, str]
 
 
+# One step less of motion search than the preset has: a quarter faster, files 6 % larger, the same likeness.
+_X264 = {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"}
 CODINGS = {
-    # One step less of motion search than the preset has: a quarter faster, files 6 % larger, the same likeness.
-    ".mp4": _Coding(
-        "libx264", "aac", {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"}, {"movflags": "+faststart"}
-    ),
+    # Sound lies beside its pictures; without "max_interleave_delta" all but the last 10 s of it come before them.
+    ".mp4": _Coding("libx264", "aac", _X264, {"movflags": "+faststart", "max_interleave_delta": "0"}),
     ".webm": _Coding(
         "libvpx-vp9", "libopus", {"deadline": "realtime", "cpu-used": "7", "crf": "30", "b": "0", "row-mt": "1"}, {}
     ),
@@ -378,6 +378,7 @@ def _encode_audio(container: Any, sound: Any, audio: Audio) -> None:
 
 # Frames to GIF, the moving picture that a README shows
 
+MAX_GIF_FPS = 50.0  # hertz: pictures that are to last a hundredth of a second or less, browsers show for a tenth
 COLOURS = 64  # of the palette, chosen for what moves
 COMMENT, END = b"\x21\xfe", b"\x3b"  # a GIF's comment begins with the first and the file ends with the second
 
@@ -389,7 +390,7 @@ def write_gif(path: PathLike, frames: Iterable[Frame], fps: float) -> None:
     ----------
     path : str or path that ends in .gif
     frames : iterable of (H, W, 3) RGB uint8 arrays, all of one shape; they are held in memory together
-    fps : float, hertz; GIF counts hundredths of a second, so 10, 12.5, 20 and 25 are kept exactly
+    fps : float, hertz, 50 at most; GIF counts hundredths of a second, so 10, 12.5, 20 and 25 are kept exactly
 
     Raises
     ------
@@ -397,8 +398,8 @@ def write_gif(path: PathLike, frames: Iterable[Frame], fps: float) -> None:
         For no frame, a frame that is no picture or of another size, or an fps that cannot be; names the file.
     """
     path = Path(path)
-    if not MIN_FPS <= fps <= MAX_FPS:
-        raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
+    if not MIN_FPS <= fps <= MAX_GIF_FPS:
+        raise ValueError(f"{path}: a gif has {MIN_FPS:g} to {MAX_GIF_FPS:g} pictures a second, got {fps:g}")
     pictures = map(np.asarray, frames)
     first = next(pictures, None)
     if first is None:

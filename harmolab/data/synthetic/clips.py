@@ -7,7 +7,8 @@ import itertools
 import json
 import re
 import shutil
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from numbers import Integral
 from pathlib import Path
@@ -192,7 +193,7 @@ def write_corpus(
     _check_folder(out, set(plan))
     planted_clip(next(iter(plan.values())))  # settings out of range fail here, before a folder is made
     out.mkdir(parents=True, exist_ok=True)
-    with FileLock(out / ".lock"):
+    with _locked(out / ".lock"):
         for leftover in out.glob(f"{UNFINISHED}clip_*"):
             shutil.rmtree(leftover)
         shared = {key: value for key, value in asdict(common).items() if key not in ROTATING}
@@ -200,8 +201,6 @@ def write_corpus(
         for name, one in progress(plan.items(), "making clips"):
             if not _is_finished(out / name, one):
                 _write_clip(out / name, planted_clip(one, name=name))
-        with suppress(PermissionError):  # Windows keeps an open file; a lock file that is gone is made anew
-            (out / ".lock").unlink()
     return out
 
 
@@ -222,6 +221,17 @@ def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...
     per_round = len(names) // per_clip
     order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(names))
     return tuple(names[place] for place in order[turn % per_round * per_clip :][:per_clip])
+
+
+@contextmanager
+def _locked(lock: Path) -> Iterator[None]:
+    """One writer at a time, as long as it writes; no lock file is left, and one that waits makes it anew."""
+    with FileLock(lock):
+        try:
+            yield
+        finally:
+            with suppress(PermissionError):  # Windows keeps an open file
+                lock.unlink()
 
 
 def _check_folder(out: Path, expected: set[str]) -> None:
