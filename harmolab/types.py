@@ -188,7 +188,7 @@ class Motion(Display):
         valid = frozen_array(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
-        vars(self).update(positions=_bridged(positions, valid), valid=valid, fps=_positive(self.fps, "fps"))
+        vars(self).update(positions=_with_bodies(positions, valid), valid=valid, fps=_positive(self.fps, "fps"))
 
     def __repr__(self) -> str:
         size = "{} joints in {}D".format(*self.positions.shape[1:])
@@ -218,18 +218,25 @@ class Motion(Display):
         return Motion(self.positions[part], self.fps, self.skeleton, self.valid[part])
 
 
-def _bridged(positions: FloatArray, valid: BoolArray) -> FloatArray:
+def bridged(curves: FloatArray, kept: BoolArray) -> FloatArray:
+    """Curves (T, K) with straight lines over the samples that are not `kept`, (T,); as they are where none is kept."""
+    every, samples = np.arange(len(kept)), np.flatnonzero(kept)
+    if samples.size in (0, every.size):
+        return curves
+    return np.column_stack([np.interp(every, samples, curve[samples]) for curve in curves.T])
+
+
+def _with_bodies(positions: FloatArray, valid: BoolArray) -> FloatArray:
     """`positions` with straight lines over filler in which all joints lie at one point.
 
     Frames that a sensor lost are such in many files: zeros. Interpolated or smoothed, they would move the valid frames
     beside them.
     """
-    lost = ~valid & (np.ptp(positions, axis=1) == 0).all(axis=-1)
-    if positions.shape[1] == 1 or not lost.any() or lost.all():
+    lost = ~valid
+    lost[~valid] = (np.ptp(positions[~valid], axis=1) == 0).all(axis=-1)
+    if positions.shape[1] == 1 or not lost.any():
         return positions
-    kept, columns = np.flatnonzero(~lost), positions.reshape(len(lost), -1).T
-    lines = np.stack([np.interp(np.arange(len(lost)), kept, column[kept]) for column in columns], axis=-1)
-    return frozen_array(lines.reshape(positions.shape), "positions")
+    return frozen_array(bridged(positions.reshape(len(lost), -1), ~lost).reshape(positions.shape), "positions")
 
 
 def usual_meter(bar_places: IntArray) -> int:

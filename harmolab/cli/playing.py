@@ -68,7 +68,8 @@ def render(
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
         offset = film_offset(files, over) if offset is None else offset
     clip = clip_of(files, offset=offset, track=video.marks, sample_rate=None, movement=points, **reading)
-    clip = replace(clip, has_start=clip.has_start and (points is None or offset is not None))
+    if points is not None and offset is None:
+        clip = replace(clip, has_start=False)
     in_video = points_in_video(files.motion) if files.is_video else None
     score = harmolab.score_clip(clip, params) if video.marks else None
     judgement = _judgement(files, clip, score)

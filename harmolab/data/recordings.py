@@ -82,7 +82,8 @@ class SpanFrames(NamedTuple):
 
 def dance_of(folder: PathLike) -> str:
     """The dance by the letter in a folder's name (``DANCE_W_12`` is a waltz), or ""."""
-    return _DANCES.get(match[1], "") if (match := re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)) else ""
+    match = re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)
+    return _DANCES.get(match[1], "") if match else ""
 
 
 def find_audio(folder: PathLike) -> Path:

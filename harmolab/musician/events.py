@@ -29,7 +29,7 @@ from harmolab.readers.player_points import FINGERS, INSTRUMENTS, SIDES, fingerti
 from harmolab.score import HarmonyScore, hit_mask, hit_pairs, hitting_score, score_harmony
 from harmolab.significance import bootstrap_interval_of, p_value, rotated_hits, rotations
 from harmolab.systems.training.features import check_choice
-from harmolab.types import FRAME_EDGE, Audio, BeatTrack, BoolArray, FloatArray, Motion, Notes, check_kind
+from harmolab.types import FRAME_EDGE, Audio, BeatTrack, BoolArray, FloatArray, Motion, Notes, bridged, check_kind
 
 MERGE = 0.04  # seconds within which events are one: the notes of a chord, the fingers that strike it
 PALM_SHARE = 0.03  # of the palm's length that a strike goes down at least: 1.5 pixels where it is 50 pixels long
@@ -175,8 +175,10 @@ def bow_turns(motion: Motion, *, reading: str = "distance") -> BeatTrack:
     """
     check_choice("reading", reading, ("distance", "direction"))
     path = _bow_path(motion)
-    is_distance = reading == "distance"
-    curve = np.linalg.norm(path, axis=1) if is_distance else path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
+    if reading == "distance":
+        curve = np.linalg.norm(path, axis=1)
+    else:
+        curve = path @ np.linalg.eigh(np.cov(path, rowvar=False))[1][:, -1]
     smooth = _smooth_curves(curve[:, None], motion, SMOOTHING)[:, 0]
     least = max(STROKE_SHARE * float(np.ptp(smooth)), NOISE * _noise(curve, motion.fps))
     return _track([_peaks(sign * smooth, _rate(motion), least) for sign in (1.0, -1.0)], motion)
@@ -240,7 +242,7 @@ def _fingertip_events(motion: Motion, side: str, detected: BoolArray | None) -> 
     tips, wrist = fingertips(skeleton, side), _numbers_of(motion, wrist_names(side))[:1]
     hand = wrist + _numbers_of(motion, [f"{side}_{finger}_1" for finger in FINGERS])
     down = motion.positions[..., 1] if motion.positions.shape[2] == 2 else -motion.positions[..., 1]
-    heights = _bridged(np.column_stack([down[:, tips], down[:, hand].mean(axis=1)]), motion)
+    heights = bridged(np.column_stack([down[:, tips], down[:, hand].mean(axis=1)]), motion.valid)
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
     curves = curves - _smooth_curves(heights[:, -1:], motion, HAND_SMOOTHING)
     least = PALM_SHARE * _palm(motion, side)
@@ -281,7 +283,7 @@ def _bow_path(motion: Motion) -> FloatArray:
         )
     first, last = motion.positions[:, ends[0]], motion.positions[:, ends[-1]]
     anchor = first + BRIDGE_SHARE * (last - first)
-    return _bridged(motion.positions[:, bow].mean(axis=1) - anchor, motion)
+    return bridged(motion.positions[:, bow].mean(axis=1) - anchor, motion.valid)
 
 
 def _hands(motion: Motion, hand: str | None) -> tuple[str, ...]:
@@ -306,15 +308,6 @@ def _numbers_of(motion: Motion, names: Sequence[str]) -> list[int]:
 def _rate(motion: Motion) -> float:
     """Rate of the curves that events are read from, hertz."""
     return max(motion.fps, RATE)
-
-
-def _bridged(curves: FloatArray, motion: Motion) -> FloatArray:
-    """Curves (T, K) with straight lines over the frames that are not valid."""
-    frames = np.flatnonzero(motion.valid)
-    if frames.size in (0, motion.n_frames):
-        return curves
-    every = np.arange(motion.n_frames)
-    return np.column_stack([np.interp(every, frames, curve[frames]) for curve in curves.T])
 
 
 def _smooth_curves(curves: FloatArray, motion: Motion, smoothing: float) -> FloatArray:

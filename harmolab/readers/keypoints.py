@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from harmolab import files
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.readers.arrays import SAVING, check_joints, checked_motion, number_array
-from harmolab.types import BoolArray, FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion, bridged
 
 # JSON: layouts of many people, and MediaPipe's landmarks of one body
 
@@ -534,11 +534,9 @@ def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) 
         others = ",".join(name for name in skeleton.joints if name not in hidden)
         hint = f"; keep the other joints only (--joints {others}; in Python joints=[...])" if others else ""
         raise ValueError(f"never shows {', '.join(hidden)}{hint}")
-    filled, frames = points.astype(np.float64), np.arange(len(points))
+    filled = points.astype(np.float64)
     for joint in np.flatnonzero(~visible.all(axis=0)):
-        present = visible[:, joint]
-        for axis in range(points.shape[2]):
-            filled[:, joint, axis] = np.interp(frames, frames[present], filled[present, joint, axis])
+        filled[:, joint] = bridged(filled[:, joint], visible[:, joint])
     return filled
 
 

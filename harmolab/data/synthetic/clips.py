@@ -220,7 +220,8 @@ def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...
     per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(names)))
     per_round = len(names) // per_clip
     order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(names))
-    return tuple(names[place] for place in order[turn % per_round * per_clip :][:per_clip])
+    first = turn % per_round * per_clip
+    return tuple(names[place] for place in order[first : first + per_clip])
 
 
 @contextmanager

@@ -474,7 +474,8 @@ class LiveLab(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         """The widget where a page can show it, and the lab as a page of its own, which needs no Python."""
-        data, metadata = (has_front_end() and super()._repr_mimebundle_(**kwargs)) or ({}, {})
+        bundle = super()._repr_mimebundle_(**kwargs) if has_front_end() else None
+        data, metadata = bundle or ({}, {})
         page = framed(self.page, title=self.content.title, height=HEIGHT)
         return {**data, "text/plain": f"{self.sentence}\n{self.line}", "text/html": page}, metadata
 
