@@ -923,6 +923,20 @@ def test_points_at_the_corner_of_a_picture_were_not_seen(tmp_path: Path, columns
     assert (np.abs(motion.positions[10:15, 5:12]) > 90).all()
 
 
+# As Kinect and zeros that one's own code puts there; the places of a picture count from its middle.
+@cases("name, size", ("joints.npy", (22, 3)), ("joints.npy", (17, 2)), ("body.npz", (5, 3)), ("body.npz", (5, 2)))
+def test_frames_whose_joints_all_lie_at_one_point_show_nobody(tmp_path: Path, name: str, size: tuple[int, int]):
+    rng = np.random.default_rng(1)
+    places = rng.uniform(-1, 1, size) + 0.01 * rng.normal(size=(40, *size)).cumsum(axis=0)
+    places[:10] = places[20:23] = 0
+    np.savez(tmp_path / "body.npz", positions=places, fps=30)
+    np.save(tmp_path / "joints.npy", places)
+    file = read_motion(tmp_path / name, fps=30)
+    assert (~file.motion.valid).nonzero()[0].tolist() == [*range(10), 20, 21, 22]
+    assert (np.ptp(file.motion.positions, axis=1) > 0.5).all()
+    assert "joints guessed, not rotations" not in [note.brief for note in file.assumptions]
+
+
 def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):
     points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
     points[..., 2] = 0.9

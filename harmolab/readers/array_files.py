@@ -33,7 +33,7 @@ from harmolab.body.skeletons import Skeleton, turned
 from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, MissingFrameRate, PathLike, named_faults, read_json, reading
 from harmolab.readers import keypoints, motion_file
 from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
-from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
+from harmolab.readers.arrays import checked_motion, has_body, in_metres, npy_pickle, number_array, read_npy
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
 from harmolab.types import FloatArray, Motion
@@ -90,14 +90,15 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     options.check_no_body()
     rate = options.rate(own_fps)
     joints = array.reshape(len(array), -1, 3)
-    skeleton, remarks = steady_skeleton(joints)
-    spread, length = _spread_and_length(joints, _thigh(skeleton, "left"))
+    bodies = joints[has_body(joints)]
+    skeleton, remarks = steady_skeleton(bodies)
+    spread, length = _spread_and_length(bodies, _thigh(skeleton, "left"))
     if not spread <= _STRETCH * length:
         raise ValueError(
             "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
             "from .npz or .pkl with poses and trans"
         )
-    factor, unit = motion_file.metre_factor(joints, options)
+    factor, unit = motion_file.metre_factor(bodies, options)
     places, up = motion_file.upright(in_metres(joints, factor), skeleton.joints, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
     return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))

@@ -5,6 +5,7 @@ import math
 import warnings
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -158,6 +159,8 @@ def checked_motion(
 ) -> Motion:
     """A Motion from an array of a file; NaN and infinity are named by frame and joint.
 
+    Frames without a body (`has_body`) are filler.
+
     Parameters
     ----------
     positions : (T, J, 3) or (T, J, 2) array
@@ -177,4 +180,12 @@ def checked_motion(
         raise ValueError(
             f"NaN or infinity at frame {frame}, joint {joint} ({name}), {len(bad)} values in all; interpolate or cut it"
         )
-    return Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames
+    motion = Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames
+    full = has_body(motion.positions)
+    return motion if full.all() else replace(motion, valid=motion.valid & full)
+
+
+def has_body(positions: FloatArray) -> BoolArray:
+    """(T,) False for frames in which all joints lie at one point, as lost ones do that are 0; True where all are so."""
+    full = (positions != positions[:, :1]).any(axis=(1, 2))
+    return full if full.any() else ~full
