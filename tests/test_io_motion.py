@@ -937,6 +937,21 @@ def test_frames_whose_joints_all_lie_at_one_point_show_nobody(tmp_path: Path, na
     assert "joints guessed, not rotations" not in [note.brief for note in file.assumptions]
 
 
+# As Qualisys writes a gap. The first joint is the origin from which others count; the path of the second begins there.
+@pytest.mark.parametrize("joints", [22, 21])
+def test_a_joint_in_space_that_is_0_was_lost_unless_it_is_near_there_anyway(tmp_path: Path, joints: int):
+    rng = np.random.default_rng(1)
+    places = rng.uniform(-1, 1, (joints, 3)) + 0.01 * rng.normal(size=(40, joints, 3))
+    places[:, 0] = places[0, 1] = 0
+    places[1:, 1] *= 0.05
+    true = places[10:15, 2:4].copy()
+    places[10:15, 2:4] = 0
+    motion = load_motion(save(tmp_path / "joints.npy", places), fps=30, scale=1.0, up="y")
+    assert motion.valid.all()
+    np.testing.assert_allclose(motion.positions[10:15, 2:4], true, atol=0.1)
+    np.testing.assert_array_equal(motion.positions[:, :2], places[:, :2])
+
+
 def test_a_confidence_a_little_above_one_makes_no_metres(tmp_path: Path):
     points = np.random.default_rng(1).uniform(100, 600, (40, 17, 3))
     points[..., 2] = 0.9

@@ -33,7 +33,7 @@ from harmolab.body.skeletons import Skeleton, turned
 from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, MissingFrameRate, PathLike, named_faults, read_json, reading
 from harmolab.readers import keypoints, motion_file
 from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
-from harmolab.readers.arrays import checked_motion, has_body, in_metres, npy_pickle, number_array, read_npy
+from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions
 from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
 from harmolab.types import FloatArray, Motion
@@ -89,19 +89,18 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
         raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(array))[0][0]}; interpolate or cut it")
     options.check_no_body()
     rate = options.rate(own_fps)
-    joints = array.reshape(len(array), -1, 3)
-    bodies = joints[has_body(joints)]
-    skeleton, remarks = steady_skeleton(bodies)
-    spread, length = _spread_and_length(bodies, _thigh(skeleton, "left"))
+    joints, valid = keypoints.filled_joints(array.reshape(len(array), -1, 3))
+    skeleton, remarks = steady_skeleton(joints)
+    spread, length = _spread_and_length(joints, _thigh(skeleton, "left"))
     if not spread <= _STRETCH * length:
         raise ValueError(
             "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
             "from .npz or .pkl with poses and trans"
         )
-    factor, unit = motion_file.metre_factor(bodies, options)
+    factor, unit = motion_file.metre_factor(joints, options)
     places, up = motion_file.upright(in_metres(joints, factor), skeleton.joints, options)
     name = kind or f"{len(skeleton.joints)} joints of {_NAMES[skeleton]}"
-    return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up, *remarks))
+    return MotionFile(checked_motion(places, rate, skeleton, valid), name, (unit, up, *remarks))
 
 
 def _numbers(values: Any) -> FloatArray:
@@ -349,7 +348,8 @@ def _array_motion(
     if is_world or is_image or values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
         motion = keypoints.described_motion(values, {"fps": rate, "world": is_world}, joints=options.joints)
         return motion_file.as_read(motion, "key points", options, *notes, *_guess(motion, values, {}))
-    factor, unit = motion_file.metre_factor(values, options)
+    joints, valid = keypoints.filled_joints(values)
+    factor, unit = motion_file.metre_factor(joints, options)
     unit = _METRES if options.scale is None and factor == 1 else unit
     is_mediapipe = values.shape[1] == len(keypoints.MEDIAPIPE_33.joints)
     skeleton = keypoints.MEDIAPIPE_33 if is_mediapipe else keypoints.named_skeleton(values.shape[1])
@@ -357,7 +357,7 @@ def _array_motion(
         estimator = "MediaPipe" if is_mediapipe else "OpenPose"
         order = f"the joints of {estimator} (guessed by their number; an .npz names its own)"
         notes += (Assumption(order, f"order of joints guessed: {estimator}"),)
-    motion = checked_motion(in_metres(values, factor), rate, skeleton)
+    motion = checked_motion(in_metres(joints, factor), rate, skeleton, valid)
     return motion_file.as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 
