@@ -149,6 +149,7 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
     "skeleton, shape, size",
     (COCO_17, (10, 17, 3), [640, 480, 1]),
     (COCO_17, (10, 17, 3), [1, 1, 1]),
+    (COCO_17, (10, 133, 3), [640, 480, 1]),  # with feet, face and hands
     (Skeleton.unnamed(26), (10, 26, 3), [640, 480, 1]),
     (MEDIAPIPE_33, (10, 33, 4), [1, 1, 1, 1]),
 )
@@ -156,9 +157,11 @@ def test_points_with_a_confidence_are_not_taken_for_metres(
     tmp_path: Path, skeleton: Skeleton, shape: tuple[int, ...], size: list[int]
 ):
     points = np.random.default_rng(1).uniform(0.6, 1, shape) * size
-    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
-    assert motion.skeleton == skeleton
-    np.testing.assert_allclose(motion.positions, points[..., :2])
+    file = read_motion(save(tmp_path / "points.npy", points), fps=30)
+    assert file.motion.skeleton == skeleton
+    np.testing.assert_allclose(file.motion.positions, points[:, : len(skeleton.joints), :2])
+    briefs = [one.brief for one in file.assumptions]
+    assert ("points of feet, face and hands left out" in briefs) == (shape[1] > len(skeleton.joints))
 
 
 @pytest.mark.parametrize(("joints", "low", "high"), [(17, -0.5, 1.0), (17, 0.0, 1.8), (26, 25.0, 26.8), (26, 0.0, 1.0)])

@@ -241,6 +241,10 @@ _DOUBT = Assumption(
     "the joints of COCO (guessed by their number, but the body does not fit; an .npz names its own)",
     "order of joints in doubt",
 )
+_BODY = Assumption(
+    "the body's 17 points, without feet, face and hands (guessed by the number of points)",
+    "points of feet, face and hands left out",
+)
 _PICTURE_SHAPES = ((17, 2), (17, 3), (34,), (51,))
 _METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
 
@@ -308,6 +312,7 @@ def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tu
         notes.append(Assumption(f"{motion.fps:g} frames a second ({rates})", brief))
     if motion.positions.shape[2] == 3:
         return (*notes, *(() if "world" in about else (_WORLD,)))
+    notes += [_BODY] if values.shape[1] in keypoints.FACES_AND_HANDS and values.ndim == 3 else []
     if values.shape[1:] in _PICTURE_SHAPES:
         notes += _order_notes(keypoints.picture_order(values[frames]))
     is_square = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about

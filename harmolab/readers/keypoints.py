@@ -127,6 +127,7 @@ SAVING_POINTS = (
     "numpy.save('dance.npy', points)"
 )
 WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
+FACES_AND_HANDS = WHOLE_BODIES[1:]  # those of which most are of the face and of the fingers
 POSE_LISTS = ("pose_landmarks", "poseLandmarks", "landmarks")  # keys of a body's landmarks in a frame
 _FRAME_KEYS = {*("frame", "frame_id", "frame_idx", "frame_index", "frame_num", "frame_number"), "frameId", "frameIndex"}
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
@@ -488,7 +489,7 @@ def _bodies_and_hips(landmarks: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
-    """(T, J, 2 or 3) from flat or full key points."""
+    """(T, J, 2 or 3) from flat or full key points; of a body with face and hands, COCO's 17."""
     flat = {joints * size: size for joints in (17, 18, 25) for size in (2, 3)}
     if values.ndim == 2 and values.shape[1] in flat:
         points = values.reshape(len(values), -1, flat[values.shape[1]])
@@ -497,7 +498,7 @@ def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
             raise ValueError(f"has {3 * count} columns, each third no confidence; joints in space are (T, {count}, 3)")
         return points
     if values.ndim == 3 and values.shape[2] in (2, 3):
-        return values
+        return values[:, : len(COCO_17.joints)] if values.shape[1] in FACES_AND_HANDS else values
     raise ValueError(
         f"has shape {values.shape}; key points come as (T, J, 2), (T, J, 3), or flat with 17, 18 or 25 joints; "
         f"of others {SAVING}"
