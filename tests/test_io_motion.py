@@ -148,6 +148,7 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
 @cases(
     "skeleton, shape, size",
     (COCO_17, (10, 17, 3), [640, 480, 1]),
+    (COCO_17, (10, 17, 3), [640, 480, 9]),  # a logit, as of RTMPose
     (COCO_17, (10, 17, 3), [1, 1, 1]),
     (COCO_17, (10, 133, 3), [640, 480, 1]),  # with feet, face and hands
     (Skeleton.unnamed(26), (10, 26, 3), [640, 480, 1]),

@@ -374,9 +374,8 @@ def _has_confidence(values: NDArray[Any]) -> bool:
     points = values.reshape(len(values), -1, 3) if is_flat and values.shape[1] % 3 == 0 else values
     if not points.size or points.ndim != 3 or points.shape[2] != 3:
         return False
-    places, confidence = points[..., :2], points[..., 2]
+    places = points[..., :2]
     is_named = keypoints.named_skeleton(points.shape[1]) is not None
-    are_shares = is_named and places.min() >= 0 and places.max() <= 1
-    are_pixels = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > 20
-    most = keypoints.MOST_CONFIDENCE if are_pixels else 1.0
-    return bool(confidence.min() >= 0 and confidence.max() <= most and (are_pixels or are_shares))
+    are_shares = is_named and points.min() >= 0 and points.max() <= 1
+    are_large = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > keypoints.PIXELS
+    return bool(are_shares or (are_large and keypoints.are_confidences(points)))
