@@ -744,6 +744,19 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     assert keypoints_motion(values[:2, :, :3], 25).valid.all()
 
 
+@cases("name, size, columns", ("dance.npz", 5, 3), ("dance.npz", 5, 2), ("dance.npy", 5, 3), ("dance.npy", 33, 3))
+def test_frames_in_which_all_joints_lie_at_one_point_show_nobody(tmp_path: Path, name: str, size: int, columns: int):
+    places, lost = np.random.default_rng(0).uniform(0, 1, (6, size, columns)), np.array([0, 0, 1, 1, 0, 0], bool)
+    places[lost] = 0
+    path = save(tmp_path / "dance.npy", places)
+    if name == "dance.npz":
+        path = tmp_path / name
+        np.savez(path, positions=places, fps=30.0, valid=np.arange(6) < 5)
+    motion = load_motion(path, fps=30)
+    assert motion.valid.tolist() == [True, True, False, False, True, name == "dance.npy"]
+    np.testing.assert_allclose(np.diff(motion.positions[1:5], 2, axis=0), 0, atol=1e-12)  # a straight line
+
+
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):
     path = as_json(tmp_path / "dance.json", {"aspect": 0.0, "frames": [landmarks(0.2), landmarks(0.4)]})
     refused("holds key points but no frame rate; pass fps", load_motion, path)

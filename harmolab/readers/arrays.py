@@ -156,7 +156,7 @@ def check_joints(count: int) -> None:
 def checked_motion(
     positions: ArrayLike, fps: Any, skeleton: Skeleton | None = None, valid: BoolArray | None = None
 ) -> Motion:
-    """A Motion from an array of a file; NaN and infinity are named by frame and joint.
+    """A Motion from an array of a file; NaN and infinity are named by frame and joint. A frame without body is filler.
 
     Parameters
     ----------
@@ -177,4 +177,10 @@ def checked_motion(
         raise ValueError(
             f"NaN or infinity at frame {frame}, joint {joint} ({name}), {len(bad)} values in all; interpolate or cut it"
         )
-    return Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames
+    return Motion(array, checked_fps(fps), skeleton, _with_a_body(array, valid))  # type: ignore[arg-type]  # None: all
+
+
+def _with_a_body(positions: NDArray[Any], valid: BoolArray | None) -> BoolArray | None:
+    """`valid` without frames in which all joints lie at one point, as those that a tracker lost and that are 0."""
+    bodies = (positions != positions[:, :1]).any(axis=(1, 2))
+    return valid if bodies.all() or not bodies.any() else bodies & (True if valid is None else valid)
