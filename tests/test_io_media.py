@@ -691,9 +691,9 @@ def test_a_picture_track_that_starts_late_holds_its_first_picture_from_the_start
     assert shown[round(1.0 * video.fps)] in (14, 15)  # picture 15 is due 0.6 s after the first
 
 
-@pytest.mark.parametrize("rate", [25.0, 29.97])
-def test_a_recording_of_a_thousand_stated_frames_comes_at_its_true_rate_whole(tmp_path: Path, rate: float):
-    write_at(tmp_path / "v.mkv", [round(i / rate, 3) for i in range(50)])  # time stamps of whole milliseconds
+@cases("rate, begin", (25.0, 0), (29.97, 0), (25.0, 20))  # one that was cut out keeps its time stamps
+def test_a_recording_of_a_thousand_stated_frames_comes_at_its_true_rate_whole(tmp_path: Path, rate: float, begin: int):
+    write_at(tmp_path / "v.mkv", [round(begin + i / rate, 3) for i in range(50)])  # time stamps of whole milliseconds
     video = video_frames(tmp_path / "v.mkv")
     assert (video.fps, numbers(video)) == (pytest.approx(rate, rel=1e-3), list(range(50)))
 

@@ -148,7 +148,9 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
 @cases(
     "skeleton, shape, size",
     (COCO_17, (10, 17, 3), [640, 480, 1]),
+    (COCO_17, (10, 17, 3), [640, 480, 9]),  # a logit, as of RTMPose
     (COCO_17, (10, 17, 3), [1, 1, 1]),
+    (COCO_17, (10, 133, 3), [640, 480, 1]),  # with feet, face and hands
     (Skeleton.unnamed(26), (10, 26, 3), [640, 480, 1]),
     (MEDIAPIPE_33, (10, 33, 4), [1, 1, 1, 1]),
 )
@@ -156,9 +158,11 @@ def test_points_with_a_confidence_are_not_taken_for_metres(
     tmp_path: Path, skeleton: Skeleton, shape: tuple[int, ...], size: list[int]
 ):
     points = np.random.default_rng(1).uniform(0.6, 1, shape) * size
-    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
-    assert motion.skeleton == skeleton
-    np.testing.assert_allclose(motion.positions, points[..., :2])
+    file = read_motion(save(tmp_path / "points.npy", points), fps=30)
+    assert file.motion.skeleton == skeleton
+    np.testing.assert_allclose(file.motion.positions, points[:, : len(skeleton.joints), :2])
+    briefs = [one.brief for one in file.assumptions]
+    assert ("points of feet, face and hands left out" in briefs) == (shape[1] > len(skeleton.joints))
 
 
 @pytest.mark.parametrize(("joints", "low", "high"), [(17, -0.5, 1.0), (17, 0.0, 1.8), (26, 25.0, 26.8), (26, 0.0, 1.0)])
@@ -738,6 +742,19 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     assert motion.valid.tolist() == [True, True, False, True]
     np.testing.assert_allclose(motion.positions[2], (values[1, :, :2] + values[3, :, :2]) / 2)
     assert keypoints_motion(values[:2, :, :3], 25).valid.all()
+
+
+@cases("name, size, columns", ("dance.npz", 5, 3), ("dance.npz", 5, 2), ("dance.npy", 5, 3), ("dance.npy", 33, 3))
+def test_frames_in_which_all_joints_lie_at_one_point_show_nobody(tmp_path: Path, name: str, size: int, columns: int):
+    places, lost = np.random.default_rng(0).uniform(0, 1, (6, size, columns)), np.array([0, 0, 1, 1, 0, 0], bool)
+    places[lost] = 0
+    path = save(tmp_path / "dance.npy", places)
+    if name == "dance.npz":
+        path = tmp_path / name
+        np.savez(path, positions=places, fps=30.0, valid=np.arange(6) < 5)
+    motion = load_motion(path, fps=30)
+    assert motion.valid.tolist() == [True, True, False, False, True, name == "dance.npy"]
+    np.testing.assert_allclose(np.diff(motion.positions[1:5], 2, axis=0), 0, atol=1e-12)  # a straight line
 
 
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):

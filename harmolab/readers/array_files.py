@@ -241,6 +241,10 @@ _DOUBT = Assumption(
     "the joints of COCO (guessed by their number, but the body does not fit; an .npz names its own)",
     "order of joints in doubt",
 )
+_BODY = Assumption(
+    "the body's 17 points, without feet, face and hands (guessed by the number of points)",
+    "points of feet, face and hands left out",
+)
 _PICTURE_SHAPES = ((17, 2), (17, 3), (34,), (51,))
 _METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
 
@@ -308,6 +312,7 @@ def _guess(motion: Motion, values: NDArray[Any], about: Mapping[str, Any]) -> tu
         notes.append(Assumption(f"{motion.fps:g} frames a second ({rates})", brief))
     if motion.positions.shape[2] == 3:
         return (*notes, *(() if "world" in about else (_WORLD,)))
+    notes += [_BODY] if values.shape[1] in keypoints.FACES_AND_HANDS and values.ndim == 3 else []
     if values.shape[1:] in _PICTURE_SHAPES:
         notes += _order_notes(keypoints.picture_order(values[frames]))
     is_square = np.median(np.abs(motion.positions)) < 1 and "aspect" not in about
@@ -370,9 +375,8 @@ def _has_confidence(values: NDArray[Any]) -> bool:
     points = values.reshape(len(values), -1, 3) if is_flat and values.shape[1] % 3 == 0 else values
     if not points.size or points.ndim != 3 or points.shape[2] != 3:
         return False
-    places, confidence = points[..., :2], points[..., 2]
+    places = points[..., :2]
     is_named = keypoints.named_skeleton(points.shape[1]) is not None
-    are_shares = is_named and places.min() >= 0 and places.max() <= 1
-    are_pixels = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > 20
-    most = keypoints.MOST_CONFIDENCE if are_pixels else 1.0
-    return bool(confidence.min() >= 0 and confidence.max() <= most and (are_pixels or are_shares))
+    are_shares = is_named and points.min() >= 0 and points.max() <= 1
+    are_large = (np.abs(places).max() if is_named else np.median(np.ptp(places, axis=1))) > keypoints.PIXELS
+    return bool(are_shares or (are_large and keypoints.are_confidences(points)))

@@ -127,6 +127,7 @@ SAVING_POINTS = (
     "numpy.save('dance.npy', points)"
 )
 WHOLE_BODIES = (26, 133, 136)  # points of Halpe and COCO-WholeBody, COCO's 17 first
+FACES_AND_HANDS = WHOLE_BODIES[1:]  # those of which most are of the face and of the fingers
 POSE_LISTS = ("pose_landmarks", "poseLandmarks", "landmarks")  # keys of a body's landmarks in a frame
 _FRAME_KEYS = {*("frame", "frame_id", "frame_idx", "frame_index", "frame_num", "frame_number"), "frameId", "frameIndex"}
 MAX_FRAMES = 432_000  # four hours at 30 frames per second
@@ -362,13 +363,16 @@ SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
 _ENOUGH = 10  # bodies at a regular step, before frames between them count as not looked at
+PIXELS = 20.0  # units over which bodies in a picture extend, and none in metres
 _ORIGIN = 0.01  # metres, or share of a picture
 _IN_PICTURE = 0.9  # share of the landmarks
 BAILANDO_END = "_kps.json"
 # Shares of the spread of all joints. In recorded dances, seen from all sides and from 60 degrees above, COCO's head is
 # 0.22 wide at most and Human3.6M's hips and leg 0.34 or more; its spine and thorax lie 0.32 off the middles at most.
 _HEAD, _MIDDLE = 0.3, 0.35
-MOST_CONFIDENCE = 2.0  # some estimators go a little beyond 1
+# Some estimators go a little beyond 1; RTMPose and RTMW write logits, to which nothing sets a bound. Over a whole dance
+# no body is as thin as the latter, in any unit in which it is as large as pixels are.
+_MOST_CONFIDENCE, _MOST_LOGIT = 2.0, 15.0
 FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
 
 
@@ -447,6 +451,12 @@ def keypoints_motion(
     return checked_motion(places, fps, part, valid)
 
 
+def are_confidences(points: NDArray[Any]) -> bool:
+    """True where the third numbers of points (T, J, 3) may be a confidence: beside pixels it may be larger."""
+    most = _MOST_LOGIT if np.median(np.ptp(points[..., :2], axis=1)) > PIXELS else _MOST_CONFIDENCE
+    return bool(((points[..., 2] >= 0) & (points[..., 2] <= most)).all())
+
+
 def _unseen(places: NDArray[Any]) -> BoolArray:
     """(T, J) True for joints of a picture (T, J, 2) that were not seen: at (-1, -1), as DWPose writes, or at (0, 0).
 
@@ -488,16 +498,16 @@ def _bodies_and_hips(landmarks: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
-    """(T, J, 2 or 3) from flat or full key points."""
+    """(T, J, 2 or 3) from flat or full key points; of a body with face and hands, COCO's 17."""
     flat = {joints * size: size for joints in (17, 18, 25) for size in (2, 3)}
     if values.ndim == 2 and values.shape[1] in flat:
         points = values.reshape(len(values), -1, flat[values.shape[1]])
-        if points.shape[2] == 3 and not ((points[..., 2] >= 0) & (points[..., 2] <= MOST_CONFIDENCE)).all():
+        if points.shape[2] == 3 and not are_confidences(points):
             count = points.shape[1]
             raise ValueError(f"has {3 * count} columns, each third no confidence; joints in space are (T, {count}, 3)")
         return points
     if values.ndim == 3 and values.shape[2] in (2, 3):
-        return values
+        return values[:, : len(COCO_17.joints)] if values.shape[1] in FACES_AND_HANDS else values
     raise ValueError(
         f"has shape {values.shape}; key points come as (T, J, 2), (T, J, 3), or flat with 17, 18 or 25 joints; "
         f"of others {SAVING}"

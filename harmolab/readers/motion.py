@@ -12,7 +12,8 @@ name            shape and type                      meaning
 ``fps``         one number                          frames per second, 1 to 1000
 ``joints``      (J,) strings, optional              names of the joints
 ``parents``     (J,) integers, optional             index of each joint's parent, -1 at a root
-``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
+``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion);
+                                                    one with all joints at one point, as at 0, is filler too
 ``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
 ``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
 ``detected``    (T, J) bool, optional               False where a joint was not detected and its place is filled in

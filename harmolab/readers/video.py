@@ -266,7 +266,9 @@ def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.
 def tagged_seconds(stream: Any) -> float:
     """Seconds from the start of a WebM or Matroska file to the end of a stream, by its tag; 0 without one."""
     parts = re.fullmatch(r"(\d+):(\d\d):(\d\d\.\d+)", stream.metadata.get("DURATION", ""))
-    return sum(float(part) * unit for part, unit in zip(parts.groups(), (3600, 60, 1), strict=True)) if parts else 0.0
+    hours, minutes, seconds = map(float, parts.groups()) if parts else (0.0, 0.0, 0.0)
+    begin = (stream.container.start_time or 0) / av.time_base  # the tag counts from 0, wherever the time stamps begin
+    return max(3600 * hours + 60 * minutes + seconds - begin, 0.0)
 
 
 def _upright(picture: av.VideoFrame, height: int) -> tuple[int, int]:
