@@ -29,7 +29,7 @@ from harmolab.musician.cleaning import Reference
 from harmolab.musician.events import bow_turns, strikes
 from harmolab.musician.explain import explain_playing
 from harmolab.musician.networks import SoundToPoints
-from harmolab.musician.page import Performed, performance_span, save_performed
+from harmolab.musician.page import Performed, performance_span, performed, save_performed
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import load_performance, load_playing
 from harmolab.musician.sequences import PointSpace
@@ -131,6 +131,17 @@ def test_npz_keeps_the_points_of_the_network_and_where_they_come_from(song: Path
 def test_a_start_between_two_frames_is_that_of_the_frame_which_is_written(song: Path, tmp_path: Path):
     result = perform(song, "--start", 3.3125, "--seconds", 1, "--out", tmp_path / "p.npz")
     assert load_offset(tmp_path / "p.npz") == 80 / 24 and "from 3.33 s of" in result.stdout
+
+
+@pytest.mark.parametrize("offset", [0.0, 2.0])
+def test_beside_a_truth_the_network_hears_the_song_from_its_beginning(offset: float):
+    """A violinist whose sound begins in the middle bows the other way."""
+    whole, violinist = planted("violin").performance, Audio2Body.shipped("violin")
+    filmed = replace(performance_span(whole, offset, None), name="film")
+    own = violinist.generate(whole.audio, start=3.0)
+    beside = performed(violinist, whole.audio, start=3.0, is_avatar=False, truth=filmed)
+    for points in (beside.points, beside.compared.prediction):
+        np.testing.assert_array_equal(points.positions, own.positions)
 
 
 def test_npz_and_bvh_keep_the_avatar(song: Path, tmp_path: Path):

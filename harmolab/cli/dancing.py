@@ -288,8 +288,8 @@ def dance(
         this folder.
     seconds : Length of the dance (default: to the end of the song).
     offset : Audio time in seconds at which the dance begins.
-    seed : Another seed, another dance. Left out, a choreographer takes the first seed from 0 to 3 whose dance moves
-        like recorded dancers.
+    seed : Another seed, another dance. So is, of a choreographer, another --seconds, --offset or --beats. Left out, it
+        takes the first seed from 0 to 3 whose dance moves like recorded dancers.
     samples : Number of dances, by as many seeds from --seed on; the files are numbered.
     harmonise : Move each joint by up to so many cm, to fit the beats better (needs torch).
     plant_feet : Keep the foot that carries the body from sliding.

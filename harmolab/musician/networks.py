@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any, Self
+from math import ceil
+from typing import Any, Self, cast
 
 import numpy as np
 import torch
@@ -186,16 +187,28 @@ def synthesize_performance(
     length = audio.duration - start if seconds is None else min(seconds, audio.duration - start)
     if not (np.isfinite(start) and start >= 0 and length > 0):
         raise ValueError(f"start and seconds must lie within the recording of {audio.duration:.2f} s")
-    first, count = round(start * params.fps), int(length * params.fps + 1e-6)
+    count = int(length * params.fps + 1e-6)
     if count < 2:
         raise ValueError(f"{length:.2f} s of sound are less than two frames of {1 / params.fps:.3f} s")
+    if params.hears == "notes" and notes is None:
+        raise ValueError("this network hears notes, not sound; pass them")
+    return points_from(network, audio, notes, start=start, count=count)
+
+
+def points_from(
+    network: SoundToPoints, audio: Audio | None, notes: Notes | None, *, start: float, count: int
+) -> Motion:
+    """So many frames (count, P, 2) from second `start` on, to what is heard from the recording's beginning up to them.
+
+    A violinist whose sound began in the middle would bow the other way: the direction is counted from the beginning.
+    """
+    params, fps = network.params, network.params.fps
+    before = max(0, ceil(start * fps - 1e-6))
     if params.hears == "notes":
-        if notes is None:
-            raise ValueError("this network hears notes, not sound; pass them")
-        sound = note_features(notes, params.fps, first + count)
+        sound = note_features(cast(Notes, notes), fps, before + count, start=start - before / fps)
     else:
-        sound = sound_features(audio, params, first + count)
-    return Motion(predicted_points(network, sound)[first:].reshape(count, -1, 2), params.fps, network.skeleton)
+        sound = sound_features(cast(Audio, audio), params, before + count, start=start - before / fps)
+    return Motion(predicted_points(network, sound)[before:].reshape(count, -1, 2), fps, network.skeleton)
 
 
 def predicted_points(network: SoundToPoints, sound: SingleArray, *, strokes: Strokes | None = None) -> FloatArray:

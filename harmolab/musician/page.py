@@ -297,21 +297,19 @@ def performed(
     """
     instrument, notice = system.network.instrument, system.trained_on
     if truth is None:
-        points = system.generate(audio, start=start, seconds=seconds)
-        begin = round(start * points.fps) / points.fps
+        begin = float(np.round(start * system.network.params.fps)) / system.network.params.fps
+        points = system.generate(audio, start=begin, seconds=seconds)
         return Performed(instrument, points, audio.span(begin, points.duration), begin, notice, is_avatar)
     from harmolab.musician.train import compared
 
     playing = explain.explain_playing(performance_span(truth, start, seconds))
-    part, sound = playing.motion, playing.audio
-    if sound is None:
+    part, sound, whole = playing.motion, playing.audio, playing.performance.audio
+    if sound is None or whole is None:
         raise ValueError(f"{truth.name}: has no sound to play to")
-    first = round(playing.skipped * part.fps)
+    first, begin = round(playing.skipped * part.fps), playing.performance.offset + playing.skipped
     detected = playing.performance.detected[first : first + part.n_frames]
-    own = replace(playing.performance, motion=part, audio=sound, detected=detected, offset=0.0)
-    beside = compared(system.network, own)
-    points = system.generate(sound, seconds=part.duration)
-    begin = playing.performance.offset + playing.skipped
+    beside = compared(system.network, replace(playing.performance, motion=part, detected=detected, offset=begin))
+    points = system.generate(whole, start=begin, seconds=part.duration)
     return Performed(instrument, points, sound, begin, notice, is_avatar, playing, beside)
 
 

@@ -12,7 +12,7 @@ from torch.nn.functional import huber_loss, mse_loss
 
 from harmolab.musician import sequences
 from harmolab.musician.bow import Bowing, turn_signal
-from harmolab.musician.networks import SoundToPoints, predicted_points
+from harmolab.musician.networks import SoundToPoints, points_from, predicted_points
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows
 from harmolab.systems.training.checkpoints import TrainOptions
@@ -274,19 +274,17 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
     if not sequence.accepted.any():
         raise ValueError(f"{name}: every frame of its points is rejected, so there is nothing to compare with")
     numbers = [network.skeleton.joints.index(joint) for joint in joints]
-    predicted = _selected(predicted_points(network, sequence.sound), numbers)
-    mean = _selected(network.space.mean[None], numbers)
-    errors = [frame_errors(each, sequence.points)[sequence.accepted].mean() for each in (predicted, mean)]
-    own_error, mean_error = map(float, errors)
-    width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
-    fps, skeleton = network.params.fps, part.motion.skeleton
-    return Compared(
-        Motion(sequence.points.reshape(len(predicted), -1, 2), fps, skeleton, sequence.accepted),
-        Motion(predicted.reshape(len(predicted), -1, 2), fps, skeleton),
-        TruthErrors(own_error, mean_error, width, len(joints), accepted),
+    count, fps, skeleton = len(sequence.points), network.params.fps, part.motion.skeleton
+    points = points_from(network, performance.audio, performance.notes, start=performance.offset, count=count)
+    truth, predicted = sequence.points.reshape(count, -1, 2), points.positions[:, numbers]
+    mean = network.space.mean.reshape(1, -1, 2)[:, numbers]
+    error, mean_error = (
+        float(frame_errors(each.reshape(len(each), -1), sequence.points)[sequence.accepted].mean())
+        for each in (predicted, mean)
     )
-
-
-def _selected(points: FloatArray, numbers: list[int]) -> FloatArray:
-    """Flat frames (T, 2 K) of the points of some numbers, from flat frames (T, 2 P)."""
-    return points.reshape(len(points), -1, 2)[:, numbers].reshape(len(points), -1)
+    width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
+    return Compared(
+        Motion(truth, fps, skeleton, sequence.accepted),
+        Motion(predicted, fps, skeleton),
+        TruthErrors(error, mean_error, width, len(joints), accepted),
+    )
