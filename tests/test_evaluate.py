@@ -446,6 +446,14 @@ def test_diversity_is_over_songs_and_multimodality_over_seeds() -> None:
     assert numbers["x", "multimodality_kinetic"].value == 1.5  # |0 - 1| and |4 - 2|
 
 
+@cases("folders", ["", "", "", ""], ["waltz", "waltz", "tango", "tango"], ["anna", "bert", "carl", "dora"])
+def test_diversity_is_over_all_dances_where_folders_are_no_draws(folders: list[str]) -> None:
+    songs = ["a", "b", "c", "d"]
+    recorded = feature_rows(RECORDED, np.array([[-1.0], [-1.0], [1.0], [1.0]]), songs, folders)  # mean 0, spread 1
+    number = set_numbers({RECORDED: recorded})[RECORDED, "diversity_kinetic"]
+    assert (number.value, number.n) == (pytest.approx(4 / 3), 4)  # four of six pairs are 2 apart
+
+
 # Files
 
 
