@@ -14,7 +14,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from harmolab.body.skeletons import Skeleton
 from harmolab.clips import song_beats
 from harmolab.data import oddities
 from harmolab.data.recordings import read_any_motion, recorded_offset
@@ -28,6 +27,7 @@ from harmolab.params import DANCES
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.smpl import FACT_SEED
+from harmolab.shape_speed import without_fingers
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
@@ -71,7 +71,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; offset (seconds into the song at which it is danced) and begins (one
-        of `BEGINS`, the source of that); fps, joints, skeleton (a hash of the joints' names), beats ("annotated" or
+        of `BEGINS`, the source of that); fps, joints, skeleton (`skeleton_digest`), beats ("annotated" or
         "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in short, on how the
         motion was read), odd (in short, odd things in motion and song) and oddities (the same in sentences), remarks
         (of the protocols); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score,
@@ -92,7 +92,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(motion.skeleton.joints),
-        "skeleton": skeleton_digest(motion.skeleton),
+        "skeleton": skeleton_digest(motion),
         "beats": "annotated" if pairing.annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
         "begins": _begins(pair, file), "odd": oddities.brief_text(odd), "oddities": "; ".join(odd),
@@ -110,9 +110,9 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     return about | numbers | feature_cells(features)
 
 
-def skeleton_digest(skeleton: Skeleton) -> str:
-    """A text that is another one for other names of joints."""
-    return hashlib.sha256(" ".join(skeleton.joints).encode()).hexdigest()[:8]
+def skeleton_digest(motion: Motion) -> str:
+    """A text that is another one for other names of joints; fingers do not count where they are many."""
+    return hashlib.sha256(" ".join(without_fingers(motion).skeleton.joints).encode()).hexdigest()[:8]
 
 
 def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float], dict[str, FloatArray], str]:
@@ -265,7 +265,7 @@ def recorded_limits(recorded: Sequence[Pair], options: RowOptions, *, progress: 
     windows = []
     for place in progress(places.tolist(), "measuring recorded dancers"):
         try:
-            windows.append(window_measures(_danced(recorded[place], options)))
+            windows.append(window_measures(without_fingers(_danced(recorded[place], options))))
         except (ValueError, OSError):
             continue  # the row of this dance says what is wrong with it
     usable = [each for each in windows if any(each)]
