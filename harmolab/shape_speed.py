@@ -24,6 +24,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from harmolab.body.kinematics import ROUNDING, smooth_positions, upsample_motion
+from harmolab.body.skeletons import skeleton_part
 from harmolab.types import BoolArray, FloatArray, Motion, Record
 
 RATE = 100.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
@@ -201,7 +202,7 @@ def without_fingers(motion: Motion) -> Motion:
     body = [joint for joint, name in enumerate(names) if "foot" in name or not any(word in name for word in FINGERS)]
     if not BODY <= len(body) < 2 / 3 * len(names):
         return motion
-    return replace(motion, positions=motion.positions[:, body], skeleton=motion.skeleton.unnamed(len(body)))
+    return replace(motion, positions=motion.positions[:, body], skeleton=skeleton_part(motion.skeleton, body))
 
 
 def without_glitches(motion: Motion) -> Motion:

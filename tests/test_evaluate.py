@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app, evaluating
 from harmolab.data.synthetic import write_corpus
+from harmolab.files import silent
 from harmolab.lab.evaluate import page as evaluation_page
 from harmolab.lab.evaluate import pairing, summary
 from harmolab.lab.evaluate.as_text import full_methods, methods_paragraph, number_text, table_csv, table_notes
@@ -31,10 +32,11 @@ from harmolab.lab.evaluate.measured import MEASURES, beat_numbers
 from harmolab.lab.evaluate.page import write_evaluation
 from harmolab.lab.evaluate.pairing import FROZEN, OTHER_SONG, RECORDED, Pair, Song, folder_pairs, song_of, songs_in
 from harmolab.lab.evaluate.parts import part_rows, write_part
-from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
+from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers, recorded_limits
 from harmolab.lab.evaluate.sets import SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.lab.player_data import of_dance, player_of
 from harmolab.metrics.features import diversity, frechet_distance
+from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import HarmonyParams
 from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack, Motion
@@ -444,6 +446,14 @@ def test_diversity_is_over_songs_and_multimodality_over_seeds() -> None:
     assert numbers["x", "multimodality_kinetic"].value == 1.5  # |0 - 1| and |4 - 2|
 
 
+@cases("folders", ["", "", "", ""], ["waltz", "waltz", "tango", "tango"], ["anna", "bert", "carl", "dora"])
+def test_diversity_is_over_all_dances_where_folders_are_no_draws(folders: list[str]) -> None:
+    songs = ["a", "b", "c", "d"]
+    recorded = feature_rows(RECORDED, np.array([[-1.0], [-1.0], [1.0], [1.0]]), songs, folders)  # mean 0, spread 1
+    number = set_numbers({RECORDED: recorded})[RECORDED, "diversity_kinetic"]
+    assert (number.value, number.n) == (pytest.approx(4 / 3), 4)  # four of six pairs are 2 apart
+
+
 # Files
 
 
@@ -597,6 +607,26 @@ def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluat
     assert "Those of so few are narrow" in note
     many = {**table.counts, RECORDED: table.counts[RECORDED]._replace(dances=12)}
     assert not any("so few are narrow" in note for note in table_notes(replace(table, counts=many)))
+
+
+@cases("before", 0, 300)
+def test_limits_of_likeness_are_of_what_is_danced_to_music(planted: Path, tmp_path: Path, before: int) -> None:
+    """Who stands before the song, after it, and in a silence of it, would set limits that a standing dancer passes."""
+    clip = next((planted / "recorded").glob("clip_*"))
+    motion, (sound, rate) = load_motion(clip / "motion.npz"), soundfile.read(clip / "audio.wav")
+    dance, standing = motion.positions, np.repeat(motion.positions[-1:], 300, axis=0)
+    places = np.concatenate([standing[:before], dance, standing, standing])
+    save_motion(tmp_path / "danced.npz", motion)
+    save_motion(tmp_path / "stood.npz", Motion(places, motion.fps, motion.skeleton), offset=-before / motion.fps)
+    soundfile.write(tmp_path / "song.wav", np.pad(sound, (0, 10 * rate)), rate)
+
+    def limits(name: str) -> LikenessLimits | None:
+        pair = Pair(RECORDED, "", "song", tmp_path / f"{name}.npz", tmp_path / "song.wav", RECORDED)
+        return recorded_limits([pair], RowOptions(), progress=silent)
+
+    plain, stood = limits("danced"), limits("stood")
+    assert plain is not None and stood is not None
+    assert stood.pooled["poorest"] == pytest.approx(plain.pooled["poorest"], rel=0.01)
 
 
 def test_the_methods_name_groups_of_songs_though_no_system_has_so_many(table: Evaluation) -> None:

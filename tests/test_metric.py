@@ -236,6 +236,22 @@ def says(remarks: list[str], text: str) -> bool:
     return any(text in remark for remark in remarks)
 
 
+def test_fingers_of_a_rig_count_in_no_measure_of_the_body(rng: np.random.Generator):
+    clips = [synthetic_clip("jive", seconds=12.0, seed=seed) for seed in range(4)]
+    bones = clips[0].motion.skeleton  # which calls a hand a finger
+    body = Skeleton(tuple(name.replace("finger", "palm") for name in bones.joints), bones.parents)
+    rig = Skeleton((*body.joints, *(f"RightHandIndex{place}" for place in range(30))), (*body.parents, *(30 * [0])))
+    plain, rigged = [], []
+    for motion in (clip.motion for clip in clips):
+        hand = motion.positions[:, :1] + rng.normal(size=(motion.n_frames, 30, 3))
+        plain.append(Motion(motion.positions, motion.fps, body))
+        rigged.append(Motion(np.concatenate([motion.positions, hand], axis=1), motion.fps, rig))
+    expected, numbers = (evaluate(each, [clip.beats for clip in clips], reference=plain) for each in (plain, rigged))
+    for name in ("harmony", "jerk", "freezing", "likeness", "nearest", "fid_kinetic", "fid_geometric"):
+        assert numbers[name] == pytest.approx(expected[name], nan_ok=True), name
+    assert evaluate(plain, [clip.beats for clip in clips], reference=rigged)["likeness"] == expected["likeness"] == 1
+
+
 def test_a_reference_may_be_motions_or_a_file_and_what_is_missing_has_its_reason():
     motions, beats = short(4)
     arrays, skeleton = [motion.positions for motion in motions], motions[0].skeleton

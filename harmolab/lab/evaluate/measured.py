@@ -33,6 +33,7 @@ from harmolab.metrics.likeness import Likeness, LikenessLimits, likeness
 from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc, relative_jerk
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.score import HarmonyScore, harmony_from_hits
+from harmolab.shape_speed import without_fingers
 from harmolab.systems.choreographer.form import Form
 from harmolab.systems.training.features import check_choice
 from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion, check_kind
@@ -277,7 +278,8 @@ def measure_dances(
 def _feature_tables(dances: Iterable[Dance], kinds: Collection[str]) -> dict[str, pd.DataFrame]:
     """The features of dances by system, as `Collected.features` has them."""
     rows = [
-        {"system": one.system, "song": one.song, "seed": one.seed, "skeleton": " ".join(one.motion.skeleton.joints),
+        {"system": one.system, "song": one.song, "seed": one.seed,
+         "skeleton": " ".join(without_fingers(one.motion).skeleton.joints),
          **feature_cells(motion_features(one.motion, None, kinds))}
         for one in dances
     ]  # fmt: skip
@@ -352,15 +354,15 @@ def rest_numbers(dance: Dance) -> dict[str, float]:
 
 
 def quality_numbers(dance: Dance) -> dict[str, float]:
-    """Foot contact, skating, freezing, jerk, jerk for the speed, and the mean speed of a joint in m/s."""
-    motion = dance.motion
+    """Foot contact, skating, freezing, jerk, jerk for the speed, mean speed of a joint in m/s; fingers left out."""
+    motion = without_fingers(dance.motion)
     speed = float(joint_speed(motion.positions, motion.fps).mean() / len(motion.skeleton.joints))
     return {name: or_nan(measure, motion) for name, measure in QUALITY.items()} | {"speed": speed}
 
 
 def guard_numbers(dance: Dance) -> dict[str, float]:
     """1 where the dance moves like the recorded dancers, 0 where not, the share of its measures within, and each."""
-    judged = likeness(dance.motion, dance=dance.dance, limits=dance.limits, held=dance.silent)
+    judged = likeness(without_fingers(dance.motion), dance=dance.dance, limits=dance.limits, held=dance.silent)
     values = {name: judged.values.get(name, float("nan")) for name in BODY_MEASURES}
     return {
         "likeness": float("nan") if judged.passed is None else float(judged.passed),
@@ -395,8 +397,9 @@ SET_MEASURES = tuple(f"{kind}_{name}" for kind in SETS for name in FEATURES if n
 
 
 def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str] = FEATURES) -> dict[str, FloatArray]:
-    """The features of these kinds of a motion as a whole; without those it cannot have."""
+    """The features of these kinds of a motion as a whole, without fingers; without those it cannot have."""
     features: dict[str, FloatArray] = {}
+    motion = without_fingers(motion)
     for name, measure in (("kinetic", kinetic_features), ("geometric", geometric_features)):
         try:
             features |= {name: measure(motion)} if name in kinds else {}

@@ -26,6 +26,7 @@ from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
 from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS, steady_skeleton
 from harmolab.score import check_whole
+from harmolab.shape_speed import without_fingers
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
 
@@ -181,7 +182,7 @@ class DanceMetric:
         kinds = [] if self.reference is None else feature_names(self.reference.features)
         return {
             "system": GENERATED, "seed": str(dance.seed), "song": dance.song, "kind": GENERATED, "error": "",
-            "skeleton": skeleton_digest(dance.motion.skeleton), "music_beats": len(dance.music),
+            "skeleton": skeleton_digest(dance.motion), "music_beats": len(dance.music),
             "odd": brief_text(faults_of(dance.motion)), "dance": dance.dance,
             **dance_numbers(dance, NUMBERS), **feature_cells(motion_features(dance.motion, self.pose_net, kinds)),
         }  # fmt: skip
@@ -258,7 +259,7 @@ def reference_of(motions: Sequence[Motion], *, pose_net: Path | None = None) -> 
     """The reference that recorded dances in memory are: their features, and their limits of likeness."""
     rows = [
         {"key": f"{place:09d}", "error": "", "system": RECORDED, "seed": "", "song": f"{place:09d}", "kind": RECORDED,
-         "skeleton": skeleton_digest(motion.skeleton), **feature_cells(motion_features(motion, pose_net))}
+         "skeleton": skeleton_digest(motion), **feature_cells(motion_features(motion, pose_net))}
         for place, motion in enumerate(motions)
     ]  # fmt: skip
     if not rows:
@@ -270,7 +271,7 @@ def reference_of(motions: Sequence[Motion], *, pose_net: Path | None = None) -> 
 
 def _windows(motion: Motion) -> tuple[dict[str, float], ...]:
     try:
-        return tuple(filter(None, window_measures(motion)))
+        return tuple(filter(None, window_measures(without_fingers(motion))))
     except ValueError:  # two-dimensional, or too short
         return ()
 

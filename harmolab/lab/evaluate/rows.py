@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from harmolab.body.skeletons import Skeleton
 from harmolab.clips import song_beats
 from harmolab.data import oddities
 from harmolab.data.recordings import read_any_motion, recorded_offset
@@ -28,7 +27,8 @@ from harmolab.params import DANCES
 from harmolab.readers.audio import load_sound
 from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.smpl import FACT_SEED
-from harmolab.types import Clip, FloatArray, Motion
+from harmolab.shape_speed import without_fingers
+from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import music_and_motion
 
 KEPT, ASSUMED, ASSUMED_OF_EDGE = "kept in the file", "assumed", "assumed, file of EDGE"
@@ -71,7 +71,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; offset (seconds into the song at which it is danced) and begins (one
-        of `BEGINS`, the source of that); fps, joints, skeleton (a hash of the joints' names), beats ("annotated" or
+        of `BEGINS`, the source of that); fps, joints, skeleton (`skeleton_digest`), beats ("annotated" or
         "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in short, on how the
         motion was read), odd (in short, odd things in motion and song) and oddities (the same in sentences), remarks
         (of the protocols); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score,
@@ -85,14 +85,14 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         or they do not overlap; names the file.
     """
     file = pair_file(pair, options)
-    clip = _clip(pair, file.motion)
+    clip = _clip(pair, file.motion, _song_of(pair))
     odd = () if pair.kind == FROZEN else _oddities(pair, clip)
     music, motion = music_and_motion(clip)
     silent = measured.silent_frames(motion, clip.shared().audio, music)
     about: Row = {
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(motion.skeleton.joints),
-        "skeleton": skeleton_digest(motion.skeleton),
+        "skeleton": skeleton_digest(motion),
         "beats": "annotated" if pairing.annotation_of(pair.music) else "tracked", "music_beats": len(music),
         "dance": clip.dance, "assumptions": ", ".join(_assumptions(pair, file)), "offset": clip.offset,
         "begins": _begins(pair, file), "odd": oddities.brief_text(odd), "oddities": "; ".join(odd),
@@ -110,9 +110,9 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     return about | numbers | feature_cells(features)
 
 
-def skeleton_digest(skeleton: Skeleton) -> str:
-    """A text that is another one for other names of joints."""
-    return hashlib.sha256(" ".join(skeleton.joints).encode()).hexdigest()[:8]
+def skeleton_digest(motion: Motion) -> str:
+    """A text that is another one for other names of joints; fingers do not count where they are many."""
+    return hashlib.sha256(" ".join(without_fingers(motion).skeleton.joints).encode()).hexdigest()[:8]
 
 
 def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float], dict[str, FloatArray], str]:
@@ -137,12 +137,11 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
     with the song; later by the frames of its seed. To another song than its own it begins there too, or earlier, so
     that it ends with a song that is shorter.
     """
-    return _clip(pair, pair_file(pair, options).motion)
+    return _clip(pair, pair_file(pair, options).motion, _song_of(pair))
 
 
-def _clip(pair: Pair, motion: Motion) -> Clip:
-    """As `pair_clip`, of a motion that was read."""
-    song = _song(pair.music, pairing.input_stamp(pair.music))
+def _clip(pair: Pair, motion: Motion, song: Clip) -> Clip:
+    """As `pair_clip`, of a motion and a song that were read."""
     start = recorded_offset(pair.motion) if pair.offset is None else pair.offset
     offset = (start or 0.0) + pair.seed_frames / motion.fps
     if pair.kind == OTHER_SONG:
@@ -218,6 +217,10 @@ def _without_seed(pair: Pair, file: MotionFile) -> MotionFile:
     return file._replace(motion=dance, notes=tuple(note for note in file.notes if note != FACT_SEED))
 
 
+def _song_of(pair: Pair) -> Clip:
+    return _song(pair.music, pairing.input_stamp(pair.music))
+
+
 @lru_cache(maxsize=SONGS_KEPT)
 def _song(music: Path, _: str) -> Clip:
     """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
@@ -255,14 +258,23 @@ def control_pairs(recorded: Sequence[Pair]) -> tuple[Pair, ...]:
 def recorded_limits(recorded: Sequence[Pair], options: RowOptions, *, progress: Progress) -> LikenessLimits | None:
     """The limits of likeness of the recorded dances, of `LIMIT_DANCES` of them evenly through the list at most.
 
-    None where none of them can be measured: they are two-dimensional, without names of joints, or shorter than 10 s.
+    As in the row of a dance, only what is danced to music counts. None where none of them can be measured: they are
+    two-dimensional, without names of joints, or shorter than 10 s.
     """
     places = np.unique(np.linspace(0, len(recorded) - 1, min(len(recorded), LIMIT_DANCES)).astype(int))
     windows = []
     for place in progress(places.tolist(), "measuring recorded dancers"):
         try:
-            windows.append(window_measures(pair_file(recorded[place], options).motion))
+            windows.append(window_measures(without_fingers(_danced(recorded[place], options))))
         except (ValueError, OSError):
             continue  # the row of this dance says what is wrong with it
     usable = [each for each in windows if any(each)]
     return LikenessLimits.of_windows(usable, [""] * len(usable)) if usable else None
+
+
+def _danced(pair: Pair, options: RowOptions) -> Motion:
+    """The motion of a pair as far as its song goes; where that is silent, no frame is valid. No beats are tracked."""
+    song = Clip(pair.song, load_sound(pair.music))
+    clip = _clip(pair, pair_file(pair, options).motion, song).shared()
+    motion, no_beats = cast(Motion, clip.motion), BeatTrack(np.zeros(0), np.zeros(0), 1.0, clip.audio.duration)
+    return replace(motion, valid=motion.valid & ~measured.silent_frames(motion, clip.audio, no_beats))

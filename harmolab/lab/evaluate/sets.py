@@ -251,9 +251,14 @@ def _halves(recorded: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def _variety(danced: pd.DataFrame) -> dict[str, SetNumber]:
-    """Diversity over the dances of a seed, mean over seeds; multimodality over the seeds of a song, mean over songs."""
+    """Diversity over the dances of a seed, mean over seeds; multimodality over the seeds of a song, mean over songs.
+
+    Where no song has two seeds, these are folders by style or dancer, no draws: diversity is over all dances.
+    """
     by_seed, by_song = (_groups(danced, level) for level in ("seed", "song"))
     numbers, count = {}, len(danced)
+    if count > 1 and danced.index.unique().size == danced.index.unique("song").size:
+        by_seed = [danced.to_numpy()]
     if by_seed:
         numbers["diversity"] = SetNumber(float(np.mean([diversity(each) for each in by_seed])), count)
     if by_song and danced.index.unique("seed").size > 1:
