@@ -601,6 +601,17 @@ def test_it_is_remarked_how_often_an_interval_over_few_songs_holds_the_mean(
     assert [f"in some {share} of such tables" in note for note in notes] == ([True] if share else [])
 
 
+@cases("mean, songs, most", (0.0, 6, "46%"), (1.0, 20, "17%"), (0.5, 6, ""), (0.0, 1, ""))
+def test_it_is_remarked_how_far_a_share_may_lie_from_songs_that_all_agree(
+    table: Evaluation, mean: float, songs: int, most: str
+) -> None:
+    system = table.systems[0]
+    means = {key: value for key, value in table.means.items() if key[1] not in ("significant", "likeness")}
+    means[system, "likeness"] = table.means[system, "likeness"]._replace(mean=mean, songs=songs)
+    notes = [note for note in table_notes(replace(table, means=means)) if "has no width" in note]
+    assert [(f"up to {most} away" in note, note.about) for note in notes] == [(True, (system, "likeness"))] * bool(most)
+
+
 def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluation) -> None:
     assert table.means[RECORDED, "likeness"].mean == 1
     (note,) = (note for note in table_notes(table) if note.startswith("The limits of likeness are the recorded"))

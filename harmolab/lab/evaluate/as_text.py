@@ -62,6 +62,7 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     if few := min((count.songs for count in counts.values() if 1 < count.songs < FEWEST_SONGS), default=0):
         words = f"{few} songs reaches from their least mean to their largest at most, and holds the true one in some"
         yield Note(f"An interval over {words} {1 - 0.5 ** (few - 1):.0%} of such tables, where 95 % are meant.")
+    yield from _unanimous_notes(evaluation)
     yield from _doubtful_inputs(evaluation)
     yield from _control_notes(evaluation)
     yield from _published_notes(evaluation)
@@ -88,6 +89,21 @@ def table_notes(evaluation: Evaluation) -> Iterator[Note]:
             "likeness",
         )
     yield from input_notes(evaluation)
+
+
+def _unanimous_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """A remark on each share that is 0 or 1 in all songs, so that resampling them gives an interval without width."""
+    for name in ("significant", "likeness"):
+        means = {row: evaluation.means.get((row, name), NO_MEAN) for row in evaluation.systems}
+        songs = {row: mean.songs for row, mean in means.items() if mean.songs > 1 and mean.mean in (0.0, 1.0)}
+        if songs:
+            yield Note(
+                f'All songs of {", ".join(songs)} agree in the measure "{measure_of(name).words}", so that its '
+                f"interval has no width. By {min(songs.values())} songs that agree, the true share may lie up to "
+                f"{1 - 0.025 ** (1 / min(songs.values())):.0%} away.",
+                *songs,
+                name,
+            )
 
 
 def input_notes(evaluation: Evaluation) -> Iterator[Note]:

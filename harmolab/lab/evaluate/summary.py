@@ -26,7 +26,8 @@ def song_interval(values: FloatArray, *, count: int = RESAMPLES, seed: int = 0) 
     The percentiles are those of the expanded interval (Hesterberg 2015): of few songs the plain one is too narrow, by
     what Student's t is wider than the normal distribution and by n / (n - 1) in the variance.
     Resampling reaches from the least value to the largest at most: of two songs the interval holds the mean in half of
-    all cases, of three in 75 %, of four in 88 %, of five in 94 % at most.
+    all cases, of three in 75 %, of four in 88 %, of five in 94 % at most. Of values that are all equal, as shares of 0
+    in every song, it has no width; of n songs the true share may then lie up to ``1 - 0.025 ** (1 / n)`` away.
 
     Returns
     -------
