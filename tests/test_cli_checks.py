@@ -398,8 +398,11 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     about["levels"] = {"true": [0, 1, 0, 0, 6]}
     lags_found = {"recommended": 21, "discriminant": 10}
     about["discriminant"] = {"auc_difference": 0.0806, "interval": [-0.05, 0.11], "lags_found": lags_found}
+    print_comparison({**about, "n_sequences": 4, "scores": dict.fromkeys(names, row)})
+    assert "of 4 recordings it is too narrow" in capsys.readouterr().out
     print_comparison({**about, "n_sequences": 23, "scores": dict.fromkeys(names, row)})
     table = capsys.readouterr().out
+    assert "too narrow" not in table
     assert all(name in table for name in names)
     assert "0.600 to 0.800" in table and table.count("0.123") == 18 and "…" not in table
     assert "AUC is +0.081 [-0.050 to 0.110] over the learnt curve" in table

@@ -94,7 +94,9 @@ def compare(
     fit_on : as `recordings`, or None
         Corpus on which patterns and lags are learnt. None: inside `recordings`, on other figures than the judged one.
     n_rotations : int
-        Null corpora behind each chance band, and resamplings behind each interval; with 0 there is neither.
+        Null corpora behind each chance band, and resamplings of the recordings behind each interval; with 0 there is
+        neither. Of few recordings the interval is too narrow: of two it holds the AUC in .5 of simulated corpora, of
+        five in .8, of ten in .87.
     seed : int
         Of all that is drawn.
     processes : Processes
