@@ -228,6 +228,7 @@ def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(corpus:
     printed = run("data", "study", "analyse", folder).output
     assert printed.count("simulated raters, no") == 4
     assert re.search("score .* rank .* 95 % interval .* auc", printed)  # the interval is that of the rank
+    assert "Of 5 to 20 dances they hold the truth in eight or nine" in printed
 
 
 def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 Tables = dict[str, list[dict[str, Any]]]
 
 SUMMARY = "analysis.json"
+FEW_DANCES = 20  # up to which the intervals of a bootstrap are clearly too narrow
 ANYONE = "anyone"  # whom the trials in the folder are for; each rater has an order of their own
 
 study_app = typer.Typer(
@@ -201,6 +202,11 @@ def _print(tables: Tables, answers: lab.Answers, kind: str) -> None:
         first, *others = printed[0]
         cells = [[common.show(value) for value in row.values()] for row in printed]
         common.print_table([Column(first, no_wrap=True), *others], cells, f"{titles[name]} ({whose})")
+    if any(row["n"] <= FEW_DANCES for name in ("marks", "agreement", "scores") for row in tables.get(name, ())):
+        typer.echo(
+            "Intervals of marks, agreement and rank resample the dances, and are for these raters alone. Of 5 to "
+            f"{FEW_DANCES} dances they hold the truth in eight or nine cases of ten, of fewer in less."
+        )
 
 
 def _printed(row: dict[str, Any]) -> dict[str, Any]:

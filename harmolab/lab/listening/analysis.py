@@ -79,7 +79,8 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
     list of dict
         "version" (the system), "side", "n" (dances), "raters" (their number), "rate" (mean), "sd" over dances, "low"
         and "high" (95 % interval by a bootstrap over dances of their means over raters), "simulated". The paper prints
-        means and SDs alone.
+        means and SDs alone. The interval is for these raters: others may mark all dances higher. Of few dances it is
+        too narrow: of two it holds the mean in .5 of simulated studies, of five in .83, of ten in .9.
 
     Raises
     ------
@@ -140,7 +141,8 @@ def agreement_of_marks(answers: Answers, key: Key, *, seed: int = 0) -> Row:
 def agreement(name: str, measure: Callable[[FloatArray], float], values: FloatArray, *, seed: int = 0) -> Row:
     """A measure of the agreement of raters, of (R, T) values, on the trials that two share at least.
 
-    The interval is a bootstrap over trials. ValueError for one rater.
+    The interval is a bootstrap over trials, for these raters. Of 10 or 20 trials it holds the truth in .83 to .95 of
+    simulated studies; of raters who answer by luck one interval in ten lies below 0. ValueError for one rater.
     """
     if len(values) < 2:
         raise ValueError("agreement needs two raters or more; merge their files first")
@@ -382,7 +384,8 @@ def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: i
     scores : dict
         Name of a score -> its value for every source (`Item.versions`); higher means more harmonious.
     seed : int
-        Of the resamplings behind the intervals, a bootstrap over trials.
+        Of the resamplings behind the intervals, a bootstrap over trials, for these raters. Of 10 trials or fewer they
+        hold the truth in .8 to .95 of simulated studies.
 
     Returns
     -------
