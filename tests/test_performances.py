@@ -548,6 +548,9 @@ def test_performances_are_found_below_several_roots_and_parts_are_problems(tmp_p
     assert "silent: has no sound" in problems[1].message
     assert find_performances(tmp_path).folders == folders
     assert find_performances(two).folders == (two,)
+    (tmp_path / "mine" / "link").parent.mkdir()
+    (tmp_path / "mine" / "link").symlink_to(two)
+    assert find_performances(tmp_path / "mine").folders == (tmp_path / "mine" / "link",)
 
 
 def test_root_that_is_none_is_refused(tmp_path: Path):

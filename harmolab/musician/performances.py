@@ -55,7 +55,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.recordings import Problem, RecordingFolders, check_root, natural
+from harmolab.data.recordings import Problem, RecordingFolders, check_root, natural, walk
 from harmolab.files import (
     MAX_TEXT_BYTES,
     SOUNDS,
@@ -504,9 +504,7 @@ def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
 
 def _faults(root: Path) -> Iterator[tuple[Path, str]]:
     """Every folder at or below `root` with a part of a performance, and the fault that it has, "" if it is whole."""
-    for name, below, names in os.walk(root):
-        folder = Path(name)
-        below[:] = sorted(child for child in below if not child.startswith("."))
+    for folder, below, names in walk(root):
         names = [file for file in names if not file.startswith(".")]
         has_points = MOTION in names or bool(point_files(folder, [folder / child for child in (*names, *below)]))
         if not (has_points or ABOUT in names or NOTES in names or any(map(has_sound, names))):
