@@ -146,7 +146,7 @@ class NetworkSystem(Learner, DanceSystem):
 
 
 def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) -> Split:
-    """Units `step` beats apart split by motion group; `notice` gets what is left out or odd, and how many there are.
+    """Units `step` beats apart split by motion group; `notice` gets what is left out, odd or not learnt, and how many.
 
     Raises
     ------
@@ -157,6 +157,10 @@ def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) ->
         notice(line)
     split = split_units(units, seed=split_seed)
     split.settings["step"] = step
+    dances, trained = ({unit.dance for unit in each.units} for each in (units, split.train))
+    if untrained := ", ".join(sorted(dances - trained - {""})):
+        cure = "add recordings, or try another --split-seed"
+        notice(f"not trained on: {untrained}; the split gave such movement to the other sides. To learn it, {cure}")
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
     notice(f"units: {counts}; data: {split.train.source}")
     return split
