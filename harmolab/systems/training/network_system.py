@@ -157,12 +157,11 @@ def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) ->
         notice(line)
     split = split_units(units, seed=split_seed)
     split.settings["step"] = step
-    dances, trained = ({unit.dance for unit in each.units} for each in (units, split.train))
-    if untrained := ", ".join(sorted(dances - trained - {""})):
-        cure = "add recordings, or try another --split-seed"
-        notice(f"not trained on: {untrained}; the split gave such movement to the other sides. To learn it, {cure}")
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
-    notice(f"units: {counts}; data: {split.train.source}")
+    dances, trained = ({unit.dance for unit in each.units} for each in (units, split.train))
+    untrained = ", ".join(sorted(dances - trained - {""}))
+    missing = f"; not trained on: {untrained} (add recordings, or try another --split-seed)" if untrained else ""
+    notice(f"units: {counts}; data: {split.train.source}{missing}")
     return split
 
 
