@@ -73,6 +73,23 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
     assert recordings.problems == () and find_recordings(tmp_path / "DANCE_W_2").folders == (tmp_path / "DANCE_W_2",)
 
 
+def test_recordings_that_are_links_are_found_and_none_twice(tmp_path: Path):
+    root, other = tmp_path / "corpus", own(tmp_path / "elsewhere" / "clip_2")
+    own(root / "clip_1")
+    links = {
+        "clip_2": other,
+        "more": other.parent,
+        "again": root / "clip_1",
+        "loop": root,
+        "up": tmp_path,
+        "gone": Path("no"),
+    }
+    for name, place in links.items():
+        (root / name).symlink_to(place)
+    assert [folder.name for folder in find_recordings(root).folders] == ["clip_1", "clip_2"]
+    assert [Path(row.path).name for row in check(root)] == ["clip_1", "clip_2"]
+
+
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()

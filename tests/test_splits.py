@@ -8,6 +8,7 @@ import pytest
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.network_system import noticed_split
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from tests.builders import dance_unit, refused
@@ -140,3 +141,19 @@ def test_dances_of_one_group_each_are_dealt_out_together():
     split = split_units(unit_set(parts))
     assert sum(map(len, split.groups.values())) == 5 and len(split.train) == 12
     assert {one.dance for one in split.test.units} == set(split.groups["test"])
+
+
+def test_a_dance_of_which_no_unit_is_trained_on_is_named():
+    dances = {"waltz": "abcdefgh", "tango": "ijklmn", "rumba": "r"}  # a group for each recording
+    groups = [(dance, group) for dance, own in dances.items() for group in own]
+    units = unit_set(
+        [unit(2 * at, group, group, dance=dance, sequence=group) for dance, group in groups for at in (1, 2)]
+    )
+    outcomes = set()
+    for seed in range(12):
+        lines: list[str] = []
+        split = noticed_split(units, seed, 2, lines.append)
+        is_trained = "rumba" in {one.dance for one in split.train.units}
+        assert ("; not trained on: rumba (add" in lines[-1]) is not is_trained
+        outcomes.add(is_trained)
+    assert outcomes == {True, False}

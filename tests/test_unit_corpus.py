@@ -289,6 +289,22 @@ def test_copies_of_a_figure_without_annotation_take_its_group(synthetic: Path, t
     assert {group for unit in units.units for group in unit.groups} == {"all"}
 
 
+def test_recordings_that_overlap_take_one_group(synthetic: Path, tmp_path: Path):
+    """A take nobody annotated, two parts of it, of which neither holds the other's middle, and another dance."""
+    parts = {"whole": (0.0, 12.0), "late": (3.29, 12.0), "early": (0.0, 8.0)}
+    for name, clip in (*((name, "clip_0001_cha-cha") for name in parts), ("other", "clip_0002_jive")):
+        folder = shutil.copytree(synthetic / clip, tmp_path / name)
+        first, last = parts.get(name, (0.0, 12.0))
+        motion = load_motion(folder / "motion.npz").span(first, last - first)
+        save_motion(folder / "motion.npz", motion)
+        content = json.loads((folder / "beats.json").read_text()) | {"units": [], "motion_offset_s": first}
+        (folder / "beats.json").write_text(json.dumps(content))
+    for names, count in ((("late", "early"), 1), (("whole", "late", "early", "other"), 2)):
+        units = load_units([tmp_path / name for name in names], PARAMS).units
+        groups = {unit.sequence.partition("/")[2]: unit.groups for unit in units}
+        assert groups.keys() == {*names} and len({*groups.values()}) == count
+
+
 @pytest.mark.data
 def test_beat_locked_recordings_split_fairly(data_root: Path):
     split = split_units(load_units(data_root / "beatlocked", FeatureParams(), step=2))

@@ -3,7 +3,6 @@
 Nothing here fails on a file: one that cannot be read becomes a row that says why.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from pathlib import Path
 
 from harmolab.data import oddities
 from harmolab.data import recordings as tang2018
-from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset
+from harmolab.data.recordings import find_recordings, load_recording, read_any_motion, recorded_offset, walk
 from harmolab.files import MAX_JSON_BYTES, SOUNDS, MissingFrameRate, PathLike, read_json, reading
 from harmolab.musician import performances
 from harmolab.readers.audio import audio_info, load_audio
@@ -120,9 +119,7 @@ def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
 def _loose(root: Path, recordings: set[Path]) -> list[Path]:
     """Files that can be read below `root`, outside of the folders of recordings, and folders of frames."""
     loose: list[Path] = []
-    for name, below, files in os.walk(root):
-        folder = Path(name)
-        below[:] = sorted(child for child in below if not child.startswith("."))
+    for folder, _, files in walk(root):
         if folder in recordings:
             continue
         if any(file.endswith(FRAME_ENDS) for file in files):

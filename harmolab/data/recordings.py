@@ -352,14 +352,27 @@ def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list
     `closed` is called with the error of each folder that cannot be read.
     """
     folders = []
-    for name, below, files in os.walk(root, onerror=closed):
-        depth = len(Path(name).relative_to(root).parts)
-        below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
+    for folder, below, files in walk(root, closed):
+        if len(folder.relative_to(root).parts) >= _MAX_DEPTH:
+            below.clear()
         has_motion = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)
         has_sound = any(f"audio{end}" in files for end in SOUNDS)
         if not set(_PARTS).isdisjoint(files) or (has_motion and has_sound):
-            folders.append(Path(name))
+            folders.append(folder)
     return sorted(folders, key=natural)
+
+
+def walk(root: Path, closed: Callable[[OSError], object] | None = None) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """`os.walk` through links as well, in order of names: no hidden folder, none twice, and none that holds `root`."""
+    entered = {root.resolve(), *root.resolve().parents}
+    for name, below, files in os.walk(root, onerror=closed, followlinks=True):
+        paths = [Path(name, child) for child in below if not child.startswith(".")]
+        below.clear()
+        for path in sorted(paths, key=lambda path: (path.is_symlink(), path.name)):
+            if (place := path.resolve()) not in entered:
+                entered.add(place)
+                below.append(path.name)
+        yield Path(name), below, files
 
 
 def natural(path: Path) -> list[tuple[int, str]]:

@@ -55,7 +55,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.recordings import Problem, RecordingFolders, check_root, natural
+from harmolab.data.recordings import Problem, RecordingFolders, check_root, natural, walk
 from harmolab.files import (
     MAX_TEXT_BYTES,
     SOUNDS,
@@ -504,9 +504,7 @@ def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
 
 def _faults(root: Path) -> Iterator[tuple[Path, str]]:
     """Every folder at or below `root` with a part of a performance, and the fault that it has, "" if it is whole."""
-    for name, below, names in os.walk(root):
-        folder = Path(name)
-        below[:] = sorted(child for child in below if not child.startswith("."))
+    for folder, below, names in walk(root):
         names = [file for file in names if not file.startswith(".")]
         has_points = MOTION in names or bool(point_files(folder, [folder / child for child in (*names, *below)]))
         if not (has_points or ABOUT in names or NOTES in names or any(map(has_sound, names))):
@@ -547,18 +545,27 @@ def piece_groups(performances: Sequence[Performance]) -> list[int]:
     ----------
     performances : those without a piece are pieces of their own
         Pieces with performances whose `shared_patterns` exceed `MOST_SHARED` are one group. Without notes only `piece`
-        counts.
+        counts, and whether two have the same sound to the last bit.
     """
     patterns = [set() if one.notes is None else note_patterns(one.notes) for one in performances]
     pairs = [
         (first, second)
         for second, one in enumerate(performances)
         for first, other in enumerate(performances[:second])
-        if (one.piece and one.piece == other.piece) or shared_patterns(patterns[first], patterns[second]) > MOST_SHARED
+        if (one.piece and one.piece == other.piece)
+        or _same_sound(one.audio, other.audio)
+        or shared_patterns(patterns[first], patterns[second]) > MOST_SHARED
     ]
     rows, columns = np.array(pairs, np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(performances),) * 2)
     return [int(group) for group in connected_components(graph, directed=False)[1]]
+
+
+def _same_sound(one: Audio | None, other: Audio | None) -> bool:
+    """True for a sound and its copy, which is heard."""
+    if one is None or other is None or not one.samples.any():
+        return False
+    return np.array_equal(one.samples, other.samples)
 
 
 def split_by_piece(

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from harmolab.data.recordings import Recording, true_runs
 from harmolab.systems.training.motion_code import encode_motion
@@ -23,6 +25,9 @@ from harmolab.types import FloatArray, IntArray, Motion, SingleArray
 NEAR = 0.06
 N_POSES = 24  # that a stretch is compared by
 SHORTEST = 0.5  # seconds; a shorter stretch is joined with the next
+# A recording may be a part of another. Three seconds of a part lie .023 m from the whole at most (by poses 15 times a
+# second, at other moments), and .037 at least from other takes of the same salsa by the same two dancers.
+COPIED, EXCERPT, RATE = 0.03, 3.0, 15.0  # metres, seconds, hertz
 
 
 class Segment(NamedTuple):
@@ -43,6 +48,7 @@ class Outline(NamedTuple):
     edges : (S + 1,) array, seconds of audio time, of S stretches
     figures : tuple of S str, "" where none is annotated
     poses : (S, 24, 3 J) array, metres, single precision: joints in a canonical heading
+    whole : (T, 3 J) array, the same at `RATE` of a recording of one stretch without a figure; no rows of others
     """
 
     name: str
@@ -50,13 +56,15 @@ class Outline(NamedTuple):
     edges: FloatArray
     figures: tuple[str, ...]
     poses: SingleArray
+    whole: SingleArray
 
 
 def motion_groups(recordings: Iterable[Recording]) -> list[list[Segment]]:
     """The labelled segments of every recording, in order and without gaps.
 
     Figures of `beats.json` are groups. Without them the motion is cut where it is spliced (`Motion.valid` is False),
-    and near-duplicates share a group: that of a figure where one is near, else one of its own, "<dance> <number>".
+    and near-duplicates share a group: that of a figure where one is near, else one of its own, "<dance> <number>". So
+    do whole recordings that overlap, as a take and a part of it.
 
     Raises
     ------
@@ -79,7 +87,11 @@ def outline(recording: Recording) -> Outline:
     if not figures:
         edges = clip.offset + _between_splices(motion)
         figures = ("",) * (len(edges) - 1)
-    return Outline(sequence_name(recording.folder), clip.dance, edges, figures, _poses(motion, edges - clip.offset))
+    local = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-3]
+    at = np.arange(0, motion.n_frames - 0.5, motion.fps / RATE).round().astype(np.int64)
+    whole = local[at] if figures == ("",) else local[:0]
+    poses = _poses(local, motion, edges - clip.offset)
+    return Outline(sequence_name(recording.folder), clip.dance, edges, figures, poses, whole)
 
 
 def motion_in_space(recording: Recording) -> Motion:
@@ -114,9 +126,8 @@ def _between_splices(motion: Motion) -> FloatArray:
     return np.array([*edges, motion.duration])
 
 
-def _poses(motion: Motion, edges: FloatArray) -> SingleArray:
+def _poses(local: SingleArray, motion: Motion, edges: FloatArray) -> SingleArray:
     """`N_POSES` poses of each stretch, evenly in time, (S, N_POSES, 3 J); the lowest point is at 0 on average."""
-    local = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-3]
     starts, ends = edges[:-1, None], edges[1:, None]
     at = (starts + (ends - starts) * (np.arange(N_POSES) + 0.5) / N_POSES) * motion.fps
     at = np.minimum(at, motion.n_frames - 1)
@@ -158,7 +169,7 @@ def _group_names(outlines: Sequence[Outline]) -> list[str]:
     nameless = np.array([not figure for figure in groups])
     free, named = np.flatnonzero(nameless), np.flatnonzero(~nameless)
     count = 0
-    for cluster in _clusters(poses[free]):
+    for cluster in _clusters(poses[free], np.searchsorted(free, _overlapping(outlines))):
         members = free[cluster]
         figure = _nearest(poses[members], poses[named])
         count += figure is None
@@ -168,11 +179,38 @@ def _group_names(outlines: Sequence[Outline]) -> list[str]:
     return groups
 
 
-def _clusters(poses: SingleArray) -> list[IntArray]:
-    """Indices of stretches (S, K, 3 J) that are joined by chains of near-duplicates, in order of their first."""
+def _overlapping(outlines: Sequence[Outline]) -> IntArray:
+    """Pairs (P, 2) of stretches, recordings whole, of which one begins or ends in the other, or has its middle there.
+
+    Only excerpts that move are looked for, since many recordings begin and end by standing.
+    """
+    length, rows = round(EXCERPT * RATE), np.cumsum([0, *(len(item.figures) for item in outlines)]).tolist()
+    wholes = [(row, item.whole) for row, item in zip(rows, outlines, strict=False) if len(item.whole) >= length]
+    if not wholes:
+        return np.zeros((0, 2), np.int64)
+    windows = [(row, window) for row, whole in wholes for window in sliding_window_view(whole, length, axis=0)]
+    tree, pairs = cKDTree([window.mean(axis=1) for _, window in windows]), []
+    for row, whole in wholes:
+        for first in (0, (len(whole) - length) // 2, len(whole) - length):
+            excerpt = whole[first : first + length].T
+            mean = excerpt.mean(axis=1)
+            if not _is_near(excerpt, mean[:, None]):
+                near = tree.query_ball_point(mean, COPIED * (len(mean) / 3) ** 0.5)
+                pairs += [(row, windows[at][0]) for at in near if _is_near(excerpt, windows[at][1])]
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def _is_near(one: SingleArray, other: SingleArray) -> bool:
+    """True where poses (3 J, T) are apart by less than `COPIED`, root mean square over joints and time."""
+    return bool(np.square(one - other).mean() * 3 < COPIED**2)
+
+
+def _clusters(poses: SingleArray, others: IntArray) -> list[IntArray]:
+    """Indices of stretches (S, K, 3 J) joined by chains of near-duplicates and of `others` (P, 2), by their first."""
     rows = [np.flatnonzero(_distances(one, poses) < NEAR) for one in poses]
-    pairs = (np.repeat(np.arange(len(rows)), [row.size for row in rows]), np.concatenate(rows))
-    links = coo_array((np.ones(pairs[0].size, dtype=bool), pairs), shape=(len(rows), len(rows)))
+    near = np.repeat(np.arange(len(rows)), [row.size for row in rows]), np.concatenate(rows)
+    first, second = (np.concatenate(each) for each in zip(near, others.T, strict=True))
+    links = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=(len(rows), len(rows)))
     labels = connected_components(links, directed=False)[1]
     return [np.flatnonzero(labels == label) for label in dict.fromkeys(labels.tolist())]
 

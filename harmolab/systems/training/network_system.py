@@ -146,7 +146,7 @@ class NetworkSystem(Learner, DanceSystem):
 
 
 def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) -> Split:
-    """Units `step` beats apart split by motion group; `notice` gets what is left out or odd, and how many there are.
+    """Units `step` beats apart split by motion group; `notice` gets what is left out, odd or not learnt, and how many.
 
     Raises
     ------
@@ -158,7 +158,10 @@ def noticed_split(units: UnitSet, split_seed: int, step: int, notice: Notice) ->
     split = split_units(units, seed=split_seed)
     split.settings["step"] = step
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
-    notice(f"units: {counts}; data: {split.train.source}")
+    dances, trained = ({unit.dance for unit in each.units} for each in (units, split.train))
+    untrained = ", ".join(sorted(dances - trained - {""}))
+    missing = f"; not trained on: {untrained} (add recordings, or try another --split-seed)" if untrained else ""
+    notice(f"units: {counts}; data: {split.train.source}{missing}")
     return split
 
 
