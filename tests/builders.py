@@ -5,6 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 import soundfile
@@ -159,6 +160,16 @@ def dance_unit(name: str, motion: np.ndarray, n_prior: int, **fields: Any) -> Da
     made = {"sequence": "s", "dance": "waltz", "groups": none, "meter_groups": none, "start": 0.0, "fps": 15.0}
     arrays = {"audio": np.zeros((frames, 1), np.float32), "beats": np.zeros(0), "strengths": np.zeros(0)}
     return DanceUnit(name=name, motion=motion, index=temporal_index(frames, n_prior), **made | arrays | fields)
+
+
+def write_late_pictures(path: Path, film: Path, seconds: float) -> None:
+    """A film with the same sound, whose pictures come `seconds` later."""
+    with av.open(str(film)) as early, av.open(str(path), "w") as late:
+        streams = [late.add_stream_from_template(stream) for stream in early.streams]
+        for packet in filter(lambda each: each.dts is not None, early.demux()):
+            later = round(seconds / packet.time_base) if packet.stream.type == "video" else 0
+            packet.pts, packet.dts, packet.stream = packet.pts + later, packet.dts + later, streams[packet.stream.index]
+            late.mux(packet)
 
 
 def write_pair(folder: Path, clip: Clip) -> tuple[Path, Path, str, Path]:

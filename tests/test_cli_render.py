@@ -24,7 +24,7 @@ from harmolab.readers.video import video_frames, write_video
 from harmolab.score import score_harmony
 from harmolab.types import Clip, Motion
 from harmolab.verdict.judge import score_clip
-from tests.builders import cases, complaint, done, planted_dance, write_pair, write_song
+from tests.builders import cases, complaint, done, planted_dance, write_late_pictures, write_pair, write_song
 
 render, retime = (partial(done, app, command) for command in ("play", "retime"))
 
@@ -101,6 +101,19 @@ def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], t
     with av.open(str(out)) as container:
         sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
     assert np.abs(sound).max() > 0.05  # the video's own
+
+
+@cases("words", (), ("--offset", 0.2))
+def test_skeleton_goes_over_its_own_pictures_where_the_first_comes_after_the_sound(
+    words: tuple[Any, ...], take: tuple[Path, Path], tmp_path: Path
+):
+    film, out = tmp_path / "late.mp4", tmp_path / "x.mp4"
+    write_late_pictures(film, take[0], 0.2)
+    render(film, take[1], "--fps", 25, "--over", film, "--no-marks", "--out", out, *words)
+    shown = frames(out)
+    assert not (shown[:5, 100] > 180).any()
+    columns = [np.flatnonzero(picture[100, :, 0] > 180).mean() for picture in shown[5:]]
+    np.testing.assert_allclose(columns, 100 + 2 * np.arange(50), atol=2)
 
 
 @pytest.mark.slow

@@ -246,8 +246,9 @@ def test_bvh_may_have_one_frame_more_than_it_promises_as_rokoko_writes_it(tmp_pa
     assert places[:, 0, 0].tolist() == [0, 0, 0, 0, 7]
 
 
-@cases("step, rate", ("0.033", 30), ("0.0330000", 30), (".0167", 60), ("0.00833", 120), ("0.0417", 24))
-def test_rounded_frame_time_of_a_bvh_is_that_of_the_usual_rate_and_said_so(tmp_path: Path, step: str, rate: int):
+@cases("step, rate", ("0.033", 30), ("0.0330000", 30), (".0167", 60), ("0.00833", 120), ("0.0417", 24), ("0.03333", 30),
+    ("0.008333", 120), ("0.0334", 29.97), ("0.01668", 59.94))  # fmt: skip
+def test_rounded_frame_time_of_a_bvh_is_that_of_the_usual_rate_and_said_so(tmp_path: Path, step: str, rate: float):
     (tmp_path / "walk.bvh").write_text(GOOD.replace("0.05", step))
     file = read_motion(tmp_path / "walk.bvh")
     assert (file.motion.fps, file.assumptions[1].brief) == (rate, "frame rate guessed: it is rounded")

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 import pytest
 import soundfile
@@ -28,7 +27,7 @@ from harmolab.readers.player_points import HANDS_12, PLAYER_50, hand_joints
 from harmolab.readers.video import write_video
 from harmolab.types import Audio, Motion, Notes
 from study.experiments.instrument_sets import load_pianomime, load_tracked
-from tests.builders import cases, missing, refused, save_performance
+from tests.builders import cases, missing, refused, save_performance, write_late_pictures
 
 # A pose that no mirror and no swap leaves alone: every point at a place of its own, the left at small x, on a picture
 # of 640 by 480. Body points at y = 100, the left hand at 200, the right at 300.
@@ -422,12 +421,7 @@ def test_video_beside_openpose_gives_sound_and_rate(tmp_path: Path):
 def test_points_begin_with_the_first_picture_of_a_film_whose_sound_begins_before_it(tmp_path: Path):
     folder = openpose_folder(tmp_path / "violin_3" / "openpose", [[openpose(shift)] for shift in range(20)]).parent
     write_video(tmp_path / "film.mp4", (np.full((48, 64, 3), 9, np.uint8) for _ in range(20)), 20.0, audio=sound(1.5))
-    with av.open(str(tmp_path / "film.mp4")) as film, av.open(str(folder / "take.mp4"), "w") as late:
-        streams = [late.add_stream_from_template(stream) for stream in film.streams]
-        for packet in filter(lambda each: each.dts is not None, film.demux()):
-            later = round(0.25 / packet.time_base) if packet.stream.type == "video" else 0
-            packet.pts, packet.dts, packet.stream = packet.pts + later, packet.dts + later, streams[packet.stream.index]
-            late.mux(packet)
+    write_late_pictures(folder / "take.mp4", tmp_path / "film.mp4", 0.25)
     assert load_performance(folder).offset == pytest.approx(0.25, abs=0.002)
     assert load_performance(folder, offset=0.0).offset == 0
     plays = partial(played.load_playing, folder / "openpose", sound(1.5), instrument="violin", fps=20)

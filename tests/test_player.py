@@ -357,10 +357,13 @@ def test_two_dances_of_one_name_have_two_verdicts(clip: Clip) -> None:
     assert [side for side, _ in levels] == ["left", "right"] and levels[0][1] != levels[1][1]
 
 
-def test_two_dances_whose_frames_lie_between_each_others_keep_their_moments() -> None:
+@pytest.mark.parametrize("is_before", [False, True], ids=["after the song", "before it"])
+def test_two_dances_whose_frames_lie_between_each_others_keep_their_moments(is_before: bool) -> None:
     whole = planted_dance(seconds=20.0, fps=30.0)
-    slow = replace(whole, motion=Motion(whole.motion.positions[::2], 15.0, whole.motion.skeleton))
-    later = replace(whole, motion=whole.motion.span(16 / 30, 19.0), offset=16 / 30 + 0.007)
+    song = whole.span(16 / 30, 19.0) if is_before else whole
+    slow = replace(song, motion=Motion(song.motion.positions[::2], 15.0, song.motion.skeleton))
+    part, begin = (whole.motion, -16 / 30) if is_before else (whole.motion.span(16 / 30, 19.0), 16 / 30)
+    later = replace(song, motion=part, offset=begin + 0.007)
     data = data_of(player_of([slow, later]).page)
     one, other = (np.array(dancer["visual"][1:20]) for dancer in data["dancers"])
     assert other - one == pytest.approx(0.007, abs=0.015)

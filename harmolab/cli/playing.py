@@ -55,7 +55,8 @@ def render(
     """Write the video, and print the verdict on the whole dance, of which it may show a part."""
     from harmolab.lab.explain.filmed import points_in_video
     from harmolab.lab.player_data import of_dance
-    from harmolab.lab.render.video import load_points, write_dance
+    from harmolab.lab.render.video import load_points, since_file_begins, write_dance
+    from harmolab.readers.video import first_picture
 
     is_gif, over = out.suffix.lower() == GIF, video.over or (files.motion if files.is_video else None)
     if over is not None and (is_gif or part.start is not None):
@@ -66,7 +67,8 @@ def render(
     reading, points, offset = read.keywords, None, part.offset
     if over is not None and not files.is_video:
         points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
-        offset = film_offset(files, over) if offset is None else offset
+        points = since_file_begins(points, late := first_picture(over))
+        offset = film_offset(files, over) if offset is None else offset - late
     clip = clip_of(files, offset=offset, track=video.marks, sample_rate=None, movement=points, **reading)
     if points is not None and offset is None:
         clip = replace(clip, has_start=False)

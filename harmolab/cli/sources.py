@@ -167,12 +167,15 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
 
 
 def film_offset(files: Sources, film: Path) -> float | None:
-    """Second of the song at which points of a film begin: by their file, else by its sound; None where unclear."""
+    """Second of the song at which a film begins: by the file of its points, else by its sound; None where unclear."""
     from harmolab.data.recordings import recorded_offset
     from harmolab.readers.audio import video_sound
+    from harmolab.readers.video import first_picture
 
-    if (begin := recorded_offset(files.motion)) is not None or files.song.resolve() == film.resolve():
-        return begin or 0.0
+    if (begin := recorded_offset(files.motion)) is not None:
+        return begin - first_picture(film)
+    if files.song.resolve() == film.resolve():
+        return 0.0
     with suppress(ValueError):  # the film has no sound that can be read
         return sound_offset(files._replace(motion=film), video_sound(film))
     return None

@@ -357,7 +357,7 @@ def player_of(
         whole, picture = (replace(each, beats=beats) for each in (clip, _alike(clip, first)))
         if begun > max(0.0, clip.offset):
             whole = whole.span(begun, first.audio.duration - begun)
-        if seconds is not None or begins > max(0.0, clip.offset):
+        if seconds is not None or begins > clip.offset:
             picture = _with_frame_at(picture, begins).span(begins, length)
         picture = picture.shared()
         dancers.append(_picked(_scored(whole.shared(), picture, params), looks))

@@ -57,7 +57,7 @@ _UNITS = ((1000.0, 0.001), (3.0, 0.01))  # extent at rest, in units of the file,
 _BODY_UNITS = ((1000.0, 0.001), (45.0, 0.01), (3.0, 0.056444))  # the same with head and feet
 _TRAVEL = 0.05  # share of its distance from the root by which a joint is not joined to it
 _AT_ROOT = 0.01  # share of the farthest joint's distance up to which a joint stands at the root
-_USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # frames per second
+_USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240, 23.976, 29.97, 59.94, 119.88)  # frames per second
 
 
 @dataclass
@@ -228,7 +228,7 @@ def _table(text: str, channels: int) -> tuple[FloatArray, float]:
 def _rate(step: float, options: ReadingOptions) -> tuple[float, tuple[Assumption, ...]]:
     """Frames per second, of a Frame Time unless passed, and a note where it is the rounded one of a usual rate."""
     digits = len(repr(step).partition(".")[2])
-    usual = [rate for rate in _USUAL_RATES if abs(rate * step - 1) > 1e-4 and round(1 / rate, digits) == step]
+    usual = [rate for rate in _USUAL_RATES if abs(rate * step - 1) > 3e-5 and round(1 / rate, digits) == step]
     if not usual or (1 / step).is_integer() or not (options.fps is None or options.as_defaults):
         return options.rate(1 / step), ()
     reason = f"guessed: {step:g} s a frame is rounded; --fps overrules it"

@@ -76,6 +76,16 @@ def load_points(
     return motion
 
 
+def since_file_begins(points: Motion, late: float) -> Motion:
+    """Points of a film whose first picture comes `late` seconds after its start, with filler before their first frame.
+
+    Programs that find points begin with the first picture; `video_frames` holds it from the start of the file on.
+    """
+    before = round(late * points.fps)
+    positions = np.concatenate([np.repeat(points.positions[:1], before, axis=0), points.positions])
+    return Motion(positions, points.fps, points.skeleton, np.concatenate([np.zeros(before, bool), points.valid]))
+
+
 def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     """The points in pixels of the frames that `video` gives.
 
