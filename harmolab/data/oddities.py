@@ -134,7 +134,7 @@ def _frozen(motion: Motion) -> Iterator[Oddity]:
 def jumps_inside(motion: Motion) -> tuple[Oddity, ...]:
     """One sentence where joints jump inside the body, and stay away for more than a frame: a verdict counts that.
 
-    Jumps and turns of the whole body, and single frames that are wrong, are without effect on it, and not named.
+    Jumps and turns of the whole body, and single frames that are wrong, are taken out before it, and not named.
     """
     if not any(_too_fast(motion, fewest=2)):
         return ()
