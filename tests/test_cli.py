@@ -596,6 +596,26 @@ def test_frames_that_hide_the_body_are_said_with_the_joints_to_choose_from(tmp_p
     assert "do not count" not in run("score", song, tmp_path / "dance.npz").stderr
 
 
+@cases(
+    "fault, is_said",
+    ("no fault", False), ("elbows swapped", True), ("elbows swapped for a frame", False), ("body elsewhere", False),
+)  # fmt: skip
+def test_joints_that_jump_inside_the_body_are_said_where_a_verdict_counts_them(
+    tmp_path: Path, fault: str, is_said: bool
+) -> None:
+    clip = planted_dance(seconds=12.0)
+    song, positions = write_song(tmp_path / "song.wav", clip), clip.motion.positions.copy()
+    elbows = [clip.motion.skeleton.joints.index(f"elbow {side}") for side in "LR"]
+    if "elbows" in fault:
+        for frame in (200, 400):
+            some = slice(frame, frame + (1 if "a frame" in fault else 6))
+            positions[some, elbows] = positions[some, elbows[::-1]]
+    positions[300:] += [0.5, 0.0, 0.3] if "elsewhere" in fault else 0.0
+    save_motion(tmp_path / "dance.npz", replace(clip.motion, positions=positions))
+    said = run("score", song, tmp_path / "dance.npz", "--offset", 0).stderr
+    assert ("dance.npz: joints jump, faster than 10 m/s in 4 frames" in said) == is_said
+
+
 # A folder of recordings
 
 

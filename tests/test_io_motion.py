@@ -102,6 +102,13 @@ def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
     refused(fault, load_motion, tmp_path / "gap.npz")
 
 
+def test_joints_of_no_skeleton_of_ours_name_the_frame_of_nan_and_no_unit(tmp_path: Path) -> None:
+    joints = np.random.default_rng(0).normal(size=(20, 23, 3))
+    joints[7, 4] = np.nan
+    np.save(tmp_path / "dance.npy", joints)
+    refused(r"dance\.npy: NaN or infinity at frame 7; interpolate", load_motion, tmp_path / "dance.npy", fps=30)
+
+
 @cases(
     "arrays, fault",
     ({"fps": 25}, "has no array 'positions'"),

@@ -279,18 +279,27 @@ HIDDEN = (
     "{}: {} of {} frames do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly "
     "seen (--joints, a part of {})"
 )
+JUMPS = (
+    "{}: joints jump, {}, as where left and right are swapped or another person is followed. This counts as movement, "
+    "so a verdict may be wrong"
+)
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
-    """A line on what was guessed or assumed when a motion file was read; with --verbose on all of it."""
+    """A line on what was guessed or assumed when a motion file was read, with --verbose on all; others on faults."""
+    from harmolab.data.oddities import jumps_inside
+    from harmolab.readers.motion_file import Assumption
+
     screen.detail(f"{Path(path).name}: {file.kind}, {frames_text(file.motion)}")
     for sentence in file.notes:
         screen.detail(f"{Path(path).name}: read: {sentence}")
-    if file.assumptions:
-        screen.note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
+    if assumptions := [note for note in file.notes if isinstance(note, Assumption)]:
+        screen.note(f"{Path(path).name}: read as {'; '.join(assumptions)}")
     valid, joints = file.motion.valid, ",".join(file.motion.skeleton.joints)
     if 3 * (hidden := int((~valid).sum())) > len(valid):
         screen.note(HIDDEN.format(Path(path).name, hidden, len(valid), joints))
+    for sentence in jumps_inside(file.motion):
+        screen.note(JUMPS.format(Path(path).name, sentence))
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ joints that cannot be told apart. `harmolab evaluate` measures no such file.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from harmolab.body.skeletons import tree_order
 from harmolab.data.recordings import load_config, true_runs
 from harmolab.readers.motion_file import UPRIGHT, head_above_feet
+from harmolab.shape_speed import unturn, without_glitches
 from harmolab.types import Audio, FloatArray, Motion
 
 MAX_SPEED = 10.0  # metres per second
@@ -129,14 +131,25 @@ def _frozen(motion: Motion) -> Iterator[Oddity]:
         yield Oddity(f"frozen {times}, {longest}", brief, spoils=spoils)
 
 
-def _too_fast(motion: Motion) -> Iterator[Oddity]:
-    """Valid frames in which a joint of a 3-D motion is faster than 10 m/s."""
+def jumps_inside(motion: Motion) -> tuple[Oddity, ...]:
+    """One sentence where joints jump inside the body, and stay away for more than a frame: a verdict counts that.
+
+    Jumps and turns of the whole body, and single frames that are wrong, are taken out before it, and not named.
+    """
+    if not any(_too_fast(motion, fewest=2)):
+        return ()
+    inside = replace(motion, positions=unturn(without_glitches(motion).positions))
+    return tuple(_too_fast(inside, fewest=2))
+
+
+def _too_fast(motion: Motion, fewest: int = 1) -> Iterator[Oddity]:
+    """Valid frames in which a joint of a 3-D motion is faster than 10 m/s, where there are so many of them."""
     if motion.positions.shape[2] != 3:
         return
     speed = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2) * motion.fps
     speed[~motion.valid[1:]] = 0.0
-    if speed.max() > MAX_SPEED:
-        frames = frames_text(int((speed.max(axis=1) > MAX_SPEED).sum()))
+    if (count := int((speed.max(axis=1) > MAX_SPEED).sum())) >= fewest:
+        frames = frames_text(count)
         frame, joint = divmod(int(np.argmax(speed)), speed.shape[1])
         peak = f"{speed.max():.1f} m/s ({motion.skeleton.joints[joint]}, {(frame + 1) / motion.fps:.2f} s)"
         brief = f"faster than {MAX_SPEED:g} m/s"
