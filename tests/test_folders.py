@@ -76,7 +76,9 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
 def test_recordings_that_are_links_are_found_and_none_twice(tmp_path: Path):
     root, other = tmp_path / "corpus", own(tmp_path / "elsewhere" / "clip_2")
     own(root / "clip_1")
+    own(root / "taken" / "day" / "clip_3")
     links = {
+        "latest": root / "taken" / "day",
         "clip_2": other,
         "more": other.parent,
         "again": root / "clip_1",
@@ -86,8 +88,8 @@ def test_recordings_that_are_links_are_found_and_none_twice(tmp_path: Path):
     }
     for name, place in links.items():
         (root / name).symlink_to(place)
-    assert [folder.name for folder in find_recordings(root).folders] == ["clip_1", "clip_2"]
-    assert [Path(row.path).name for row in check(root)] == ["clip_1", "clip_2"]
+    folders = [root / name for name in ("clip_1", "clip_2", "taken/day/clip_3")]
+    assert [*find_recordings(root).folders] == folders == [Path(row.path) for row in check(root)]
 
 
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):

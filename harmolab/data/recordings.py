@@ -363,16 +363,17 @@ def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list
 
 
 def walk(root: Path, closed: Callable[[OSError], object] | None = None) -> Iterator[tuple[Path, list[str], list[str]]]:
-    """`os.walk` through links as well, in order of names: no hidden folder, none twice, and none that holds `root`."""
-    entered = {root.resolve(), *root.resolve().parents}
-    for name, below, files in os.walk(root, onerror=closed, followlinks=True):
-        paths = [Path(name, child) for child in below if not child.startswith(".")]
-        below.clear()
-        for path in sorted(paths, key=lambda path: (path.is_symlink(), path.name)):
-            if (place := path.resolve()) not in entered:
-                entered.add(place)
-                below.append(path.name)
-        yield Path(name), below, files
+    """`os.walk` through links as well, those last: no hidden folder, none twice, and none that holds `root`."""
+    starts, entered = [root], {*root.resolve().parents}
+    for start in starts:
+        for name, below, files in os.walk(start, onerror=closed):
+            if (place := Path(name).resolve()) in entered:
+                below.clear()
+                continue
+            entered.add(place)
+            below[:] = sorted(child for child in below if not child.startswith("."))
+            yield Path(name), below, files
+            starts += filter(Path.is_symlink, (Path(name, child) for child in below))
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
