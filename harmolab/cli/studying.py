@@ -205,7 +205,7 @@ def _print(tables: Tables, answers: lab.Answers, kind: str) -> None:
     if any(row["n"] <= FEW_DANCES for name in ("marks", "agreement", "scores") for row in tables.get(name, ())):
         typer.echo(
             "Intervals of marks, agreement and rank resample the dances, and are for these raters alone. Of 5 to "
-            f"{FEW_DANCES} dances they hold the truth in eight or nine cases of ten, of fewer in less."
+            f"{FEW_DANCES} dances they hold the truth in eight or nine cases of ten, of fewer dances in fewer."
         )
 
 
