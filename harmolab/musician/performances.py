@@ -563,9 +563,9 @@ def piece_groups(performances: Sequence[Performance]) -> list[int]:
 
 def _same_sound(one: Audio | None, other: Audio | None) -> bool:
     """True for a sound and its copy, which is heard."""
-    if one is None or other is None or not one.samples.any():
+    if one is None or other is None:
         return False
-    return np.array_equal(one.samples, other.samples)
+    return np.array_equal(one.samples, other.samples) and bool(one.samples.any())
 
 
 def split_by_piece(
