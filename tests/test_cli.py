@@ -24,6 +24,7 @@ from typer.testing import CliRunner, Result
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli import PANELS, app, retiming, screen
+from harmolab.data.oddities import jumps_inside
 from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.lab.explain.performance import Performance
@@ -614,6 +615,15 @@ def test_joints_that_jump_inside_the_body_are_said_where_a_verdict_counts_them(
     save_motion(tmp_path / "dance.npz", replace(clip.motion, positions=positions))
     said = run("score", song, tmp_path / "dance.npz", "--offset", 0).stderr
     assert ("dance.npz: joints jump, faster than 10 m/s in 4 frames" in said) == is_said
+
+
+@cases("seconds, is_named", (60, True), (200, False))
+def test_few_frames_in_which_joints_jump_are_not_named_in_a_long_dance(seconds: int, is_named: bool) -> None:
+    motion = planted_dance(seconds=12.0).motion
+    positions = np.repeat(motion.positions[:1], int(seconds * motion.fps), axis=0)
+    elbows = [motion.skeleton.joints.index(f"elbow {side}") for side in "LR"]
+    positions[200:206, elbows] = positions[200:206, elbows[::-1]]
+    assert bool(jumps_inside(Motion(positions, motion.fps, motion.skeleton))) == is_named
 
 
 # A folder of recordings
