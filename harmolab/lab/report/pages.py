@@ -303,19 +303,14 @@ def _document(path: Path) -> NotebookRun:
 
 def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) -> dict[str, Picture]:
     """The committed pictures of these notebooks by file name, copied below the report's figures."""
-    names = {run.path.name for run in runs}
-    entries = {
-        name: entry
-        for name, entry in manifest_of(committed).items()
-        if name.endswith(".png") and entry["notebook"] in names and (committed / name).is_file()
-    }
-    (figures / FULL).mkdir(parents=True, exist_ok=True)
-    for name in entries:
-        shutil.copyfile(committed / name, figures / FULL / name)
-    return {
-        name: picture_of(figures / FULL, name, entry, run="full run", below=f"figures/{FULL}")
-        for name, entry in entries.items()
-    }
+    names, folder = {run.path.name for run in runs}, figures / FULL
+    pictures: dict[str, Picture] = {}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, entry in manifest_of(committed).items():
+        if name.endswith(".png") and entry["notebook"] in names and (committed / name).is_file():
+            shutil.copyfile(committed / name, folder / name)
+            pictures[name] = picture_of(folder, name, entry, run="full run", below=f"figures/{FULL}")
+    return pictures
 
 
 def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:
