@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import harmolab
-from harmolab import lab
+from harmolab import lab, systems
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, printable, progress, waiting, wrote
@@ -27,7 +27,7 @@ from harmolab.files import plain
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import Likeness
     from harmolab.systems.choreographer.generate import Choreography
-    from harmolab.types import Audio, BeatTrack, BoolArray, Motion
+    from harmolab.types import Audio, BeatTrack, Motion
 
 # Files of a dance: their names, and what is written to each
 
@@ -305,6 +305,7 @@ def dance(
     if pattern is not None and not dancer.knows_bars:
         raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
     from harmolab.clips import song_beats, tracked_sound
+    from harmolab.lab.evaluate.measured import silent_frames
     from harmolab.metrics.likeness import likeness
 
     sound = harmolab.load_sound(song, sample_rate=None)
@@ -323,7 +324,7 @@ def dance(
         music = track.span(offset, motion.duration)
         is_open_tempo = not dance and music.quality is not None and len(music) > 1
         tempo = (TEMPO.format(music.tempo),) if is_open_tempo else ()
-        held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
+        held = silent_frames(motion, audio, track, start=offset) if choreography is None else choreography.held
         if harmonise is not None:
             sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
             moved = harmolab.harmonise(sounding, music, reach=reach, params=params, progress=progress)
@@ -335,7 +336,8 @@ def dance(
             knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
         )  # fmt: skip
 
-    is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
+    is_quick = isinstance(dancer.system, systems.Choreographer)  # whose dances take a second
+    is_open = samples == 1 and is_quick and not common.is_told(context, "seed")
     title = f"A generated dance to {common.plain_name(song)}"
     reports: list[DanceReport] = []
     paths: list[Path] = []
@@ -363,13 +365,6 @@ def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
         note(f"seed {number} is not used: {report.likeness.verdict}")
     note(f"no seed up to {seed + MOST_SEEDS - 1} does better, so seed {seed} is danced")
     return left[0]
-
-
-def _silent(motion: Motion, audio: Audio, track: BeatTrack, offset: float) -> BoolArray:
-    """The frames of a network's dance in which the music is silent."""
-    from harmolab.lab.evaluate.measured import silent_frames
-
-    return silent_frames(motion, audio, track, start=offset)
 
 
 def _check_harmonise(reach: float | None) -> None:
