@@ -416,10 +416,8 @@ def has_networks() -> bool:
 
 def shipped_pose_net() -> Path | None:
     """The weights of the pose network that comes with harmolab; None where it cannot be run."""
-    spec = find_spec("harmolab.systems.harmogan")
-    if not has_networks() or spec is None or spec.origin is None:
-        return None
-    return Path(spec.origin).parent / "weights" / "pose_net"
+    weights = Path(__file__).parents[2] / "systems" / "harmogan" / "weights" / "pose_net"
+    return weights if has_networks() else None
 
 
 def weights_digest(weights: Path | None) -> str:
