@@ -30,7 +30,7 @@ from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.verdict.bar_pattern import first_place
 from harmolab.verdict.evidence import MOMENTS
-from harmolab.verdict.judge import Judgement, music_and_motion, score_motion, without_start
+from harmolab.verdict.judge import music_and_motion, score_motion, without_start
 
 # The reader's own song and dance, picked in a notebook
 
@@ -205,7 +205,7 @@ def _shape(stage: live.Stage) -> dict[str, Any]:
     step = float(times[1] - times[0]) if times.size > 1 else 1.0
     return {
         "curve": {"start": times[0], "step": step, "values": signal.values.round(4), "unit": "speed of the shape (SD)"},
-        "pattern": None if pattern is None else {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)},
+        "pattern": None if pattern is None else _waves(pattern),
         "place": None if places is None or not places.size else first_place(places),
     }
 
@@ -291,14 +291,13 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
         "chance": None if place is None else place.chance,
         "curve": [] if place is None else place.curve,
         "step": 60 / judgement.tempo / MOMENTS,
-        "pattern": _reading(judgement),
+        "pattern": _waves(place.pattern if place else BarPattern.stop_on_the_beat()),
         "sentence": judgement.verdict,
     }
 
 
-def _reading(judgement: Judgement) -> dict[str, Any]:
-    """The reading that fits best, as a pattern; rests on the beat where there is none."""
-    pattern = judgement.place.pattern if judgement.place else BarPattern.stop_on_the_beat()
+def _waves(pattern: BarPattern) -> dict[str, Any]:
+    """A pattern as the script lays it on the movement."""
     return {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)}
 
 
