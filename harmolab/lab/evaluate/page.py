@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,7 +91,6 @@ def evaluation_page(evaluation: Evaluation) -> str:
         full_methods=as_text.full_methods(evaluation).split("\n\n"),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
-        version=version("harmolab"),
     )
 
 

@@ -10,7 +10,6 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from itertools import count, groupby
 from pathlib import Path
 from typing import Any
@@ -285,7 +284,6 @@ def write_pages(
             {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
         ),
         profile=profile,
-        version=version("harmolab"),
         date=date,
     )
     (folder / "index.html").write_text(index, "utf-8")
