@@ -387,10 +387,8 @@ def _picked(dancer: Dancer, looks: int) -> Dancer:
     luck = min(1.0, looks * p)
     if luck <= ALPHA:
         return dancer
-    return replace(
-        dancer,
-        instead=f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many.",
-    )
+    words = f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many."
+    return replace(dancer, instead=words)
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
