@@ -87,7 +87,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     """
     file = pair_file(pair, options)
     clip = _clip(pair, file.motion, _song_of(pair))
-    odd = () if pair.kind == FROZEN else _oddities(pair, clip)
+    odd = () if pair.kind == FROZEN else _oddities(pair, clip, file.motion)
     music, motion = music_and_motion(clip)
     silent = measured.silent_frames(motion, clip.shared().audio, music)
     about: Row = {
@@ -169,14 +169,12 @@ def _begins(pair: Pair, file: MotionFile) -> str:
     return ASSUMED_OF_EDGE if file.kind.startswith("EDGE") else ASSUMED
 
 
-def _oddities(pair: Pair, clip: Clip) -> tuple[oddities.Oddity, ...]:
+def _oddities(pair: Pair, clip: Clip, motion: Motion) -> tuple[oddities.Oddity, ...]:
     """All that `harmolab data check` finds odd in a dance and its song."""
-    if clip.motion is None:
-        return ()
-    late = () if pair.kind == OTHER_SONG else oddities.late_end(clip.offset, clip.motion, clip.audio)
-    span = () if pair.seed_frames else oddities.span_oddities(pair.motion, clip.motion)
+    late = () if pair.kind == OTHER_SONG else oddities.late_end(clip.offset, motion, clip.audio)
+    span = () if pair.seed_frames else oddities.span_oddities(pair.motion, motion)
     of_song = _song_oddities(pair.music, pairing.input_stamp(pair.music))
-    return (*span, *oddities.motion_oddities(clip.motion), *late, *of_song)
+    return (*span, *oddities.motion_oddities(motion), *late, *of_song)
 
 
 @lru_cache(maxsize=SONGS_KEPT)

@@ -279,14 +279,13 @@ def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNum
             numbers |= _protocol_numbers(system, table, recorded, protocol)
     danced = {song for system, table in features.items() if system not in (RECORDED, FROZEN) for song in table["song"]}
     truth = recorded[recorded["song"].isin(danced)]
-    numbers |= _protocol_numbers(RECORDED, truth, recorded, protocol)
+    own = _protocol_numbers(RECORDED, truth, recorded, protocol)
     if len(truth) == len(recorded):
         first, second = _halves(recorded)
         halves = _protocol_numbers(RECORDED, second, first, protocol)
-        distances = [key for key in numbers if key[0] == RECORDED and "FID" in key[1]]
-        numbers = {key: one for key, one in numbers.items() if key not in distances}
-        numbers |= {key: one for key, one in halves.items() if "FID" in key[1]}
-    return numbers
+        own = {key: one for key, one in own.items() if "FID" not in key[1]}
+        own |= {key: one for key, one in halves.items() if "FID" in key[1]}
+    return numbers | own
 
 
 def _protocol_numbers(system: str, danced: pd.DataFrame, recorded: pd.DataFrame, protocol: str) -> SetNumbers:

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import ipywidgets
 import numpy as np
@@ -30,7 +30,7 @@ from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.verdict.bar_pattern import first_place
 from harmolab.verdict.evidence import MOMENTS
-from harmolab.verdict.judge import music_and_motion, score_motion, without_start
+from harmolab.verdict.judge import Judgement, music_and_motion, score_motion, without_start
 
 # The reader's own song and dance, picked in a notebook
 
@@ -276,9 +276,7 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
     """Numbers of the recommended mode at a lag, and the verdict as their sentence."""
     params = live.lab_params("recommended", pattern=stage.pattern, lag=lag)
     score = score_motion(stage.music, stage.motion, params=params)
-    judgement = (score if stage.has_start else without_start(score)).judgement
-    if judgement is None:
-        raise ValueError(f"the measure {params.measure!r} gives no verdict")
+    judgement = cast(Judgement, (score if stage.has_start else without_start(score)).judgement)
     place = judgement.place
     return {
         "level": judgement.level,
