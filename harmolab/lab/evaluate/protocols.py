@@ -330,6 +330,18 @@ def _song_beats(music: Path, stamp: str, song: str, fps: float, music_beats: Mus
 # Protocols by name
 
 
+def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BeatAlign": beat_align_frames(motion, music)}
+
+
+def _bas(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BAS": bas_frames(motion, music)}
+
+
+def _pfc(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"PFC": pfc_frames(motion)}
+
+
 def _nothing(*_: object) -> dict[str, Any]:
     return {}
 
@@ -454,8 +466,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "The published script leaves out the first 120 frames, which FACT is given; --seed-frames 120 does so "
                 "here, before beats are taken, so that none lies in the ten frames behind them.",
             ),
-            lambda motion, music: {"BeatAlign": beat_align_frames(motion, music)},
-            *(aist_beats, smpl_features, set_scores),
+            *(_beat_align, aist_beats, smpl_features, set_scores),
         ),
         "edge": Protocol(
             "Tseng et al. 2023, Stanford-TML/EDGE",
@@ -473,7 +484,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
                 "here all count.",
             ),
-            lambda motion, music: {"PFC": pfc_frames(motion)},
+            _pfc,
             missing="Its paper also prints beat alignment and diversity (Dist_k, Dist_g); no code for them is public "
             "(issues 11, 27 and 46), so they cannot be reproduced and are not here.",
         ),
@@ -493,8 +504,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Features are of the first 1,200 frames, seen from where the root starts: by the bracket they measure "
                 "how far a dancer goes from there.",
             ),
-            lambda motion, music: {"BAS": bas_frames(motion, music)},
-            *(bailando_beats, smpl_features_from_start, set_scores),
+            *(_bas, bailando_beats, smpl_features_from_start, set_scores),
         ),
     }
 )
