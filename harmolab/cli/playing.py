@@ -5,7 +5,7 @@ from __future__ import annotations
 import webbrowser
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -112,16 +112,15 @@ def _judgement(files: Sources, clip: harmolab.Clip, score: harmolab.HarmonyScore
 
 def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tuple[harmolab.Clip, float]:
     """The part of a clip that is drawn, and where its first frame lies on the time line of the whole clip's score."""
-    if clip.motion is None:
-        raise ValueError(f"{clip.name}: there is no motion to show")
-    scored = max(clip.offset + clip.shared_frame() / clip.motion.fps, 0.0)  # audio time at which the score begins
+    motion = cast(harmolab.Motion, clip.motion)
+    scored = max(clip.offset + clip.shared_frame() / motion.fps, 0.0)  # audio time at which the score begins
     if start is not None:
         if start >= clip.audio.duration:
             raise ValueError(f"{clip.name}: its music ends at {clip.audio.duration:.2f} s, before --start {start:g}")
         part = clip.span(start, seconds or clip.audio.duration - start)
         return part, start + part.offset - scored
-    motion = clip.motion if seconds is None else clip.motion.span(0.0, seconds)
-    return replace(clip, motion=motion), clip.offset - scored
+    shown = motion if seconds is None else motion.span(0.0, seconds)
+    return replace(clip, motion=shown), clip.offset - scored
 
 
 VIDEO = (

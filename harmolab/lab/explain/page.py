@@ -97,7 +97,6 @@ def dance_page(dance: OwnDance) -> str:
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         event=event_name(dance.score),
         is_ranked=is_ranked(dance.score),
-        delay=dance.score.params.reaction_delay,
     )
 
 

@@ -271,6 +271,7 @@ def write_pages(
     texts = [_document(path) for path in documents]
     for text in texts:
         (folder / text.page).write_text(_page(Chapter(text, None, None, None), f"of the full run, {date}"), "utf-8")
+    sources = {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
     index = rendered(
         "index.html.j2",
         parts=[(part, list(chapters)) for part, chapters in groupby(chapters, lambda chapter: chapter.run.part)],
@@ -280,9 +281,7 @@ def write_pages(
         figures=[(drawn.get(name), full.get(name), manifest[name]) for name in drawn],
         tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
         paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
-        sources=sorted(
-            {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
-        ),
+        sources=sorted(sources),
         profile=profile,
         date=date,
     )
