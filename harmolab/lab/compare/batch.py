@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harmolab.beats.salience import normalise_strengths, strength_steps
 from harmolab.beats.visual import visual_beats
@@ -167,7 +167,7 @@ def rescore(batch: BeatBatch, params: HarmonyParams) -> BatchScores:
     weights = batch.audio_strengths * salient
     n_visual = np.bincount(visual_clip, minlength=clips)
     n_audio = np.bincount(batch.audio_clip, salient, clips).astype(np.int64)
-    score, total, hits = (np.bincount(batch.audio_clip, part, clips) for part in (weights * near, weights, near))
+    score, total, hits = (_sums(batch.audio_clip, part, clips) for part in (weights * near, weights, near))
     chance = _coverage(visual, visual_clip, batch, params.reaction_delay)
     counts = (n_audio > 0) & (n_visual > 0)
     return BatchScores(
@@ -189,6 +189,11 @@ def rescore_places(batch: PlaceBatch, params: HarmonyParams) -> BatchScores:
         hit_rate=_quotient(batch.hits[now], batch.n_audio),
         harmony_above_chance=_above_chance(batch.curves[now], batch.chance),
     )
+
+
+def _sums(clip: IntArray, values: NDArray[Any], clips: int) -> FloatArray:
+    """Values added up for every clip."""
+    return np.bincount(clip, values, clips).astype(np.float64)
 
 
 def _quotient(above: FloatArray, below: ArrayLike) -> FloatArray:
