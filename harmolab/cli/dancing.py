@@ -387,11 +387,7 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
         typer.echo("\n  ".join(map(printable, [f"{seed}{report.verdict[0]}", *report.verdict[1:]])))
     common.print_music(reports[0].music)
     if is_verbose():
-        _print_table({f"seed {report.seed}": report.facts for report in reports})
-
-
-def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
-    """One column a dance."""
-    names = dict.fromkeys(name for column in facts.values() for name in column)
-    rows = ([name, *(column.get(name, "-") for column in facts.values())] for name in names)
-    common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)
+        facts = {f"seed {report.seed}": report.facts for report in reports}
+        names = dict.fromkeys(name for column in facts.values() for name in column)
+        rows = ([name, *(column.get(name, "-") for column in facts.values())] for name in names)
+        common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)
