@@ -27,7 +27,7 @@ from harmolab.files import plain
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import Likeness
     from harmolab.systems.choreographer.generate import Choreography
-    from harmolab.types import Audio, BeatTrack, Motion
+    from harmolab.types import Audio, BeatTrack, BoolArray, Motion
 
 # Files of a dance: their names, and what is written to each
 
@@ -305,7 +305,6 @@ def dance(
     if pattern is not None and not dancer.knows_bars:
         raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
     from harmolab.clips import song_beats, tracked_sound
-    from harmolab.lab.evaluate.measured import silent_frames
     from harmolab.metrics.likeness import likeness
 
     sound = harmolab.load_sound(song, sample_rate=None)
@@ -324,7 +323,7 @@ def dance(
         music = track.span(offset, motion.duration)
         is_open_tempo = not dance and music.quality is not None and len(music) > 1
         tempo = (TEMPO.format(music.tempo),) if is_open_tempo else ()
-        held = silent_frames(motion, audio, track, start=offset) if choreography is None else choreography.held
+        held = _silent(motion, audio, track, offset) if choreography is None else choreography.held
         if harmonise is not None:
             sounding, reach = replace(motion, valid=motion.valid & ~held), harmonise * CENTIMETRE
             moved = harmolab.harmonise(sounding, music, reach=reach, params=params, progress=progress)
@@ -365,6 +364,13 @@ def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
         note(f"seed {number} is not used: {report.likeness.verdict}")
     note(f"no seed up to {seed + MOST_SEEDS - 1} does better, so seed {seed} is danced")
     return left[0]
+
+
+def _silent(motion: Motion, audio: Audio, track: BeatTrack, offset: float) -> BoolArray:
+    """The frames of a network's dance in which the music is silent."""
+    from harmolab.lab.evaluate.measured import silent_frames
+
+    return silent_frames(motion, audio, track, start=offset)
 
 
 def _check_harmonise(reach: float | None) -> None:

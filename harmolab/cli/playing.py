@@ -119,8 +119,8 @@ def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tu
             raise ValueError(f"{clip.name}: its music ends at {clip.audio.duration:.2f} s, before --start {start:g}")
         part = clip.span(start, seconds or clip.audio.duration - start)
         return part, start + part.offset - scored
-    shown = motion if seconds is None else motion.span(0.0, seconds)
-    return replace(clip, motion=shown), clip.offset - scored
+    picture = motion if seconds is None else motion.span(0.0, seconds)
+    return replace(clip, motion=picture), clip.offset - scored
 
 
 VIDEO = (

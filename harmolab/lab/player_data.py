@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import soundfile
@@ -598,8 +598,7 @@ FACTS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Demo:
+class Demo(NamedTuple):
     """A page with two dancers and the scores of both.
 
     Parameters

@@ -9,7 +9,7 @@ as `score_harmony`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,8 +140,7 @@ def _place_row(music: BeatTrack, motion: Motion, params: HarmonyParams) -> tuple
     return curve, *hits, chance, len(music), len(visual_beats(motion, params=params)), period, music.duration
 
 
-@dataclass(frozen=True, eq=False)
-class BatchScores:
+class BatchScores(NamedTuple):
     """(C,) arrays: h of Eq. 21, hit rate and harmony above chance of every clip."""
 
     harmony: FloatArray
