@@ -9,7 +9,7 @@ as `score_harmony`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,7 +140,8 @@ def _place_row(music: BeatTrack, motion: Motion, params: HarmonyParams) -> tuple
     return curve, *hits, chance, len(music), len(visual_beats(motion, params=params)), period, music.duration
 
 
-class BatchScores(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class BatchScores:
     """(C,) arrays: h of Eq. 21, hit rate and harmony above chance of every clip."""
 
     harmony: FloatArray
