@@ -14,7 +14,7 @@ from harmolab.cli.common import Beats, DanceName, One, Song
 from harmolab.cli.screen import finding_beats, wrote
 
 if TYPE_CHECKING:
-    from harmolab.types import Audio, BeatTrack, FloatArray
+    from harmolab.types import Audio, FloatArray
 
 
 Tracker = Literal["librosa", "beat_this"]
@@ -72,7 +72,9 @@ def beats(
     checkpoint : File with the weights of beat_this.
     """
     from harmolab.beats.tempo import octave_remark
+    from harmolab.clips import song_beats
     from harmolab.readers.audio import load_sound, save_audio
+    from harmolab.readers.beats import neural_beats
 
     common.check_out(out, "a file of beats", (".beats",))
     common.check_out(clicks, "the song with clicks", (".wav",))
@@ -81,7 +83,11 @@ def beats(
     if page.tap and out is not None:
         _tapped(song, audio, out, page)
         return
-    track = _beats(audio, dance, one, beats, tracker, checkpoint)
+    if tracker == "beat_this":
+        track = neural_beats(audio, checkpoint)
+    else:
+        with finding_beats():
+            track = song_beats(audio, dance=dance, beats=beats, one=one)
     text = harmolab.describe_beats(track)
     if out is not None:
         harmolab.save_beats(out, track, comment=f"{song.name}: {text}")
@@ -103,19 +109,6 @@ def _check_options(context: typer.Context, page: TapOptions, out: Path | None, t
     common.check_untold(context, ("checkpoint",), f"goes with {neural} only", when=tracker != "beat_this")
     common.check_untold(context, ("dance", "tracker"), "is of no use to beats that are read", when=is_read)
     common.check_untold(context, ("tap",), "writes what was tapped: name its file, --out song.beats", when=out is None)
-
-
-def _beats(
-    audio: Audio, dance: str, one: float | None, beats: Path | None, tracker: Tracker, checkpoint: Path | None
-) -> BeatTrack:
-    """The beats of a song from a file or a tracker."""
-    from harmolab.clips import song_beats
-    from harmolab.readers.beats import neural_beats
-
-    if tracker == "beat_this":
-        return neural_beats(audio, checkpoint)
-    with finding_beats():
-        return song_beats(audio, dance=dance, beats=beats, one=one)
 
 
 def _tapped(song: Path, audio: Audio, out: Path, page: TapOptions) -> None:

@@ -140,12 +140,15 @@ Force = Annotated[
 
 @dataclass(frozen=True)
 class PartOptions:
-    """Options on where the motion lies in the music, and on the part of both that is shown."""
+    """Options on where the motion lies in the music, and on the part of both that is shown.
+
+    Parameters
+    ----------
+    start : Audio time in seconds at which to begin (default: where the motion begins).
+    """
 
     offset: Offset = None
-    start: Annotated[
-        float | None, typer.Option(help="Audio time in seconds at which to begin (default: where the motion begins).")
-    ] = None
+    start: float | None = None
     seconds: Seconds = None
 
 

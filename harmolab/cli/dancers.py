@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast, runtime_checkable
 
 import typer
 
@@ -55,25 +55,21 @@ class Dancer:
     ----------
     system : System
     options : keywords of its `generate` from the command line
-    choreographer : the system where it is one; a dance then takes a second, and says what it is made of
     limits : LikenessLimits of its recordings, None for those of the package
     knows_bars : bool, whether its dances have places in the bar that can be judged
     remarks : sentences about it that are printed with every dance
     listener : the system where it is to say which dance the music is, else None
     dance_probabilities : its answer, once it was asked
-    composer : the system where its dances are known piece by piece, though it is no choreographer
     in_threes : makes the dancer for music in 3/4; None where that is this one too
     """
 
     system: systems.System
     options: dict[str, Any]
-    choreographer: systems.Choreographer | None = None
     limits: harmolab.LikenessLimits | None = None
     knows_bars: bool = True
     remarks: tuple[str, ...] = ()
     listener: Listener | None = None
     dance_probabilities: Mapping[str, float] | None = None
-    composer: Any = None
     in_threes: Callable[[], Dancer] | None = None
 
     def for_music(self, audio: Audio, dance: str, tracks: Callable[[str], BeatTrack]) -> tuple[Dancer, str]:
@@ -86,8 +82,8 @@ class Dancer:
         ValueError
             If the listener cannot tell.
         """
-        if self.choreographer is not None and not dance:
-            return self._by_ear(self.choreographer, audio, tracks)
+        if isinstance(self.system, systems.Choreographer) and not dance:
+            return self._by_ear(self.system, audio, tracks)
         if self.listener is None:
             return self, dance
         probabilities = self.listener.dance_probabilities(audio)
@@ -118,12 +114,12 @@ class Dancer:
         return replace(self, options=self.options | {"dance": name}, remarks=(said, *self.remarks)), name
 
     def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, systems.Choreography | None]:
-        """A motion, and what it is made of where it was made of recordings."""
+        """A motion, and what it, or the sketch that it corrects, is made of where that was made of recordings."""
         options = self.options | more
-        composer = self.choreographer or self.composer
-        if composer is None:
+        is_composed = isinstance(self.system, systems.Choreographer) or getattr(self.system, "sketches", None)
+        if not is_composed:
             return self.system.generate(audio, beats, **options), None
-        choreography: systems.Choreography = composer.choreograph(audio, beats, **options)
+        choreography: systems.Choreography = cast(Any, self.system).choreograph(audio, beats, **options)
         return choreography.motion, choreography
 
 
@@ -177,11 +173,10 @@ def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     listener = trained if is_asked and isinstance(trained, Listener) else None
     knows_bars = getattr(trained, "knows_bars", True)
     remarks = (*getattr(trained, "remarks", ()), *_not_asked(dance, knows_bars=knows_bars))
-    composer = trained if getattr(trained, "sketches", None) else None
     if (limits := getattr(trained, "limits", None)) is not None:
         limits, few = _measure(limits)
         remarks += few
-    return Dancer(trained, taken, None, limits, knows_bars, remarks, listener, composer=composer)
+    return Dancer(trained, taken, limits, knows_bars, remarks, listener)
 
 
 def _not_asked(dance: str | None, *, knows_bars: bool) -> tuple[str, ...]:
@@ -267,7 +262,7 @@ def _dancer(
     options = accepted(choreographer.generate, context, {"progress": progress})
     knows_bars = any(take.places.size for take in choreographer.takes)
     remarks = (*remarks, *_not_asked(options.get("dance"), knows_bars=knows_bars))
-    return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
+    return Dancer(choreographer, options, limits, knows_bars, remarks)
 
 
 def _trained(weights: Path | None, system: str | None) -> systems.System:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import harmolab
-from harmolab import lab
+from harmolab import lab, systems
 from harmolab.cli import common
 from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, printable, progress, waiting, wrote
@@ -335,7 +335,8 @@ def dance(
             knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
         )  # fmt: skip
 
-    is_open = samples == 1 and dancer.choreographer is not None and not common.is_told(context, "seed")
+    is_quick = isinstance(dancer.system, systems.Choreographer)  # whose dances take a second
+    is_open = samples == 1 and is_quick and not common.is_told(context, "seed")
     title = f"A generated dance to {common.plain_name(song)}"
     reports: list[DanceReport] = []
     paths: list[Path] = []
@@ -392,11 +393,7 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
         typer.echo("\n  ".join(map(printable, [f"{seed}{report.verdict[0]}", *report.verdict[1:]])))
     common.print_music(reports[0].music)
     if is_verbose():
-        _print_table({f"seed {report.seed}": report.facts for report in reports})
-
-
-def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
-    """One column a dance."""
-    names = dict.fromkeys(name for column in facts.values() for name in column)
-    rows = ([name, *(column.get(name, "-") for column in facts.values())] for name in names)
-    common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)
+        facts = {f"seed {report.seed}": report.facts for report in reports}
+        names = dict.fromkeys(name for column in facts.values() for name in column)
+        rows = ([name, *(column.get(name, "-") for column in facts.values())] for name in names)
+        common.print_table(["", *facts], rows, "the dance and its music", MEANINGS)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 from harmolab.data import oddities
 from harmolab.data import recordings as tang2018
@@ -209,9 +210,7 @@ def _motion_row(path: Path, motion: Motion) -> FileSummary:
 def _recording(folder: Path) -> FileSummary:
     """The row of a folder with a recording."""
     recording = load_recording(folder, sample_rate=None)
-    clip, motion, annotation = recording.clip, recording.clip.motion, recording.annotation
-    if motion is None:
-        raise ValueError(f"{folder}: has no motion")
+    clip, motion, annotation = recording.clip, cast(Motion, recording.clip.motion), recording.annotation
     facts = [clip.dance or "dance not told", f"{clip.audio.duration:.2f} s of audio"]
     if annotation is not None:
         facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]

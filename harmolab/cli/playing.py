@@ -5,13 +5,13 @@ from __future__ import annotations
 import webbrowser
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 import harmolab
 from harmolab.cli import common
-from harmolab.cli.common import HEIGHT, FileOptions, PartOptions
+from harmolab.cli.common import HEIGHT, FileOptions, JudgeOptions, PartOptions
 from harmolab.cli.data import is_body_found
 from harmolab.cli.screen import note, progress, waiting, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, film_offset, reading_fault, sources
@@ -47,6 +47,20 @@ class VideoOptions:
     follow: Annotated[bool, typer.Option("--follow")] = False
     height: Annotated[int | None, typer.Option(min=120, max=2160, show_default="480; 240 of a gif")] = None
     rate: Annotated[float | None, typer.Option(min=10, max=120)] = None
+
+
+@dataclass(frozen=True)
+class PageOptions:
+    """Options of a page.
+
+    Parameters
+    ----------
+    other : Page: a second motion to the same music, shown beside it.
+    other_offset : Page: audio time at which the second begins (default: what its file says, else --offset).
+    """
+
+    other: Path | None = None
+    other_offset: float | None = None
 
 
 def render(
@@ -98,16 +112,15 @@ def _judgement(files: Sources, clip: harmolab.Clip, score: harmolab.HarmonyScore
 
 def _part(clip: harmolab.Clip, start: float | None, seconds: float | None) -> tuple[harmolab.Clip, float]:
     """The part of a clip that is drawn, and where its first frame lies on the time line of the whole clip's score."""
-    if clip.motion is None:
-        raise ValueError(f"{clip.name}: there is no motion to show")
-    scored = max(clip.offset + clip.shared_frame() / clip.motion.fps, 0.0)  # audio time at which the score begins
+    motion = cast(harmolab.Motion, clip.motion)
+    scored = max(clip.offset + clip.shared_frame() / motion.fps, 0.0)  # audio time at which the score begins
     if start is not None:
         if start >= clip.audio.duration:
             raise ValueError(f"{clip.name}: its music ends at {clip.audio.duration:.2f} s, before --start {start:g}")
         part = clip.span(start, seconds or clip.audio.duration - start)
         return part, start + part.offset - scored
-    motion = clip.motion if seconds is None else clip.motion.span(0.0, seconds)
-    return replace(clip, motion=motion), clip.offset - scored
+    picture = motion if seconds is None else motion.span(0.0, seconds)
+    return replace(clip, motion=picture), clip.offset - scored
 
 
 VIDEO = (
@@ -115,7 +128,6 @@ VIDEO = (
     "does. Without that, `harmolab score {files} --why {stem}.html` makes a page about the video, and `harmolab play "
     "{files} --out {stem}_marked.mp4` marks its beats"
 )
-OF_PAGES, OF_VIDEOS = ("other", "other_offset"), ("over", "marks", "verdict", "follow", "height", "rate")
 
 
 @common.with_options
@@ -125,12 +137,11 @@ def play(
     out: Annotated[Path, typer.Option()],
     motion: common.Dance = None,
     *,
-    part: common.PartOptions,
-    other: Path | None = None,
-    other_offset: float | None = None,
+    part: PartOptions,
+    page: PageOptions,
     video: VideoOptions,
-    judged: common.JudgeOptions,
-    read: common.FileOptions,
+    judged: JudgeOptions,
+    read: FileOptions,
 ) -> None:
     """Show a motion with its music: a page with beats, slow motion and loops, a video, or a moving picture.
 
@@ -158,33 +169,24 @@ def play(
     Parameters
     ----------
     out : What to write: .html, .mp4 (plays everywhere), .webm or .gif.
-    other : Page: a second motion to the same music, shown beside it.
-    other_offset : Page: audio time at which the second begins (default: what its file says, else --offset).
     """
     is_page = out.suffix.lower() in common.PAGES
     common.check_out(out, "a dance with its music", (*common.PAGES, *common.VIDEOS_OUT, GIF))
-    common.check_untold(context, OF_VIDEOS, f"is for a video, not for {out}", when=is_page)
-    common.check_untold(context, OF_PAGES, f"is for a page, not for {out}", when=not is_page)
-    common.check_untold(context, ("other_offset",), "is of --other; name a second motion", when=other is None)
+    common.check_untold(context, vars(video), f"is for a video, not for {out}", when=is_page)
+    common.check_untold(context, vars(page), f"is for a page, not for {out}", when=not is_page)
+    common.check_untold(context, ("other_offset",), "is of --other; name a second motion", when=page.other is None)
     judging = ("dance", "beats", "one", "pattern", "how", *(("verdict",) if video.verdict else ()))
     common.check_untold(context, judging, "is of no use with --no-marks; leave one of them out", when=not video.marks)
     files = sources(context, song, motion, judged)
     if is_page:
-        _page(files, out, judged, read, part, other=other, other_offset=other_offset)
+        _page(files, out, page, judged, read, part)
     else:
         render(files, out, video, judged.params(files.dance), read, part)
     wrote(out)
 
 
 def _page(
-    files: Sources,
-    out: Path,
-    judged: common.JudgeOptions,
-    read: common.FileOptions,
-    part: common.PartOptions,
-    *,
-    other: Path | None,
-    other_offset: float | None,
+    files: Sources, out: Path, page: PageOptions, judged: JudgeOptions, read: FileOptions, part: PartOptions
 ) -> None:
     """Write the page with the player."""
     from harmolab.data.recordings import load_any_motion, recorded_offset
@@ -198,10 +200,10 @@ def _page(
     if files.is_video:
         check_signs(files, clip, [harmolab.score_clip(clip, params)])
     clips = [clip]
-    if other is not None:
+    if (other := page.other) is not None:
         recorded = recorded_offset(other)
         usual = clip.offset if recorded is None else recorded
-        begins = usual if other_offset is None else other_offset
+        begins = usual if page.other_offset is None else page.other_offset
         movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
         clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
     where = vars(part) | {"offset": clip.offset if clip.has_start else None}

@@ -96,7 +96,8 @@ def body_plan(positions: FloatArray, skeleton: skeletons.Skeleton) -> BodyPlan:
     stature = _stature(positions, trunk)
     points = [np.eye(count)]
     feet = _foot_groups(skeleton, names)
-    parts = [*_limbs(skeleton, named, names, feet, bool(trunk)), *_soles(named, names, feet if trunk else ())]
+    point = {joint: name for name, joint in named.items()}
+    parts = [*_limbs(skeleton, point, names, feet, bool(trunk)), *_soles(point, names, feet if trunk else ())]
     parts += _palms(skeleton)
     if trunk:
         upper, extra = _upper_body(positions, names, trunk, stature)
@@ -122,11 +123,10 @@ def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
 
 
 def _limbs(
-    skeleton: skeletons.Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool
+    skeleton: skeletons.Skeleton, point: Mapping[int, str], names: Names, feet: Feet, has_trunk: bool
 ) -> Iterator[Part]:
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
     skull = set(_skull_joints(names))
-    point = {joint: name for name, joint in named.items()}
     inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
     radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]
     bones = list(skeleton.bones) if has_trunk else skeletons.skull_and_limbs(skeleton)[1]
@@ -171,9 +171,8 @@ def _foot_groups(skeleton: skeletons.Skeleton, names: Names) -> Feet:
     return []
 
 
-def _soles(named: Mapping[str, int], names: Names, feet: Feet) -> Iterator[Part]:
+def _soles(point: Mapping[int, str], names: Names, feet: Feet) -> Iterator[Part]:
     """A sole around ankle, heel and toes."""
-    point = {joint: name for name, joint in named.items()}
     for group in feet:
         radii = [_radius(names[joint][1], point.get(joint, "toes")) for joint in group]
         side = _side(*(names[joint][0] for joint in group))

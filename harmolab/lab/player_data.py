@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import soundfile
@@ -387,10 +387,8 @@ def _picked(dancer: Dancer, looks: int) -> Dancer:
     luck = min(1.0, looks * p)
     if luck <= ALPHA:
         return dancer
-    return replace(
-        dancer,
-        instead=f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many.",
-    )
+    words = f"No verdict: picked among {looks} dances. Its p = {p:.3f} is {luck:.2g} once corrected for so many."
+    return replace(dancer, instead=words)
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
@@ -600,8 +598,7 @@ FACTS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Demo:
+class Demo(NamedTuple):
     """A page with two dancers and the scores of both.
 
     Parameters

@@ -17,7 +17,7 @@ mean of f at the beats alone.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -167,8 +167,7 @@ class FittedScore:
         return grid, others
 
 
-@dataclass(frozen=True, eq=False)
-class PatternScores:
+class PatternScores(NamedTuple):
     """The clips of one cycle: their numbers (p,), their fits, those of other music (p K rows), and their patterns."""
 
     clips: IntArray

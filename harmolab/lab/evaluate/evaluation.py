@@ -225,8 +225,7 @@ class Evaluation:
     def measures(self) -> tuple[str, ...]:
         """The measures of single dances that anything was measured of, in the order of the table."""
         measured = dict.fromkeys(measure for _, measure in self.means)
-        protocols = self.settings.protocols
-        published = (name for protocol in protocols for name in measured if name.startswith(f"{protocol} "))
+        published = (name for one in self.settings.protocols for name in measured if name.startswith(f"{one} "))
         return (*(name for name in MEASURES if name in measured), *published)
 
     @property

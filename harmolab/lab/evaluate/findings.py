@@ -66,10 +66,8 @@ def _relation(evaluation: Evaluation, system: str) -> str:
     one, control = (difference_of(evaluation, *rows) for rows in ((system, RECORDED), (RECORDED, OTHER_SONG)))
     songs = 0 if one is None else one.songs
     if one is None or control is None or songs < FEWEST_SONGS:
-        reason = (
-            f"{songs} common song{' is' if songs == 1 else 's are'} too few" if songs else "these are to other songs"
-        )
-        return f"cannot be compared with the recorded dances: {reason}"
+        few = f"{songs} common song{' is' if songs == 1 else 's are'} too few"
+        return f"cannot be compared with the recorded dances: {few if songs else 'these are to other songs'}"
     if one.is_clear:
         less = f"less than the recorded dances, {_beside_other_songs(evaluation, system)}"
         return f"goes with its music {'more than the recorded dances' if one.low > 0 else less}"

@@ -61,14 +61,12 @@ def table_tex(evaluation: Evaluation) -> str:
 def _heads(evaluation: Evaluation) -> dict[str, dict[str, str]]:
     """Groups of columns that were measured -> column -> heading in LaTeX: two of our own, then those of protocols."""
     columns = (*evaluation.measures, *evaluation.set_measures)
+    sets = {name: head for name, head in SET_COLUMNS.items() if name in columns}
     music, body = (
-        {name: measure.head for name, measure in own.items() if measure.head}
+        {name: measure.head for name, measure in own.items() if measure.head and name in columns}
         for own in (MUSIC_MEASURES, DANCE_MEASURES)
     )
-    heads: dict[str, dict[str, str]] = {
-        group: {name: head for name, head in own.items() if name in columns}
-        for group, own in (("music", music), ("body", {**SET_COLUMNS, **body}))
-    }
+    heads = {"music": music, "body": sets | body}
     for protocol in evaluation.settings.protocols:
         names = [name.partition(" ")[2] for name in columns if name.startswith(f"{protocol} ")]
         ordered = sorted(names, key=lambda name: (*PUBLISHED_COLUMNS, name).index(name))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
@@ -401,10 +402,8 @@ def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str
     features: dict[str, FloatArray] = {}
     motion = without_fingers(motion)
     for name, measure in (("kinetic", kinetic_features), ("geometric", geometric_features)):
-        try:
+        with suppress(ValueError):  # joints that it needs are missing, or frames
             features |= {name: measure(motion)} if name in kinds else {}
-        except ValueError:
-            continue
     pose = pose_features(motion, pose_net) if pose_net is not None and "pose" in kinds else None
     return features if pose is None else features | {"pose": pose}
 
@@ -416,10 +415,8 @@ def has_networks() -> bool:
 
 def shipped_pose_net() -> Path | None:
     """The weights of the pose network that comes with harmolab; None where it cannot be run."""
-    spec = find_spec("harmolab.systems.harmogan")
-    if not has_networks() or spec is None or spec.origin is None:
-        return None
-    return Path(spec.origin).parent / "weights" / "pose_net"
+    weights = Path(__file__).parents[2] / "systems" / "harmogan" / "weights" / "pose_net"
+    return weights if has_networks() else None
 
 
 def weights_digest(weights: Path | None) -> str:

@@ -20,13 +20,12 @@ from harmolab.lab.evaluate import measured
 from harmolab.lab.evaluate.measured import NUMBERS, Dance, dance_numbers, motion_features
 from harmolab.lab.evaluate.pairing import GENERATED, RECORDED
 from harmolab.lab.evaluate.reference import Reference, load_reference
-from harmolab.lab.evaluate.rows import Row, skeleton_digest
+from harmolab.lab.evaluate.rows import Row, limits_of, skeleton_digest
 from harmolab.lab.evaluate.sets import LEAST, Collected, feature_cells, feature_names, set_numbers
-from harmolab.metrics.likeness import SHORTEST, LikenessLimits, window_measures
+from harmolab.metrics.likeness import SHORTEST
 from harmolab.params import DANCE_PATTERNS
 from harmolab.readers.array_files import SKELETONS, steady_skeleton
 from harmolab.score import check_whole
-from harmolab.shape_speed import without_fingers
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import FEWEST_BEATS
 
@@ -264,16 +263,7 @@ def reference_of(motions: Sequence[Motion], *, pose_net: Path | None = None) -> 
     ]  # fmt: skip
     if not rows:
         raise ValueError("the reference holds no motion")
-    windows = [each for motion in motions if (each := _windows(motion))]
-    limits = LikenessLimits.of_windows(windows, [""] * len(windows)) if windows else None
-    return Reference(pd.DataFrame(rows), limits, pose_net=measured.weights_digest(pose_net))
-
-
-def _windows(motion: Motion) -> tuple[dict[str, float], ...]:
-    try:
-        return tuple(filter(None, window_measures(without_fingers(motion))))
-    except ValueError:  # two-dimensional, or too short
-        return ()
+    return Reference(pd.DataFrame(rows), limits_of(motions), pose_net=measured.weights_digest(pose_net))
 
 
 def _motions(values: Iterable[Positions], fps: float | None, skeleton: Skeleton | None) -> list[Motion]:

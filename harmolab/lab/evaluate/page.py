@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,7 +91,6 @@ def evaluation_page(evaluation: Evaluation) -> str:
         full_methods=as_text.full_methods(evaluation).split("\n\n"),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
-        version=version("harmolab"),
     )
 
 
@@ -142,17 +140,12 @@ def _chart(evaluation: Evaluation, name: str) -> str:
     return png_text(distribution_figure(rows, means, controls=evaluation.controls))
 
 
-def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
+def _differences(evaluation: Evaluation) -> Iterator[dict[str, Any]]:
     """The differences between two systems that exclude 0, in measures that have a direction."""
     for one in evaluation.differences:
         if one.is_clear and {one.a, one.b} <= evaluation.ranks[one.measure].keys():
-            yield {
-                "measure": measure_of(one.measure).words,
-                "a": one.a,
-                "b": one.b,
-                "difference": "{} ({} to {})".format(*map(as_text.number_text, (one.mean, one.low, one.high))),
-                "songs": str(one.songs),
-            }
+            text = "{} ({} to {})".format(*map(as_text.number_text, (one.mean, one.low, one.high)))
+            yield one._asdict() | {"measure": measure_of(one.measure).words, "difference": text}
 
 
 def _players(evaluation: Evaluation) -> Iterator[Shown]:

@@ -8,8 +8,6 @@ thousand rows.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import time
 from base64 import b64decode
@@ -110,12 +108,11 @@ def _column(path: Path, name: str, values: list[Any]) -> pyarrow.Array[Any]:
 def _csv_bytes(path: Path, columns: Mapping[str, list[Any]]) -> bytes:
     for name, values in columns.items():
         _kind(path, name, set(map(type, values)))
-    stream = io.StringIO(newline="")
-    lines = csv.writer(stream)
-    lines.writerow(columns)
-    for cells in zip(*columns.values(), strict=True):
-        lines.writerow("" if value is None else json.dumps(value, ensure_ascii=False) for value in cells)
-    return stream.getvalue().encode()
+    cells = {
+        name: ["" if value is None else json.dumps(value, ensure_ascii=False) for value in values]
+        for name, values in columns.items()
+    }
+    return str(pd.DataFrame(cells).to_csv(index=False, lineterminator="\r\n")).encode()
 
 
 def _kind(path: Path, name: str, kinds: set[type]) -> type:

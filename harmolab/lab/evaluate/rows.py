@@ -6,7 +6,8 @@ still neither slides nor jerks.
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -86,7 +87,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     """
     file = pair_file(pair, options)
     clip = _clip(pair, file.motion, _song_of(pair))
-    odd = () if pair.kind == FROZEN else _oddities(pair, clip)
+    odd = () if pair.kind == FROZEN else _oddities(pair, clip, file.motion)
     music, motion = music_and_motion(clip)
     silent = measured.silent_frames(motion, clip.shared().audio, music)
     about: Row = {
@@ -168,14 +169,12 @@ def _begins(pair: Pair, file: MotionFile) -> str:
     return ASSUMED_OF_EDGE if file.kind.startswith("EDGE") else ASSUMED
 
 
-def _oddities(pair: Pair, clip: Clip) -> tuple[oddities.Oddity, ...]:
+def _oddities(pair: Pair, clip: Clip, motion: Motion) -> tuple[oddities.Oddity, ...]:
     """All that `harmolab data check` finds odd in a dance and its song."""
-    if clip.motion is None:
-        return ()
-    late = () if pair.kind == OTHER_SONG else oddities.late_end(clip.offset, clip.motion, clip.audio)
-    span = () if pair.seed_frames else oddities.span_oddities(pair.motion, clip.motion)
+    late = () if pair.kind == OTHER_SONG else oddities.late_end(clip.offset, motion, clip.audio)
+    span = () if pair.seed_frames else oddities.span_oddities(pair.motion, motion)
     of_song = _song_oddities(pair.music, pairing.input_stamp(pair.music))
-    return (*span, *oddities.motion_oddities(clip.motion), *late, *of_song)
+    return (*span, *oddities.motion_oddities(motion), *late, *of_song)
 
 
 @lru_cache(maxsize=SONGS_KEPT)
@@ -262,19 +261,27 @@ def recorded_limits(recorded: Sequence[Pair], options: RowOptions, *, progress: 
     two-dimensional, without names of joints, or shorter than 10 s.
     """
     places = np.unique(np.linspace(0, len(recorded) - 1, min(len(recorded), LIMIT_DANCES)).astype(int))
-    windows = []
-    for place in progress(places.tolist(), "measuring recorded dancers"):
-        try:
-            windows.append(window_measures(without_fingers(_danced(recorded[place], options))))
-        except (ValueError, OSError):
-            continue  # the row of this dance says what is wrong with it
-    usable = [each for each in windows if any(each)]
-    return LikenessLimits.of_windows(usable, [""] * len(usable)) if usable else None
+    pairs = (recorded[place] for place in progress(places.tolist(), "measuring recorded dancers"))
+    return limits_of(_danced(pairs, options))
 
 
-def _danced(pair: Pair, options: RowOptions) -> Motion:
-    """The motion of a pair as far as its song goes; where that is silent, no frame is valid. No beats are tracked."""
-    song = Clip(pair.song, load_sound(pair.music))
-    clip = _clip(pair, pair_file(pair, options).motion, song).shared()
-    motion, no_beats = cast(Motion, clip.motion), BeatTrack(np.zeros(0), np.zeros(0), 1.0, clip.audio.duration)
-    return replace(motion, valid=motion.valid & ~measured.silent_frames(motion, clip.audio, no_beats))
+def _danced(pairs: Iterable[Pair], options: RowOptions) -> Iterator[Motion]:
+    """The motions of pairs as far as their songs go, those that can be read; where a song is silent, no frame is valid.
+
+    No beats are tracked.
+    """
+    for pair in pairs:
+        with suppress(ValueError, OSError):  # the row of this dance says what is wrong with it
+            song = Clip(pair.song, load_sound(pair.music))
+            clip = _clip(pair, pair_file(pair, options).motion, song).shared()
+            motion, no_beats = cast(Motion, clip.motion), BeatTrack(np.zeros(0), np.zeros(0), 1.0, clip.audio.duration)
+            yield replace(motion, valid=motion.valid & ~measured.silent_frames(motion, clip.audio, no_beats))
+
+
+def limits_of(motions: Iterable[Motion]) -> LikenessLimits | None:
+    """The limits of likeness of dancers, fingers left out; None where none of them can be measured."""
+    windows: list[dict[str, float]] = []
+    for motion in motions:
+        with suppress(ValueError):  # it is two-dimensional
+            windows += filter(None, window_measures(without_fingers(motion)))
+    return LikenessLimits.of_windows([windows], [""]) if windows else None

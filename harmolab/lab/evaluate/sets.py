@@ -155,19 +155,14 @@ def written_parts(parts: Iterable[pd.DataFrame], path: Path, pairs: Iterable[Pai
     """The parts as they are; on the way their rows, but for the features, are written to a CSV file, which appears at
     the end, whole. Of a dance that failed it has the names and the error.
     """
-    about = {pair.key: {"system": pair.system, "seed": pair.seed, "song": pair.song} for pair in pairs}
+    by_key = {pair.key: pair for pair in pairs}
     with atomic_write(path) as part_file, part_file.open("w", encoding="utf-8", newline="") as stream:
         for number, part in enumerate(parts):
-            rows = _named(part, about)
+            own = [by_key[key] for key in part["key"]]
+            rows = part.assign(**{name: [getattr(pair, name) for pair in own] for name in ("system", "seed", "song")})
             columns = [name for name in map(str, rows) if not _FEATURE.fullmatch(name)]
             rows[columns].to_csv(stream, index=False, header=not number)
             yield part
-
-
-def _named(part: pd.DataFrame, about: dict[str, dict[str, str]]) -> pd.DataFrame:
-    """The part with system, seed and song also of those that failed."""
-    names = pd.DataFrame([about[key] for key in part["key"]], index=part.index)
-    return part.assign(system=names["system"], seed=names["seed"], song=names["song"])
 
 
 # Numbers of a set: Fréchet distances, diversity, multimodality
@@ -284,14 +279,13 @@ def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNum
             numbers |= _protocol_numbers(system, table, recorded, protocol)
     danced = {song for system, table in features.items() if system not in (RECORDED, FROZEN) for song in table["song"]}
     truth = recorded[recorded["song"].isin(danced)]
-    numbers |= _protocol_numbers(RECORDED, truth, recorded, protocol)
+    own = _protocol_numbers(RECORDED, truth, recorded, protocol)
     if len(truth) == len(recorded):
         first, second = _halves(recorded)
         halves = _protocol_numbers(RECORDED, second, first, protocol)
-        distances = [key for key in numbers if key[0] == RECORDED and "FID" in key[1]]
-        numbers = {key: one for key, one in numbers.items() if key not in distances}
-        numbers |= {key: one for key, one in halves.items() if "FID" in key[1]}
-    return numbers
+        own = {key: one for key, one in own.items() if "FID" not in key[1]}
+        own |= {key: one for key, one in halves.items() if "FID" in key[1]}
+    return numbers | own
 
 
 def _protocol_numbers(system: str, danced: pd.DataFrame, recorded: pd.DataFrame, protocol: str) -> SetNumbers:

@@ -131,7 +131,7 @@ def submission_of(table: PathLike) -> Submission:
     files = file_hashes([*clips["motion"], *clips["music"], *annotations])
     options = {name: settings[name] for name in OPTIONS if settings.get(name) not in (None, "", 0) or name == "seed"}
     measured = {
-        "kind": "evaluate", "command": _command(settings), "settings": options, "digest": digest_of(files),
+        "kind": "evaluate", "command": _command(settings, options), "settings": options, "digest": digest_of(files),
         "recordings": sorted(set(dances["song"])),
         "versions": read_manifest(table / ROWS)["versions"] if (table / ROWS / MANIFEST).is_file() else {},
     }  # fmt: skip
@@ -168,18 +168,16 @@ def _failed(table: Path, clips: pd.DataFrame) -> int:
     return int(missing + (errors & clips["system"].isin([RECORDED, *CONTROLS])).sum())
 
 
-def _command(settings: Mapping[str, Any]) -> str:
-    """The command of an evaluation, without the places of its folders."""
+def _command(settings: Mapping[str, Any], options: Mapping[str, Any]) -> str:
+    """The command of an evaluation with these `OPTIONS`, without the places of its folders."""
     systems = settings["systems"].items()
     words: list[tuple[str, Any]] = [("system", f"{key}={Path(place).name}") for key, place in systems]
     words += [(name, Path(settings[name]).name) for name in ("music", "reference", "pairs") if settings.get(name)]
-    for name in OPTIONS:
-        value = settings.get(name)
+    for name, value in options.items():
         several = [f"{key}={one}" for key, one in value.items()] if isinstance(value, dict) else value
-        values = several if isinstance(several, list) else [value]
-        words += [(name, one) for one in values if one not in (None, "") and (one != 0 or name == "seed")]
-    options = (f"--{_OPTION.get(name, name).replace('_', '-')} {word}" for name, word in words)
-    return " ".join(["harmolab evaluate", *options, "--out table"])
+        words += [(name, one) for one in (several if isinstance(several, list) else [value])]
+    texts = (f"--{_OPTION.get(name, name).replace('_', '-')} {word}" for name, word in words)
+    return " ".join(["harmolab evaluate", *texts, "--out table"])
 
 
 def file_hashes(paths: Iterable[PathLike]) -> pd.DataFrame:

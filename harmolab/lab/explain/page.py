@@ -2,7 +2,6 @@
 
 import base64
 from collections.abc import Iterator
-from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import cv2
@@ -98,7 +97,6 @@ def dance_page(dance: OwnDance) -> str:
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         event=event_name(dance.score),
         is_ranked=is_ranked(dance.score),
-        delay=dance.score.params.reaction_delay,
     )
 
 
@@ -108,7 +106,6 @@ def explained_page(template: str, score: HarmonyScore, *, numbers: dict[str, str
         template,
         numbers={name: text for name, text in numbers.items() if "nan" not in text},
         settings=", ".join(f"{name} {value}" for name, value in vars(score.params).items() if name != "pattern"),
-        version=version("harmolab"),
         **fields,
     )
 

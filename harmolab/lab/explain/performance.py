@@ -177,9 +177,8 @@ def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
     halves = beats.select(~second), beats.select(second)
     if signal is None or judgement.place is None or min(map(len, halves)) <= max(FEWEST, judgement.place.pattern.beats):
         return ()
-    places = (None, None) if pattern is None else tuple(half.bar_places for half in halves)
     reading = judgement.place.pattern
-    tests = [place_test(signal, half.times, at, reading) for half, at in zip(halves, places, strict=True)]
+    tests = [place_test(signal, half.times, half.bar_places if pattern else None, reading) for half in halves]
     return tuple(_mean_offset(judgement, half, test) for half, test in zip(halves, tests, strict=True))
 
 

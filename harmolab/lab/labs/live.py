@@ -338,11 +338,10 @@ class LabContent:
     def presets(self) -> tuple[Preset, ...]:
         """The presets of this kind of lab whose choices its menus offer, in the order of the page."""
         menus = {name: control.options for name, control in self.controls.items() if isinstance(control, Menu)}
-        rows = (Preset(*row) for row in TEXTS[self.kind]["presets"])
         return tuple(
-            replace(row, values={name: self.computed.get(value, value) for name, value in row.values.items()})
-            for row in rows
-            if all(row.values[name] in options for name, options in menus.items() if name in row.values)
+            Preset(label, {name: self.computed.get(value, value) for name, value in values.items()}, note)
+            for label, values, note in TEXTS[self.kind]["presets"]
+            if all(values[name] in options for name, options in menus.items() if name in values)
         )
 
     @property

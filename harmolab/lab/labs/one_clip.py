@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import ipywidgets
 import numpy as np
@@ -205,7 +205,7 @@ def _shape(stage: live.Stage) -> dict[str, Any]:
     step = float(times[1] - times[0]) if times.size > 1 else 1.0
     return {
         "curve": {"start": times[0], "step": step, "values": signal.values.round(4), "unit": "speed of the shape (SD)"},
-        "pattern": None if pattern is None else {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)},
+        "pattern": None if pattern is None else _waves(pattern),
         "place": None if places is None or not places.size else first_place(places),
     }
 
@@ -276,9 +276,7 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
     """Numbers of the recommended mode at a lag, and the verdict as their sentence."""
     params = live.lab_params("recommended", pattern=stage.pattern, lag=lag)
     score = score_motion(stage.music, stage.motion, params=params)
-    judgement = (score if stage.has_start else without_start(score)).judgement
-    if judgement is None:
-        raise ValueError(f"the measure {params.measure!r} gives no verdict")
+    judgement = cast(Judgement, (score if stage.has_start else without_start(score)).judgement)
     place = judgement.place
     return {
         "level": judgement.level,
@@ -291,14 +289,13 @@ def verdict_numbers(stage: live.Stage, lag: float) -> dict[str, Any]:
         "chance": None if place is None else place.chance,
         "curve": [] if place is None else place.curve,
         "step": 60 / judgement.tempo / MOMENTS,
-        "pattern": _reading(judgement),
+        "pattern": _waves(place.pattern if place else BarPattern.stop_on_the_beat()),
         "sentence": judgement.verdict,
     }
 
 
-def _reading(judgement: Judgement) -> dict[str, Any]:
-    """The reading that fits best, as a pattern; rests on the beat where there is none."""
-    pattern = judgement.place.pattern if judgement.place else BarPattern.stop_on_the_beat()
+def _waves(pattern: BarPattern) -> dict[str, Any]:
+    """A pattern as the script lays it on the movement."""
     return {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)}
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 from harmolab.beats.audio import music_beats
@@ -68,8 +69,5 @@ def inexact_meter_lab() -> LiveLab:
 
 def inexact_corpus(count: int) -> list[Clip]:
     """Synthetic dances of six seconds, whose movements end early or late by 0.1 s or so."""
-    dances = tuple(DANCES)
-    return [
-        synthetic_clip(dances[seed % len(dances)], seconds=6.0, fps=30.0, jitter=0.1, seed=seed)
-        for seed in range(count)
-    ]
+    dances = zip(range(count), cycle(DANCES), strict=False)
+    return [synthetic_clip(dance, seconds=6.0, fps=30.0, jitter=0.1, seed=seed) for seed, dance in dances]

@@ -93,7 +93,8 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
     for version in sorted(set(versions)):
         columns = np.array([each == version for each in versions])
         for side, marks in sides.items():
-            dances = _over_raters(marks[:, columns])
+            marked = columns & ~np.isnan(marks).all(axis=0)
+            dances: FloatArray = np.nanmean(marks[:, marked], axis=0)
             low, high = bootstrap_interval(dances, seed=seed)
             rows.append(
                 {
@@ -104,13 +105,6 @@ def mark_rows(answers: Answers, key: Key, *, seed: int = 0) -> list[Row]:
                 }
             )  # fmt: skip
     return rows
-
-
-def _over_raters(marks: FloatArray) -> FloatArray:
-    """Means over raters (D',) of marks (R, D); dances without any are left out."""
-    answered = ~np.isnan(marks).all(axis=0)
-    means: FloatArray = np.nanmean(marks[:, answered], axis=0)
-    return means
 
 
 def krippendorff_alpha(marks: FloatArray) -> float:

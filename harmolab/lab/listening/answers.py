@@ -31,18 +31,7 @@ import numpy as np
 from filelock import FileLock
 
 from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_json, write_text
-from harmolab.lab.listening.trials import (
-    CHOICES,
-    MARKED,
-    MOST,
-    MOST_TRIALS,
-    QUESTIONS,
-    Key,
-    KeyEntry,
-    Trial,
-    TrialSet,
-    is_answer,
-)
+from harmolab.lab.listening.trials import CHOICES, MARKED, MOST, MOST_TRIALS, Key, KeyEntry, Trial, TrialSet, is_answer
 from harmolab.score import check_whole
 
 SIMULATED = "simulated-"
@@ -76,8 +65,8 @@ class Answer:
                 raise ValueError(f"{name} must be text, got {getattr(self, name)!r:.60}")
         if not (self.study and self.rater and self.trial):
             raise ValueError("an answer needs a study, a rater and a trial")
-        if not any(is_answer(kind, self.choice) for kind in QUESTIONS):
-            choices = [choice for pair in CHOICES.values() for choice in pair]
+        choices = [choice for pair in CHOICES.values() for choice in pair]
+        if self.choice not in choices and not is_answer("rate", self.choice):
             raise ValueError(f"choice must be one of {choices} or four marks, got {self.choice!r:.60}")
         if not isinstance(self.simulated, bool) or self.simulated != self.rater.startswith(SIMULATED):
             raise ValueError(

@@ -10,7 +10,6 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from itertools import count, groupby
 from pathlib import Path
 from typing import Any
@@ -272,6 +271,7 @@ def write_pages(
     texts = [_document(path) for path in documents]
     for text in texts:
         (folder / text.page).write_text(_page(Chapter(text, None, None, None), f"of the full run, {date}"), "utf-8")
+    sources = {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
     index = rendered(
         "index.html.j2",
         parts=[(part, list(chapters)) for part, chapters in groupby(chapters, lambda chapter: chapter.run.part)],
@@ -281,11 +281,8 @@ def write_pages(
         figures=[(drawn.get(name), full.get(name), manifest[name]) for name in drawn],
         tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
         paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
-        sources=sorted(
-            {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
-        ),
+        sources=sorted(sources),
         profile=profile,
-        version=version("harmolab"),
         date=date,
     )
     (folder / "index.html").write_text(index, "utf-8")
@@ -303,19 +300,14 @@ def _document(path: Path) -> NotebookRun:
 
 def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) -> dict[str, Picture]:
     """The committed pictures of these notebooks by file name, copied below the report's figures."""
-    names = {run.path.name for run in runs}
-    entries = {
-        name: entry
-        for name, entry in manifest_of(committed).items()
-        if name.endswith(".png") and entry["notebook"] in names and (committed / name).is_file()
-    }
-    (figures / FULL).mkdir(parents=True, exist_ok=True)
-    for name in entries:
-        shutil.copyfile(committed / name, figures / FULL / name)
-    return {
-        name: picture_of(figures / FULL, name, entry, run="full run", below=f"figures/{FULL}")
-        for name, entry in entries.items()
-    }
+    names, folder = {run.path.name for run in runs}, figures / FULL
+    pictures: dict[str, Picture] = {}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, entry in manifest_of(committed).items():
+        if name.endswith(".png") and entry["notebook"] in names and (committed / name).is_file():
+            shutil.copyfile(committed / name, folder / name)
+            pictures[name] = picture_of(folder, name, entry, run="full run", below=f"figures/{FULL}")
+    return pictures
 
 
 def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:

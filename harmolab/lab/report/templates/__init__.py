@@ -1,6 +1,7 @@
 """The HTML pages of players, own dances and reports: filled and framed here."""
 
 import html
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import jinja2
 
 TEMPLATES = Path(__file__).parent
 ENVIRONMENT = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
+ENVIRONMENT.globals["version"] = lambda: version("harmolab")
 
 
 def rendered(template: str, **values: Any) -> str:
