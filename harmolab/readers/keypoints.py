@@ -520,8 +520,7 @@ def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     if empty.all():
         raise ValueError(f"nobody is seen in any of its {len(values)} frames")
     valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
-    visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
-    return filled_points(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
+    return bridged(values[..., :3].astype(np.float64), ~empty), valid & ~empty
 
 
 def filled_body(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> tuple[FloatArray, BoolArray]:
