@@ -17,9 +17,9 @@ from harmolab.musician.sequences import PointSpace, continued, frames_of, steps_
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.readers.arrays import number_array
 from harmolab.readers.player_points import INSTRUMENTS
-from harmolab.systems.training.about import stored_list, stored_skeleton
+from harmolab.systems.training.about import stored_list, stored_skeleton, whole
 from harmolab.systems.training.layers import Normaliser
-from harmolab.systems.training.weights import stored_record, whole
+from harmolab.systems.training.weights import stored_record
 from harmolab.types import Audio, FloatArray, Motion, Notes, SingleArray
 
 State = tuple[Tensor, Tensor]

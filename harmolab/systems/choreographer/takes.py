@@ -39,7 +39,7 @@ from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
-from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
+from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, whole, write_about
 from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind, usual_meter
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
@@ -421,10 +421,7 @@ def _checked(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> Arrays:
 
 def _count(entry: Any, name: str, least: int, most: int) -> int:
     """A whole number of an entry."""
-    value = entry.get(name) if isinstance(entry, dict) else None
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from {least} to {most} is needed")
-    return value
+    return whole(name, entry.get(name) if isinstance(entry, dict) else None, least, most)
 
 
 def _takes(arrays: Arrays, entries: list[dict[str, Any]], skeleton: Skeleton) -> tuple[Take, ...]:
