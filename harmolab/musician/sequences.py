@@ -14,14 +14,14 @@ from torch import Tensor
 
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
-from harmolab.files import Progress, silent
+from harmolab.files import Progress, named_faults, silent
 from harmolab.musician import cleaning
 from harmolab.musician.cleaning import CleaningRules, Reference
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
-from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
+from harmolab.types import Audio, BoolArray, FloatArray, Notes, SingleArray
 
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
 NO_NOTES = "has no notes.csv, from which this network learns"
@@ -379,8 +379,9 @@ def read_sequence(
     motion = cleaning.placed(result, reference, alignment=params.alignment)
     frames, learnt = cleaning.training_frames(motion.valid, "mask" if is_test else params.gaps)
     points = motion.positions[frames].reshape(len(frames), -1)
-    sound = _input(performance, params, motion)[frames]
-    return PlayedSequence(performance.name, performance.piece, sound, points, learnt, result.accepted[frames])
+    with named_faults(performance.name):
+        sound = input_features(performance.audio, performance.notes, params, motion.n_frames, start=performance.offset)
+    return PlayedSequence(performance.name, performance.piece, sound[frames], points, learnt, result.accepted[frames])
 
 
 def cleaning_rules(performance: Performance) -> CleaningRules:
@@ -389,12 +390,14 @@ def cleaning_rules(performance: Performance) -> CleaningRules:
     return CleaningRules() if has_body else CleaningRules(swapped=None, jump=None, centre=None)
 
 
-def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
-    """Sound or notes, (T, F), beside the frames of a motion."""
+def input_features(
+    audio: Audio | None, notes: Notes | None, params: Audio2BodyParams, n_frames: int, *, start: float
+) -> SingleArray:
+    """What a network hears of a recording, notes or sound: so many frames (T, F) from second `start` on."""
     if params.hears == "notes":
-        if performance.notes is None:
-            raise ValueError(f"{performance.name}: its notes are not known; hear the sound")
-        return note_features(performance.notes, params.fps, motion.n_frames, start=performance.offset)
-    if performance.audio is None:
-        raise ValueError(f"{performance.name}: {NO_SOUND}")
-    return sound_features(performance.audio, params, motion.n_frames, start=performance.offset)
+        if notes is None:
+            raise ValueError("its notes are not known; hear the sound")
+        return note_features(notes, params.fps, n_frames, start=start)
+    if audio is None:
+        raise ValueError(NO_SOUND)
+    return sound_features(audio, params, n_frames, start=start)
