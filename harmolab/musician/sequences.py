@@ -21,6 +21,7 @@ from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
+from harmolab.systems.training.loop import Rows
 from harmolab.types import Audio, BoolArray, FloatArray, Notes, SingleArray
 
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
@@ -220,7 +221,7 @@ def sound_statistics(sequences: Sequence[PlayedSequence]) -> tuple[Tensor, Tenso
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedWindows:
+class PlayedWindows(Rows):
     """Windows of steps (`harmolab.systems.training.loop.Units`).
 
     Parameters
@@ -235,14 +236,6 @@ class PlayedWindows:
     target: Tensor
     mask: Tensor
     residual: Tensor
-
-    def __len__(self) -> int:
-        return len(self.sound)
-
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "PlayedWindows":
-        """The windows at `indices` that fall to process `rank` of `world`."""
-        rows = indices[rank::world].to(self.sound.device)
-        return PlayedWindows(self.sound[rows], self.target[rows], self.mask[rows], self.residual[rows])
 
     @classmethod
     def of(
