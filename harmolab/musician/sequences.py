@@ -315,10 +315,10 @@ def played_set(
         Where they are of several instruments or sets of points, all frames of one are rejected, or one lacks the sound
         or the notes that are to be heard; it names the performance.
     """
-    check_alike(performances)
     first = next((each for each in performances if each.name == split.train[0]), None)
     if first is None:
         raise ValueError(f"the split names {split.train[0]!r}, which is no performance here")
+    check_alike(performances)
     reference = cleaning.reference_configuration(cleaning.cleaned(at_rate(first, params.fps), cleaning_rules(first)))
     sequences = tuple(
         read_sequence(each, params, reference, is_test=each.name in split.test)
@@ -331,8 +331,6 @@ def played_set(
 
 def check_alike(performances: Sequence[Performance]) -> None:
     """ValueError unless performances are of one instrument and one set of points."""
-    if not performances:
-        raise ValueError("no performance to train on")
     first = performances[0]
     for other in performances[1:]:
         if other.instrument != first.instrument:

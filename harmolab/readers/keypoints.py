@@ -537,9 +537,12 @@ def filled_joints(joints: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     """`filled_body` of joints in space (T, J, 3): those that are 0 were lost.
 
     Not so a joint that is 0 most of the time, or near there before and after, as a path that begins at the origin.
+    ValueError names the first frame with NaN or infinity.
     """
+    if not np.isfinite(joints).all():
+        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(joints))[0][0]}; interpolate or cut it")
     lost = (joints == 0).all(axis=2)
-    if not (lost.any() and np.abs(joints).max() < 1e15):  # NaN, and what is out of all bounds, is refused later
+    if not (lost.any() and np.abs(joints).max() < 1e15):  # what is out of all bounds is refused later
         return joints, np.ones(len(joints), bool)
     is_empty = ~has_body(joints)[:, None]
     lost &= (lost.mean(axis=0) <= 0.5) | is_empty
