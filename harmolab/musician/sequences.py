@@ -384,7 +384,7 @@ def cleaning_rules(performance: Performance) -> CleaningRules:
 def input_features(
     audio: Audio | None, notes: Notes | None, params: Audio2BodyParams, n_frames: int, *, start: float
 ) -> SingleArray:
-    """What a network hears of a recording, notes or sound: so many frames (T, F) from second `start` on."""
+    """The notes or the sound of a recording, as a network hears it: so many frames (T, F) from second `start` on."""
     if params.hears == "notes":
         if notes is None:
             raise ValueError("its notes are not known; hear the sound")
