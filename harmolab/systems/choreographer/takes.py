@@ -97,20 +97,16 @@ def take_of(item: Item, number: int = 1) -> Take:
     """A recording, clip or motion as a `Take`; ValueError where it has no motion in three dimensions."""
     if isinstance(item, Take):
         return item
-    if isinstance(item, Recording | PlantedClip):
-        clip, annotation = item.clip, item.annotation
-        beats = clip.beats if annotation is None else annotation.track(clip.audio.duration)
-        return _take_of_clip(replace(clip, beats=beats), None if annotation is None else annotation.meter)
-    if isinstance(item, Clip):
-        return _take_of_clip(item)
-    check_kind(item, Motion, name := f"motion {number}")
-    return _take(name, item)
-
-
-def _take_of_clip(clip: Clip, meter: int | None = None) -> Take:
+    if not isinstance(item, Recording | PlantedClip | Clip):
+        check_kind(item, Motion, name := f"motion {number}")
+        return _take(name, item)
+    clip, annotation = (item, None) if isinstance(item, Clip) else (item.clip, item.annotation)
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to take beats from")
-    return _take(clip.name, clip.motion, clip.dance, clip.beats, clip.offset, meter)
+    track, meter = clip.beats, None
+    if annotation is not None:
+        track, meter = annotation.track(clip.audio.duration), annotation.meter
+    return _take(clip.name, clip.motion, clip.dance, track, clip.offset, meter)
 
 
 def _take(
