@@ -323,22 +323,15 @@ FACT_SEED = Assumption(
 )
 
 
-class VectorLayout(NamedTuple):
-    """One vector a frame: its kind, the numbers before the translation, and how many; rotations come behind."""
-
-    kind: str
-    first: str = ""
-    start: int = 0
-
-
-VECTORS = {  # numbers of a frame -> layout
-    135: VectorLayout(_LODGE),
-    139: VectorLayout(_LODGE, "four contacts, ", 4),
-    315: VectorLayout(_LODGE),
-    319: VectorLayout(_LODGE, "four contacts, ", 4),
-    219: VectorLayout("SMPL vectors"),
-    225: VectorLayout("SMPL vectors of FACT", "six zeros, ", 6),
-    322: VectorLayout("SMPL-X vectors of Motion-X"),
+# Length of the vector of a frame -> its kind, the numbers before the translation, and how many; rotations come behind.
+VECTORS = {
+    135: (_LODGE, "", 0),
+    139: (_LODGE, "four contacts, ", 4),
+    315: (_LODGE, "", 0),
+    319: (_LODGE, "four contacts, ", 4),
+    219: ("SMPL vectors", "", 0),
+    225: ("SMPL vectors of FACT", "six zeros, ", 6),
+    322: ("SMPL-X vectors of Motion-X", "", 0),
 }
 
 
