@@ -219,11 +219,11 @@ class Motion(Display):
 
 
 def bridged(curves: FloatArray, kept: BoolArray) -> FloatArray:
-    """Curves (T, K) with straight lines over the samples that are not `kept`, (T,); as they are where none is kept."""
-    every, samples = np.arange(len(kept)), np.flatnonzero(kept)
+    """Curves (T, ...) with straight lines over the samples that are not `kept`, (T,); as they are where none is."""
+    every, samples, flat = np.arange(len(kept)), np.flatnonzero(kept), curves.reshape(len(kept), -1)
     if samples.size in (0, every.size):
         return curves
-    return np.column_stack([np.interp(every, samples, curve[samples]) for curve in curves.T])
+    return np.column_stack([np.interp(every, samples, curve[samples]) for curve in flat.T]).reshape(curves.shape)
 
 
 def _with_bodies(positions: FloatArray, valid: BoolArray) -> FloatArray:
@@ -236,7 +236,7 @@ def _with_bodies(positions: FloatArray, valid: BoolArray) -> FloatArray:
     lost[~valid] = (np.ptp(positions[~valid], axis=1) == 0).all(axis=-1)
     if positions.shape[1] == 1 or not lost.any():
         return positions
-    return frozen_array(bridged(positions.reshape(len(lost), -1), ~lost).reshape(positions.shape), "positions")
+    return frozen_array(bridged(positions, ~lost), "positions")
 
 
 def usual_meter(bar_places: IntArray) -> int:

@@ -19,7 +19,7 @@ from harmolab.files import named_faults
 from harmolab.musician.performances import Performance
 from harmolab.musician.similarities import Similarity, fit_similarity, similarity_factors
 from harmolab.readers.player_points import HANDS_12, SIDES
-from harmolab.types import BoolArray, FloatArray, IntArray, Motion
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion, bridged
 
 # Rejected frames in training: masked, bridged by lines, or cut out (reading 9)
 
@@ -223,8 +223,9 @@ def cleaned(
     accepted = broken == ""
     # A shot without an accepted frame belongs to the one before it, or after it at the start.
     starts = np.append(0, starts[np.logical_or.reduceat(accepted, starts)][1:])
-    positions = _filled(motion.positions, accepted, starts)
-    return Cleaned(performance, Motion(positions, motion.fps, motion.skeleton, accepted), broken, starts)
+    shots = [bridged(motion.positions[span], accepted[span]) for span in shot_spans(starts, motion.n_frames)]
+    filled = Motion(np.concatenate(shots), motion.fps, motion.skeleton, accepted)
+    return Cleaned(performance, filled, broken, starts)
 
 
 def rejected_examples(result: Cleaned) -> dict[str, int]:
@@ -349,20 +350,6 @@ def _first_player(poses: _Poses, rules: CleaningRules) -> int:
     median = _Poses(np.median(poses.points, axis=0), np.median(poses.box, axis=0))
     near = _breaches(poses, median, replace(rules, jump=None)) == ""
     return int(near.argmax())
-
-
-def _filled(points: FloatArray, accepted: BoolArray, starts: IntArray) -> FloatArray:
-    """`points` (T, P, 2) with lines from accepted to accepted frame of one shot; held at the ends of a shot."""
-    kept, gaps = np.flatnonzero(accepted), np.flatnonzero(~accepted)
-    after = np.searchsorted(kept, gaps)
-    left, right = kept[np.maximum(after - 1, 0)], kept[np.minimum(after, len(kept) - 1)]
-    left = np.where(after == 0, right, left)
-    shot, shot_left, shot_right = (np.searchsorted(starts, frames, side="right") for frames in (gaps, left, right))
-    left, right = np.where(shot_left != shot, right, left), np.where(shot_right != shot, left, right)
-    share = np.divide(gaps - left, right - left, out=np.zeros(len(gaps)), where=right != left)[:, None, None]
-    filled = points.copy()
-    filled[gaps] = points[left] + share * (points[right] - points[left])
-    return filled
 
 
 def _reason(performance: Performance, broken: NDArray[np.str_]) -> str:

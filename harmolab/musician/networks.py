@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from math import ceil
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -13,13 +13,12 @@ from harmolab.body.skeletons import Skeleton
 from harmolab.musician.bow import Bowing, Strokes, loudness, turns_of
 from harmolab.musician.cleaning import Reference
 from harmolab.musician.params import Audio2BodyParams
-from harmolab.musician.sequences import PointSpace, continued, frames_of, steps_of
-from harmolab.musician.sound_features import note_features, sound_features
+from harmolab.musician.sequences import PointSpace, continued, frames_of, input_features, steps_of
 from harmolab.readers.arrays import number_array
 from harmolab.readers.player_points import INSTRUMENTS
-from harmolab.systems.training.about import stored_list, stored_skeleton
+from harmolab.systems.training.about import stored_list, stored_skeleton, whole
 from harmolab.systems.training.layers import Normaliser
-from harmolab.systems.training.weights import stored_record, whole
+from harmolab.systems.training.weights import stored_record
 from harmolab.types import Audio, FloatArray, Motion, Notes, SingleArray
 
 State = tuple[Tensor, Tensor]
@@ -202,12 +201,9 @@ def points_from(
 
     A violinist whose sound began in the middle would bow the other way: the direction is counted from the beginning.
     """
-    params, fps = network.params, network.params.fps
+    fps = network.params.fps
     before = max(0, ceil(start * fps - 1e-6))
-    if params.hears == "notes":
-        sound = note_features(cast(Notes, notes), fps, before + count, start=start - before / fps)
-    else:
-        sound = sound_features(cast(Audio, audio), params, before + count, start=start - before / fps)
+    sound = input_features(audio, notes, network.params, before + count, start=start - before / fps)
     return Motion(predicted_points(network, sound)[before:].reshape(count, -1, 2), fps, network.skeleton)
 
 

@@ -9,7 +9,7 @@ With a truth, the playing that was filmed, it has also the error of the points a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -307,8 +307,7 @@ def performed(
     if sound is None or whole is None:
         raise ValueError(f"{truth.name}: has no sound to play to")
     first, begin = round(playing.skipped * part.fps), playing.performance.offset + playing.skipped
-    detected = playing.performance.detected[first : first + part.n_frames]
-    beside = compared(system.network, replace(playing.performance, motion=part, detected=detected, offset=begin))
+    beside = compared(system.network, playing.performance.frames(first, first + part.n_frames))
     points = system.generate(whole, start=begin, seconds=part.duration)
     return Performed(instrument, points, sound, begin, notice, is_avatar, playing, beside)
 
@@ -321,13 +320,7 @@ def performance_span(performance: Performance, start: float, seconds: float | No
     last = min(end, motion.n_frames)
     if start < 0 or last - first < 2:
         raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound; choose others")
-    frames = slice(first, last)
-    return replace(
-        performance,
-        motion=Motion(motion.positions[frames], motion.fps, motion.skeleton, motion.valid[frames]),
-        detected=performance.detected[frames],
-        offset=performance.offset + first / motion.fps,
-    )
+    return performance.frames(first, last)
 
 
 def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:

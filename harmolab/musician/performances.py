@@ -126,6 +126,12 @@ class Performance:
         motion = motion_part(self.motion, joints, self.name)
         return replace(self, motion=motion, detected=self.detected[:, [own.index(each) for each in joints]])
 
+    def frames(self, first: int, last: int) -> "Performance":
+        """The performance from frame `first` on, up to the one before `last`."""
+        whole, kept = self.motion, slice(first, last)
+        motion = Motion(whole.positions[kept], whole.fps, whole.skeleton, whole.valid[kept])
+        return replace(self, motion=motion, detected=self.detected[kept], offset=self.offset + first / whole.fps)
+
 
 # Files of a folder: the sound, the points and the notes
 

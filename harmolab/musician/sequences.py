@@ -14,14 +14,15 @@ from torch import Tensor
 
 from harmolab.body.kinematics import resample_motion
 from harmolab.body.skeletons import Skeleton
-from harmolab.files import Progress, silent
+from harmolab.files import Progress, named_faults, silent
 from harmolab.musician import cleaning
 from harmolab.musician.cleaning import CleaningRules, Reference
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sound_features import note_features, sound_features
 from harmolab.systems.training.layers import channel_statistics
-from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
+from harmolab.systems.training.loop import Rows
+from harmolab.types import Audio, BoolArray, FloatArray, Notes, SingleArray
 
 NO_SOUND = "has no sound; render its notes into audio.wav, or learn from notes in Python (Audio2BodyParams.hears)"
 NO_NOTES = "has no notes.csv, from which this network learns"
@@ -220,7 +221,7 @@ def sound_statistics(sequences: Sequence[PlayedSequence]) -> tuple[Tensor, Tenso
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedWindows:
+class PlayedWindows(Rows):
     """Windows of steps (`harmolab.systems.training.loop.Units`).
 
     Parameters
@@ -235,14 +236,6 @@ class PlayedWindows:
     target: Tensor
     mask: Tensor
     residual: Tensor
-
-    def __len__(self) -> int:
-        return len(self.sound)
-
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "PlayedWindows":
-        """The windows at `indices` that fall to process `rank` of `world`."""
-        rows = indices[rank::world].to(self.sound.device)
-        return PlayedWindows(self.sound[rows], self.target[rows], self.mask[rows], self.residual[rows])
 
     @classmethod
     def of(
@@ -322,10 +315,10 @@ def played_set(
         Where they are of several instruments or sets of points, all frames of one are rejected, or one lacks the sound
         or the notes that are to be heard; it names the performance.
     """
-    check_alike(performances)
     first = next((each for each in performances if each.name == split.train[0]), None)
     if first is None:
         raise ValueError(f"the split names {split.train[0]!r}, which is no performance here")
+    check_alike(performances)
     reference = cleaning.reference_configuration(cleaning.cleaned(at_rate(first, params.fps), cleaning_rules(first)))
     sequences = tuple(
         read_sequence(each, params, reference, is_test=each.name in split.test)
@@ -338,8 +331,6 @@ def played_set(
 
 def check_alike(performances: Sequence[Performance]) -> None:
     """ValueError unless performances are of one instrument and one set of points."""
-    if not performances:
-        raise ValueError("no performance to train on")
     first = performances[0]
     for other in performances[1:]:
         if other.instrument != first.instrument:
@@ -379,8 +370,9 @@ def read_sequence(
     motion = cleaning.placed(result, reference, alignment=params.alignment)
     frames, learnt = cleaning.training_frames(motion.valid, "mask" if is_test else params.gaps)
     points = motion.positions[frames].reshape(len(frames), -1)
-    sound = _input(performance, params, motion)[frames]
-    return PlayedSequence(performance.name, performance.piece, sound, points, learnt, result.accepted[frames])
+    with named_faults(performance.name):
+        sound = input_features(performance.audio, performance.notes, params, motion.n_frames, start=performance.offset)
+    return PlayedSequence(performance.name, performance.piece, sound[frames], points, learnt, result.accepted[frames])
 
 
 def cleaning_rules(performance: Performance) -> CleaningRules:
@@ -389,12 +381,14 @@ def cleaning_rules(performance: Performance) -> CleaningRules:
     return CleaningRules() if has_body else CleaningRules(swapped=None, jump=None, centre=None)
 
 
-def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
-    """Sound or notes, (T, F), beside the frames of a motion."""
+def input_features(
+    audio: Audio | None, notes: Notes | None, params: Audio2BodyParams, n_frames: int, *, start: float
+) -> SingleArray:
+    """The notes or the sound of a recording, as a network hears it: so many frames (T, F) from second `start` on."""
     if params.hears == "notes":
-        if performance.notes is None:
-            raise ValueError(f"{performance.name}: its notes are not known; hear the sound")
-        return note_features(performance.notes, params.fps, motion.n_frames, start=performance.offset)
-    if performance.audio is None:
-        raise ValueError(f"{performance.name}: {NO_SOUND}")
-    return sound_features(performance.audio, params, motion.n_frames, start=performance.offset)
+        if notes is None:
+            raise ValueError("its notes are not known; hear the sound")
+        return note_features(notes, params.fps, n_frames, start=start)
+    if audio is None:
+        raise ValueError(NO_SOUND)
+    return sound_features(audio, params, n_frames, start=start)

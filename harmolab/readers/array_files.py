@@ -85,8 +85,6 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     if not is_joints(array.shape) or not 2 <= len(array) <= keypoints.MAX_FRAMES:
         counts = ", ".join(map(str, SKELETONS))
         raise ValueError(f"joints must have shape (T, J, 3) or (T, 3J) with J of {counts}, got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(array))[0][0]}; interpolate or cut it")
     options.check_no_body()
     rate = options.rate(own_fps)
     joints, valid = keypoints.filled_joints(array.reshape(len(array), -1, 3))

@@ -131,6 +131,14 @@ def number_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Float
     return array
 
 
+def one_number(content: Mapping[str, Any], name: str) -> float:
+    """The one number of an array, by its name."""
+    values = np.asarray(content[name])
+    if values.size != 1 or values.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must be one number, got shape {values.shape}")
+    return float(values.item())
+
+
 def in_metres(values: NDArray[Any], scale: float) -> FloatArray:
     """`values` times `scale` (metres in one unit). What is out of all bounds becomes infinite, to be refused later."""
     if not (math.isfinite(scale) and scale > 0):

@@ -197,9 +197,8 @@ def load_beats(path: PathLike, *, duration: float | None = None) -> BeatTrack:
     --------
     >>> beats = load_beats("song.beats", duration=178.0)  # doctest: +SKIP
     """
-    annotation = load_annotation(path)
-    with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES):
-        return annotation.track(duration)
+    with named_faults(path):
+        return load_annotation(path).track(duration)
 
 
 def load_annotation(path: PathLike) -> BeatAnnotation:

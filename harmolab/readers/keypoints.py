@@ -520,8 +520,7 @@ def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     if empty.all():
         raise ValueError(f"nobody is seen in any of its {len(values)} frames")
     valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
-    visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
-    return filled_points(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
+    return bridged(values[..., :3].astype(np.float64), ~empty), valid & ~empty
 
 
 def filled_body(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> tuple[FloatArray, BoolArray]:
@@ -538,9 +537,12 @@ def filled_joints(joints: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     """`filled_body` of joints in space (T, J, 3): those that are 0 were lost.
 
     Not so a joint that is 0 most of the time, or near there before and after, as a path that begins at the origin.
+    ValueError names the first frame with NaN or infinity.
     """
+    if not np.isfinite(joints).all():
+        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(joints))[0][0]}; interpolate or cut it")
     lost = (joints == 0).all(axis=2)
-    if not (lost.any() and np.abs(joints).max() < 1e15):  # NaN, and what is out of all bounds, is refused later
+    if not (lost.any() and np.abs(joints).max() < 1e15):  # what is out of all bounds is refused later
         return joints, np.ones(len(joints), bool)
     is_empty = ~has_body(joints)[:, None]
     lost &= (lost.mean(axis=0) <= 0.5) | is_empty

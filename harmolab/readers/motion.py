@@ -63,7 +63,7 @@ from numpy.typing import NDArray
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
 from harmolab.files import WRITTEN_BY, MissingFrameRate, PathLike, atomic_write, named_faults, reading
 from harmolab.readers.array_files import frame_motion, load_json, load_npy, load_pickle
-from harmolab.readers.arrays import SAVING, check_joints, checked_motion, in_metres, npz_names, read_npz
+from harmolab.readers.arrays import SAVING, check_joints, checked_motion, in_metres, npz_names, one_number, read_npz
 from harmolab.readers.bvh import read_bvh, save_bvh
 from harmolab.readers.c3d import load_c3d
 from harmolab.readers.keypoints import (
@@ -202,11 +202,8 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
                     f"has no array {name!r} but {sorted(names)[:8]}; .npz needs positions and fps (or --fps), or "
                     "SMPL's poses and trans"
                 )
-        positions, own_rate = arrays["positions"], arrays["fps"]
+        positions, rate = arrays["positions"], options.rate(one_number(arrays, "fps"))
         units = str(arrays["units"]) if "units" in arrays else "m"
-        if own_rate.size != 1:
-            raise ValueError(f"fps must be one number, got shape {own_rate.shape}")
-        rate = options.rate(own_rate.item())
         if positions.ndim == 3 and positions.shape[2] == 3:
             if options.scale is None and units != "m":
                 raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
@@ -243,9 +240,7 @@ def _offset(arrays: dict[str, NDArray[Any]]) -> float | None:
     """The checked offset among the arrays of an `.npz`, None without one."""
     if "offset" not in arrays:
         return None
-    if arrays["offset"].size != 1:
-        raise ValueError(f"offset must be one number, got shape {arrays['offset'].shape}")
-    seconds = float(arrays["offset"].item())
+    seconds = one_number(arrays, "offset")
     if not abs(seconds) <= _MOST_SECONDS:
         raise ValueError(f"offset must be a number of seconds, ten hours at most, got {seconds:g}")
     return seconds

@@ -188,9 +188,6 @@ def metre_factor(positions: FloatArray, options: ReadingOptions) -> tuple[float,
     if options.scale is not None:
         return options.scale, f"{options.scale:g} m a unit (as passed)"
     extent = float(np.median(np.ptp(positions, axis=1).max(axis=1)))
-    if math.isnan(extent):
-        frame = np.argwhere(~np.isfinite(positions))[0][0]
-        raise ValueError(f"NaN or infinity at frame {frame}; interpolate or cut it")
     for limit, factor, unit in EXTENTS:
         if extent <= limit:
             reason = f"guessed: the body extends over {extent:.4g} units; --scale overrules it"

@@ -43,11 +43,11 @@ from scipy.ndimage import median_filter
 
 from harmolab import files
 from harmolab.body.skeletons import joint_indices, skeleton_part
-from harmolab.readers.keypoints import MEDIAPIPE_33, MOST_JOINTS_HIDDEN, filled_points
+from harmolab.readers.keypoints import MEDIAPIPE_33, MOST_JOINTS_HIDDEN
 from harmolab.readers.pose_child import HEADER, LANDMARKS, MARGIN, READY, painted_over
 from harmolab.readers.video import VideoFrames, frame_count, video_frames
 from harmolab.shape_speed import shape_speed
-from harmolab.types import BoolArray, FloatArray, Motion, SingleArray
+from harmolab.types import BoolArray, FloatArray, Motion, SingleArray, bridged
 
 # The process that finds bodies: pictures to it, landmarks back
 
@@ -442,8 +442,7 @@ def body_motion(landmarks: SingleArray, fps: float) -> PoseReading:
     if len(keep) < FEWEST_JOINTS:
         raise ValueError(f"{UNREAD}only {len(keep)} of {len(BODY)} joints of the body are seen; film all of it")
     skeleton = skeleton_part(MEDIAPIPE_33, joint_indices(MEDIAPIPE_33, keep))
-    columns = np.ones((1, len(keep)), bool)
-    places = filled_points(points[:, is_kept, :5], is_found[:, None] & columns, skeleton)
+    places = bridged(points[:, is_kept, :5].astype(np.float64), is_found)
     steady: FloatArray = median_filter(places, (MEDIAN, 1, 1), mode="nearest")
     valid = np.asarray(is_found & (is_seen[:, is_kept].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN))
     if not valid.any():

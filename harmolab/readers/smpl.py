@@ -50,7 +50,7 @@ from harmolab.body.rotations import Body, alignment, forward_kinematics
 from harmolab.body.skeletons import Skeleton, skeleton_part
 from harmolab.files import PathLike, reading
 from harmolab.readers.aist import AIST_FPS, is_aist_name
-from harmolab.readers.arrays import checked_motion, in_metres, read_npz
+from harmolab.readers.arrays import checked_motion, in_metres, one_number, read_npz
 from harmolab.readers.keypoints import check_frames
 from harmolab.readers.motion_file import Assumption, MotionFile, ReadingOptions, upright
 from harmolab.types import FloatArray, Motion
@@ -323,22 +323,15 @@ FACT_SEED = Assumption(
 )
 
 
-class VectorLayout(NamedTuple):
-    """One vector a frame: its kind, the numbers before the translation, and how many; rotations come behind."""
-
-    kind: str
-    first: str = ""
-    start: int = 0
-
-
-VECTORS = {  # numbers of a frame -> layout
-    135: VectorLayout(_LODGE),
-    139: VectorLayout(_LODGE, "four contacts, ", 4),
-    315: VectorLayout(_LODGE),
-    319: VectorLayout(_LODGE, "four contacts, ", 4),
-    219: VectorLayout("SMPL vectors"),
-    225: VectorLayout("SMPL vectors of FACT", "six zeros, ", 6),
-    322: VectorLayout("SMPL-X vectors of Motion-X"),
+# Length of the vector of a frame -> its kind, the numbers before the translation, and how many; rotations come behind.
+VECTORS = {
+    135: (_LODGE, "", 0),
+    139: (_LODGE, "four contacts, ", 4),
+    315: (_LODGE, "", 0),
+    319: (_LODGE, "four contacts, ", 4),
+    219: ("SMPL vectors", "", 0),
+    225: ("SMPL vectors of FACT", "six zeros, ", 6),
+    322: ("SMPL-X vectors of Motion-X", "", 0),
 }
 
 
@@ -449,21 +442,13 @@ def _betas(content: Mapping[str, Any], n_frames: int) -> FloatArray | None:
     return betas
 
 
-def _number(content: Mapping[str, Any], name: str) -> float:
-    """The one number of an array."""
-    values = np.asarray(content[name])
-    if values.size != 1 or values.dtype.kind not in "fiu":
-        raise ValueError(f"{name} must be one number, got shape {values.shape}")
-    return float(values.item())
-
-
 def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -> tuple[float, tuple[str, ...]]:
     """Frames per second, and a sentence on where they are from unless they were passed."""
     own, reason = None, ""
     if (name := next((name for name in _RATES if name in content), None)) is not None:
-        own, reason = _number(content, name), f"{name} of the file"
+        own, reason = one_number(content, name), f"{name} of the file"
     # A generator may name its dances as AIST++ does, and run at another rate; a scaling that is fitted is AIST++'s own.
-    elif is_aist_name(path) and "smpl_scaling" in content and _number(content, "smpl_scaling") not in (1, 100):
+    elif is_aist_name(path) and "smpl_scaling" in content and one_number(content, "smpl_scaling") not in (1, 100):
         own, reason = AIST_FPS, "AIST++"
     rate = options.rate(own, _EDGE_HINT if "full_pose" in content else "")
     is_own = own is not None and (options.fps is None or options.as_defaults)
@@ -478,7 +463,7 @@ def _metres(content: Mapping[str, Any], translation: NDArray[Any], options: Read
         return in_metres(translation, options.scale), f"translation of {options.scale:g} m a unit (as passed)"
     if "smpl_scaling" not in content:
         return in_metres(translation, 1.0), "translation in metres"
-    scaling = _number(content, "smpl_scaling")
+    scaling = one_number(content, "smpl_scaling")
     if not 1e-3 <= scaling <= 1e6:
         raise ValueError(f"smpl_scaling must lie between 0.001 and 1e6, got {scaling:g}")
     return in_metres(translation, 1 / scaling), f"translation divided by smpl_scaling, {scaling:.4g}"

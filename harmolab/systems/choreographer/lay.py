@@ -17,6 +17,7 @@ from harmolab.systems.choreographer import moves as mv
 from harmolab.systems.choreographer.moves import ChoreographerParams, Clouds, Course, Moves
 from harmolab.systems.training.feet import grounded
 from harmolab.systems.training.motion_code import bone_lengths, continued, fixed_bones
+from harmolab.systems.training.units import paced_beats
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion, SingleArray
 
 LONGEST_INTERVAL = 1.75  # in usual intervals; beats are put into longer ones
@@ -73,21 +74,17 @@ def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, per
         period = float(np.median(np.diff(times)))
     elif times.size == 0:
         times, places = np.array([start]), None
-    intervals = np.diff(times)
-    steps = np.where(intervals > LONGEST_INTERVAL * period, np.round(intervals / period), 1).astype(np.int64)
-    numbers = np.concatenate([[0], np.cumsum(steps)])
     early = max(0, int(np.ceil((times[0] - start) / period - SLACK)))
     late = max(0, int(np.ceil((end - times[-1]) / period - SLACK)))
-    every = np.arange(-early, numbers[-1] + late + 1)
-    filled = np.interp(every, numbers, times)
-    filled += period * (np.minimum(every, 0) + np.maximum(every - numbers[-1], 0))
+    filled, at = paced_beats(times, period, early, late, longest=LONGEST_INTERVAL)
     first = max(0, int(np.searchsorted(filled, start + SLACK, side="right")) - 1)
     last = max(int(np.searchsorted(filled, end - SLACK)), first + 1)
     inside = slice(first, last + 1)
     if places is None or meter < 1:
         return MusicBeats(filled[inside], np.zeros(0, np.int64), 0)
-    before = np.clip(np.searchsorted(numbers, every, side="right") - 1, 0, None)
-    counted = (places[before] + every - numbers[before]) % meter
+    numbers = np.arange(filled.size)
+    before = np.clip(np.searchsorted(at, numbers, side="right") - 1, 0, None)
+    counted = (places[before] + numbers - at[before]) % meter
     return MusicBeats(filled[inside], counted[inside], meter)
 
 

@@ -39,7 +39,7 @@ from harmolab.params import DANCES
 from harmolab.readers.arrays import checked_fps, read_npz
 from harmolab.readers.beats import load_annotation
 from harmolab.readers.motion_file import same_dance
-from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, write_about
+from harmolab.systems.training.about import DEFAULT_STEM, read_about, stored_skeleton, weights_stem, whole, write_about
 from harmolab.types import BeatTrack, Clip, FloatArray, IntArray, Motion, check_kind, usual_meter
 
 MILLIMETRE = 0.001  # metres: to this the places of joints are kept
@@ -97,20 +97,16 @@ def take_of(item: Item, number: int = 1) -> Take:
     """A recording, clip or motion as a `Take`; ValueError where it has no motion in three dimensions."""
     if isinstance(item, Take):
         return item
-    if isinstance(item, Recording | PlantedClip):
-        clip, annotation = item.clip, item.annotation
-        beats = clip.beats if annotation is None else annotation.track(clip.audio.duration)
-        return _take_of_clip(replace(clip, beats=beats), None if annotation is None else annotation.meter)
-    if isinstance(item, Clip):
-        return _take_of_clip(item)
-    check_kind(item, Motion, name := f"motion {number}")
-    return _take(name, item)
-
-
-def _take_of_clip(clip: Clip, meter: int | None = None) -> Take:
+    if not isinstance(item, Recording | PlantedClip | Clip):
+        check_kind(item, Motion, name := f"motion {number}")
+        return _take(name, item)
+    clip, annotation = (item, None) if isinstance(item, Clip) else (item.clip, item.annotation)
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to take beats from")
-    return _take(clip.name, clip.motion, clip.dance, clip.beats, clip.offset, meter)
+    track, meter = clip.beats, None
+    if annotation is not None:
+        track, meter = annotation.track(clip.audio.duration), annotation.meter
+    return _take(clip.name, clip.motion, clip.dance, track, clip.offset, meter)
 
 
 def _take(
@@ -421,10 +417,7 @@ def _checked(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> Arrays:
 
 def _count(entry: Any, name: str, least: int, most: int) -> int:
     """A whole number of an entry."""
-    value = entry.get(name) if isinstance(entry, dict) else None
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from {least} to {most} is needed")
-    return value
+    return whole(name, entry.get(name) if isinstance(entry, dict) else None, least, most)
 
 
 def _takes(arrays: Arrays, entries: list[dict[str, Any]], skeleton: Skeleton) -> tuple[Take, ...]:

@@ -23,12 +23,13 @@ from harmolab.body.skeletons import Skeleton, joint_part, subtree
 from harmolab.files import PathLike
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.training import layers
+from harmolab.systems.training.about import whole
 from harmolab.systems.training.loop import Tensors
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
 from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
-from harmolab.systems.training.weights import MOST_LAYERS, load_weights, whole
+from harmolab.systems.training.weights import MOST_LAYERS, load_weights
 from harmolab.types import FloatArray, Motion, SingleArray
 
 

@@ -8,8 +8,8 @@ network and without pretrained weights.
 """
 
 import zlib
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ from harmolab.systems.lee2019.networks import Code, DancingToMusic, from_root, p
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.layers import Statistics, channel_statistics, decode, drawn_by
-from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, Terms, make_fabric
+from harmolab.systems.training.loop import Batching, Phase, Player, Rows, Tensors, Terms, make_fabric
 from harmolab.systems.training.network_system import PresetSystem
 from harmolab.systems.training.runs import open_run, pose_bank
 from harmolab.systems.training.splits import Split
@@ -32,7 +32,7 @@ from harmolab.types import SingleArray
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class Pieces(Rows):
     """Training sequences on a device (`harmolab.systems.training.loop.Units`).
 
     Parameters
@@ -49,14 +49,10 @@ class Pieces:
     dance: Tensor
     draw: int = 0
 
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "Pieces":
-        """The sequences at `indices` that fall to process `rank` of `world`."""
-        rows = indices[rank::world].to(self.poses.device)
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Self:
+        """The sequences at `indices` that fall to process `rank` of `world`, with noise of their own."""
         draw = zlib.crc32(np.append(indices.cpu().numpy(), rank).astype("<i8").tobytes())
-        return Pieces(self.poses[rows], self.audio[rows], self.mask[rows], self.dance[rows], draw)
+        return replace(super().take(indices, rank, world), draw=draw)
 
     @property
     def generator(self) -> torch.Generator:

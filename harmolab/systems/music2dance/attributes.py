@@ -25,7 +25,7 @@ from harmolab.systems.training import layers
 from harmolab.systems.training.about import read_about, stored_list
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.features import check_settings
-from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
+from harmolab.systems.training.loop import Batching, Phase, Player, Rows, Shard, Terms, make_fabric
 from harmolab.systems.training.network_system import Learner, preset_settings
 from harmolab.systems.training.runs import open_run
 from harmolab.systems.training.units import recording_folders
@@ -190,19 +190,11 @@ def window_starts(cells: int, params: AttributeParams) -> IntArray:
 
 
 @dataclass(frozen=True, eq=False)
-class SongWindows:
+class SongWindows(Rows):
     """Windows of songs and their classes (`harmolab.systems.training.loop.Units`)."""
 
     music: Tensor
     label: Tensor
-
-    def __len__(self) -> int:
-        return len(self.music)
-
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> "SongWindows":
-        """The windows at `indices` that fall to process `rank` of `world`."""
-        rows = indices[rank::world].to(self.music.device)
-        return SongWindows(self.music[rows], self.label[rows])
 
     @classmethod
     def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> "SongWindows":

@@ -17,11 +17,11 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.training import layers
-from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.about import stored_skeleton, whole
 from harmolab.systems.training.motion_code import continued
 from harmolab.systems.training.pose_network import EMBEDDING, resample
 from harmolab.systems.training.song_to_dance import DanceInput, DancerNetwork
-from harmolab.systems.training.weights import MOST_LAYERS, stored_record, whole
+from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 from harmolab.types import FloatArray
 
 # ST-GCN (Yan et al. 2018): convolutions over joints and over time, whose maps say how alike two dances are. Ren et al.

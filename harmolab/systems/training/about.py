@@ -73,6 +73,13 @@ def write_about(stem: Path, about: Mapping[str, Any], numbers: Path, data: bytes
         write_synced(part, data)
 
 
+def whole(name: str, value: object, least: int = 1, most: int = MOST_UNITS) -> int:
+    """A size from a description, as an int; ValueError for what is none, or out of range."""
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from {least} to {most} is needed")
+    return value
+
+
 def stored_list(build: Mapping[str, Any], name: str) -> Sequence[Any]:
     """A list of a description; ValueError for what is none."""
     if not isinstance(build[name], list | tuple):

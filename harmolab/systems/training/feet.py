@@ -78,7 +78,7 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
     planted = positions - np.insert(np.concatenate([np.zeros((1, 2)), way]), 1, 0.0, axis=1)[:, None]
     shifts = np.stack([_held_back(*_slide(planted, fps, list(foot)), fps) for foot in feet], axis=1)
-    return _with_legs(planted, legs, np.insert(smooth(shifts, LEG_SMOOTHING, fps), 1, 0.0, axis=2))
+    return moved_feet(planted, legs, np.insert(smooth(shifts, LEG_SMOOTHING, fps), 1, 0.0, axis=2))
 
 
 def standing_dancer(positions: FloatArray, fps: float, skeleton: Skeleton, contacts: FloatArray) -> FloatArray:
@@ -107,7 +107,7 @@ def standing_dancer(positions: FloatArray, fps: float, skeleton: Skeleton, conta
     shifts = smooth(_steps(standing, fps, feet, load), LEG_SMOOTHING, fps)
     angle = heading(positions, fps, skeleton, parts=HIPS)
     ahead = AHEAD * np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    standing = _with_legs(standing, [find_leg(skeleton, foot) for foot in feet], shifts, ahead)
+    standing = moved_feet(standing, [find_leg(skeleton, foot) for foot in feet], shifts, ahead)
     return standing - min(standing[..., 1].min(), 0.0) * np.array([0.0, 1.0, 0.0])
 
 
@@ -140,14 +140,6 @@ def _foot_velocity(positions: FloatArray, fps: float, feet: Sequence[list[int]])
     weight = 1 / ((velocity**2).sum(axis=2, keepdims=True) + ROLLING**2)
     sums = [[(part[:, foot]).sum(axis=1) for foot in feet] for part in (weight * velocity, weight)]
     return np.stack(sums[0], axis=1) / np.stack(sums[1], axis=1)
-
-
-def _with_legs(
-    positions: FloatArray, legs: Sequence["Leg | None"], shifts: FloatArray, ahead: FloatArray | float = 0.0
-) -> FloatArray:
-    """`moved_feet` of those feet that have a whole leg; shifts (T, F, 3)."""
-    whole = [number for number, leg in enumerate(legs) if leg is not None]
-    return moved_feet(positions, [leg for leg in legs if leg is not None], shifts[:, whole], ahead)
 
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -211,13 +203,14 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
 
 
 def moved_feet(
-    positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray, ahead: FloatArray | float = 0.0
+    positions: FloatArray, feet: Sequence[Leg | None], shifts: FloatArray, ahead: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Positions (T, J, 3) with the foot of each of L legs moved by `shifts` (T, L, 3), as far as the leg reaches.
+    """Positions (T, J, 3) with the foot of each of F legs moved by `shifts` (T, F, 3), as far as the leg reaches.
 
     The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to; `ahead`
-    (T, 3), metres, draws it to another.
+    (T, 3), metres, draws it to another. A foot that has no whole leg, None, stays where it is.
     """
+    legs, shifts = [leg for leg in feet if leg is not None], shifts[:, [leg is not None for leg in feet]]
     if not legs:
         return positions
     joints = np.array([(leg.hip, leg.knee, leg.ankle) for leg in legs])

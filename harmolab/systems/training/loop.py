@@ -13,9 +13,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 import torch
@@ -43,6 +43,19 @@ class Units(Protocol):
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Any:
         """A batch of the units at every `world`-th of `indices`, from number `rank` on."""
+
+
+class Rows:
+    """Base of dataclasses of tensors with a row for each unit (`Units`); other fields are the same for all."""
+
+    def __len__(self) -> int:
+        return len(next(iter(vars(self).values())))
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Self:
+        """The units at `indices` that fall to process `rank` of `world`."""
+        tensors = {name: values for name, values in vars(self).items() if isinstance(values, Tensor)}
+        rows = indices[rank::world].to(next(iter(tensors.values())).device)
+        return replace(self, **{name: values[rows] for name, values in tensors.items()})  # type: ignore[type-var]
 
 
 class Tensors(Batch[Tensor]):

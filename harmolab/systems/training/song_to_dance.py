@@ -16,7 +16,7 @@ from torch import Tensor
 
 from harmolab.body.skeletons import Skeleton, ancestors
 from harmolab.files import Progress, silent
-from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.about import stored_skeleton, whole
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.feet import grounded
 from harmolab.systems.training.layers import PATH_CHANNELS, Normalised, Normaliser, fix_bones, local_joints
@@ -24,7 +24,6 @@ from harmolab.systems.training.motion_code import coded, decode_motion
 from harmolab.systems.training.requests import DanceRequest, check_initial
 from harmolab.systems.training.runs import PoseBank, retimed
 from harmolab.systems.training.units import MeterFrames, filled_beats, meter_frames
-from harmolab.systems.training.weights import whole
 from harmolab.types import Audio, FloatArray, Motion, SingleArray
 
 

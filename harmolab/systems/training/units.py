@@ -23,7 +23,7 @@ from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.training.features import FeatureParams, audio_features
 from harmolab.systems.training.groups import Outline, Segment, group_outlines, motion_in_space, outline, sequence_name
 from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
-from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, Motion, SingleArray
+from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, IntArray, Motion, SingleArray
 
 # Temporal index TI and initial poses V_f, from the meter before (paper Sec. 4.1, Eq. 23)
 
@@ -603,21 +603,23 @@ def filled_beats(track: BeatTrack, start: float, end: float, *, before: int) -> 
         times, strengths = np.array([start]), np.array([usual])
     early = before + max(0, int(np.ceil((times[0] - start) / period)))
     late = max(0, int(np.ceil((end - times[-1]) / period + EDGE)))
-    times = np.concatenate(
-        [times[0] - period * np.arange(early, 0, -1), times, times[-1] + period * np.arange(1, late + 1)]
-    )
-    strengths = np.concatenate([np.full(early, usual), strengths, np.full(late, usual)])
-    return _gapless(times, strengths, period, usual)
+    filled, at = paced_beats(times, period, early, late, longest=LONGEST_INTERVAL)
+    accents = np.full(filled.size, usual)
+    accents[at] = strengths
+    return filled, accents
 
 
-def _gapless(times: FloatArray, strengths: FloatArray, period: float, usual: float) -> tuple[FloatArray, FloatArray]:
-    """The same with evenly spaced beats in every interval that is much longer than usual."""
+def paced_beats(times: FloatArray, period: float, early: int, late: int, longest: float) -> tuple[FloatArray, IntArray]:
+    """Beats (B,) that go on by a period (seconds) for so many more before and after, without gaps: (B',) times.
+
+    In intervals of more than `longest` periods there are beats, evenly spaced. Also the number of each old beat, (B,).
+    """
     intervals = np.diff(times)
-    pieces = np.where(intervals > LONGEST_INTERVAL * period, np.round(intervals / period), 1).astype(np.int64)
-    at = np.concatenate([[0], np.cumsum(pieces)])  # where the old beats stand among the new
-    filled = np.full(at[-1] + 1, usual)
-    filled[at] = strengths
-    return np.interp(np.arange(at[-1] + 1), at, times), filled
+    steps = np.where(intervals > longest * period, np.round(intervals / period), 1).astype(np.int64)
+    at = early + np.concatenate([[0], np.cumsum(steps)])
+    numbers = np.arange(at[-1] + late + 1)
+    beyond = np.minimum(numbers - early, 0) + np.maximum(numbers - at[-1], 0)
+    return np.interp(numbers, at, times) + period * beyond, at
 
 
 def meter_frames(

@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
 from harmolab.files import PathLike, named_faults, reading
-from harmolab.systems.training.about import MOST_UNITS, json_file, read_about, weights_stem, write_about
+from harmolab.systems.training.about import json_file, read_about, weights_stem, whole, write_about
 
 _WHAT = "weights of harmolab"
 # A description beyond these is not one of ours; building it would only fill the memory.
@@ -156,13 +156,6 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
             return {name: file.get_tensor(name).clone() for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
-
-
-def whole(name: str, value: object) -> int:
-    """A size from a description, as an int."""
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= MOST_UNITS:
-        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from 1 to {MOST_UNITS} is needed")
-    return value
 
 
 R = TypeVar("R")
