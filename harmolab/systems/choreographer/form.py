@@ -13,7 +13,6 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import binary_opening, gaussian_filter1d
 
-from harmolab.data.recordings import true_runs
 from harmolab.systems.choreographer.lay import SLACK, MusicBeats
 from harmolab.types import Audio, BoolArray, FloatArray
 
@@ -150,7 +149,8 @@ def _lasting(flags: BoolArray, seconds: float) -> BoolArray:
 
 def _rows(flags: BoolArray) -> Rows:
     """Seconds from and to which flags, one every `HOP` seconds, are set in a row."""
-    return [(first * HOP, last * HOP) for first, last in true_runs(flags)]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))) * HOP
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _held(music: MusicBeats, silences: Rows) -> MusicBeats:
