@@ -13,6 +13,7 @@ import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from harmolab.cli.app_work import work
 from harmolab.cli.dancers import THREES
 from harmolab.cli.retiming import WORSE
 from harmolab.lab.app import LOCK, AppServer, Order, Teller, sweep, without_options
+from harmolab.readers.bvh import save_bvh
 from harmolab.readers.motion import save_motion
 from harmolab.readers.video import write_video
 from harmolab.types import Motion
@@ -455,6 +457,26 @@ def test_a_dance_that_has_no_music_at_both_ends_is_said_as_by_score(tmp_path: Pa
         "The music of song.wav ends 15.0 s before the dance does: only 20.0 s of the dance have music and are judged."
     )
     assert ends in lines, lines
+
+
+@pytest.mark.slow
+def test_what_was_guessed_of_a_file_of_movement_and_its_faults_are_said(tmp_path: Path):
+    clip = planted_dance(seconds=20.0, fps=30.0)
+    elbows, positions = (
+        [clip.motion.skeleton.joints.index(f"elbow {side}") for side in "LR"],
+        clip.motion.positions.copy(),
+    )
+    for some in (slice(100, 104), slice(300, 304)):
+        positions[some, elbows] = positions[some, elbows[::-1]]
+    save_bvh(tmp_path / "dance.bvh", replace(clip.motion, positions=positions))
+    text = (tmp_path / "dance.bvh").read_text()
+    (tmp_path / "dance.bvh").write_text(re.sub("Frame Time: .*", "Frame Time: 0.033", text))
+    said: list[dict[str, Any]] = []
+    song = write_song(tmp_path / "song.wav", clip)
+    work(Order("judge", song, tmp_path / "dance.bvh", "", 0.0, tmp_path), Teller(said.append))
+    lines = next(one["lines"] for one in said if "lines" in one)
+    assert "Frame rate guessed: it is rounded." in lines, lines
+    assert any(line.startswith("Joints jump, faster than 10 m/s in 4 frames") for line in lines), lines
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 
-from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, of_lab, recommended
+from harmolab.cli.common import OF_LAB, UNUSUAL, CommandWithParts, dance_title, faults_in, of_lab, recommended
 from harmolab.cli.dancing import dance as dance_command
 from harmolab.cli.dancing import sentence
 from harmolab.cli.retiming import WORSE, instead, is_worse
@@ -16,7 +16,7 @@ from harmolab.cli.screen import WATCHER
 from harmolab.cli.sources import music_remarks, tempo_remark
 from harmolab.clips import load_clip
 from harmolab.data.recordings import recorded_offset
-from harmolab.files import named_faults
+from harmolab.files import PathLike, named_faults
 from harmolab.lab.app import Order, Teller
 from harmolab.lab.explain.filmed import points_in_video
 from harmolab.lab.explain.page import dance_player, save_page
@@ -25,6 +25,7 @@ from harmolab.lab.labs.one_clip import scoring_lab
 from harmolab.lab.player_data import LONGEST, player_of
 from harmolab.lab.render.video import retime_files, write_dance
 from harmolab.params import HarmonyParams
+from harmolab.readers.motion_file import MotionFile
 from harmolab.readers.video import is_video
 from harmolab.retime.retime import Retimed
 from harmolab.types import BeatTrack
@@ -51,11 +52,17 @@ def _pair(order: Order) -> tuple[Path, Path]:
 def judge(order: Order, teller: Teller) -> None:
     """The verdict, and below it what shows why."""
     song, dance = _pair(order)
-    performance = load_performance(dance, progress=teller.progress)
+    remarks: list[str] = []
+
+    def report(path: PathLike, file: MotionFile) -> None:
+        remarks.extend((*(one.brief for one in file.assumptions), *faults_in(file.motion)))
+
+    performance = load_performance(dance, report=report, progress=teller.progress)
     teller.step("listening to the music")
     params = recommended(None, order.style, order.how)
     result = explain_performance(song, performance, offset=order.offset, dance=order.style, params=params)
     notes = [*map(sentence, performance.notes)] if performance.has_body else [BY_FLOW]
+    notes += map(sentence, remarks)
     if order.style and not order.how:
         judged = "Judged as a {}, as you said." if params.pattern else UNUSUAL
         notes.append(sentence(judged.format(order.style)))

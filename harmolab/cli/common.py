@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import webbrowser
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, Signature, cleandoc, signature
@@ -279,18 +279,17 @@ def frames_text(motion: harmolab.Motion) -> str:
 
 
 HIDDEN = (
-    "{}: {} of {} frames do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly "
+    "{} of {} frames do not count: most of the body is hidden, or they are filler. Keep the joints that are mostly "
     "seen (--joints, a part of {})"
 )
 JUMPS = (
-    "{}: joints jump, {}, as where left and right are swapped or another person is followed. This counts as movement, "
+    "joints jump, {}, as where left and right are swapped or another person is followed. This counts as movement, "
     "so a verdict may be wrong"
 )
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
     """A line on what was guessed or assumed when a motion file was read, with --verbose on all; others on faults."""
-    from harmolab.data.oddities import jumps_inside
     from harmolab.readers.motion_file import Assumption
 
     screen.detail(f"{Path(path).name}: {file.kind}, {frames_text(file.motion)}")
@@ -298,11 +297,19 @@ def note_assumptions(path: PathLike, file: MotionFile) -> None:
         screen.detail(f"{Path(path).name}: read: {sentence}")
     if assumptions := [note for note in file.notes if isinstance(note, Assumption)]:
         screen.note(f"{Path(path).name}: read as {'; '.join(assumptions)}")
-    valid, joints = file.motion.valid, ",".join(file.motion.skeleton.joints)
+    for fault in faults_in(file.motion):
+        screen.note(f"{Path(path).name}: {fault}")
+
+
+def faults_in(motion: harmolab.Motion) -> Iterator[str]:
+    """Words on frames that do not count, where they are many, and on joints that jump."""
+    from harmolab.data.oddities import jumps_inside
+
+    valid, joints = motion.valid, ",".join(motion.skeleton.joints)
     if 3 * (hidden := int((~valid).sum())) > len(valid):
-        screen.note(HIDDEN.format(Path(path).name, hidden, len(valid), joints))
-    for sentence in jumps_inside(file.motion):
-        screen.note(JUMPS.format(Path(path).name, sentence))
+        yield HIDDEN.format(hidden, len(valid), joints)
+    for jumps in jumps_inside(motion):
+        yield JUMPS.format(jumps)
 
 
 def names_in(text: str) -> tuple[str, ...]:
