@@ -614,7 +614,7 @@ def test_a_performance_is_as_long_as_its_sound(run: Path):
     whole = synthesize_performance(network, audio)
     assert (whole.n_frames, whole.fps, whole.skeleton) == (72, 24.0, HANDS_12)
     part = synthesize_performance(network, audio, start=1.0, seconds=1.0)
-    np.testing.assert_allclose(part.positions, whole.positions[24:48], atol=2.0)
+    np.testing.assert_array_equal(part.positions, whole.positions[24:48])
     refused("within the recording", synthesize_performance, network, audio, start=3.5)
     refused("two frames", synthesize_performance, network, audio, seconds=0.05)
     pianist = SoundToPoints(replace(network.params, hears="notes"), HANDS_12, "piano", 3, NOWHERE)
@@ -792,6 +792,8 @@ def test_a_performance_follows_its_strokes(violin: SimpleNamespace):
     points = predicted_points(violin.network, sequence.sound)
     motion = synthesize_performance(violin.network, performance.audio)
     np.testing.assert_allclose(motion.positions.reshape(len(points), -1), points, atol=1e-6)
+    part = synthesize_performance(violin.network, performance.audio, seconds=3.0)
+    np.testing.assert_array_equal(part.positions, motion.positions[: part.n_frames])
     strokes = predicted_strokes(violin.network, sequence.sound)
     turned = predicted_points(violin.network, sequence.sound, strokes=strokes._replace(signs=-strokes.signs))
     assert np.abs(turned - points).max() > 20

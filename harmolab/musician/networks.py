@@ -173,7 +173,7 @@ def synthesize_performance(
     ----------
     network : trained
     audio : the whole recording
-    start : float, seconds of audio time of frame 0; the network hears the recording from its beginning
+    start : float, seconds of audio time of frame 0; the network hears the whole recording
     seconds : float; to the end when left out or longer
     notes : of the recording, needed by a network that hears notes
 
@@ -186,8 +186,7 @@ def synthesize_performance(
     length = audio.duration - start if seconds is None else min(seconds, audio.duration - start)
     if not (np.isfinite(start) and start >= 0 and length > 0):
         raise ValueError(f"start and seconds must lie within the recording of {audio.duration:.2f} s")
-    count = int(length * params.fps + 1e-6)
-    if count < 2:
+    if (count := int(length * params.fps + 1e-6)) < 2:
         raise ValueError(f"{length:.2f} s of sound are less than two frames of {1 / params.fps:.3f} s")
     if params.hears == "notes" and notes is None:
         raise ValueError("this network hears notes, not sound; pass them")
@@ -197,14 +196,17 @@ def synthesize_performance(
 def points_from(
     network: SoundToPoints, audio: Audio | None, notes: Notes | None, *, start: float, count: int
 ) -> Motion:
-    """So many frames (count, P, 2) from second `start` on, to what is heard from the recording's beginning up to them.
+    """So many frames (count, P, 2) from second `start` on, to what is heard in the whole recording.
 
     A violinist whose sound began in the middle would bow the other way: the direction is counted from the beginning.
+    What follows the part is heard, too: movement comes `params.delay` after its sound, and strokes are held against
+    later ones.
     """
-    fps = network.params.fps
+    fps, length = network.params.fps, 0.0 if audio is None else audio.duration
     before = max(0, ceil(start * fps - 1e-6))
-    sound = input_features(audio, notes, network.params, before + count, start=start - before / fps)
-    return Motion(predicted_points(network, sound)[before:].reshape(count, -1, 2), fps, network.skeleton)
+    whole = before + max(count, int((length - start) * fps + 1e-6))
+    sound = input_features(audio, notes, network.params, whole, start=start - before / fps)
+    return Motion(predicted_points(network, sound)[before:][:count].reshape(count, -1, 2), fps, network.skeleton)
 
 
 def predicted_points(network: SoundToPoints, sound: SingleArray, *, strokes: Strokes | None = None) -> FloatArray:
