@@ -82,6 +82,11 @@ def test_score_json_is_the_dictionary_of_score_clip_of_each_mode_or_of_the_one_a
         assert printed[mode] == json.loads(json.dumps(score_clip(clip, params).to_dict()))
 
 
+def test_the_picture_of_a_score_tells_the_time_of_the_song(clip_folder: Path, tmp_path: Path):
+    run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--offset", 1.3, "--plot", tmp_path / "p.svg")
+    assert "<!-- 1.3 -->" in (tmp_path / "p.svg").read_text("utf-8")
+
+
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a rumba of 24 s with annotated beats."""

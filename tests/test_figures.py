@@ -132,6 +132,8 @@ def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     judgement, title = scores["recommended"].judgement, figure.axes[2].get_title(loc="left")
     assert judgement.verdict in title and f", p in time = {judgement.p_time:.3f})" in title
     assert [ax.get_xlabel() for ax in figure.axes] == ["", "time in the music (s)"] * 2
+    for drawn, named in ((figure, "16"), (beats.score_figure(scores, begin=12.4), "28.4")):
+        assert drawn.axes[1].xaxis.get_major_formatter()(16.0) == named
     (legend,) = figure.legends
     labels = [text.get_text() for text in legend.get_texts()]
     assert len(labels) == len(set(labels)) and {"hit", "missed"} <= set(labels)

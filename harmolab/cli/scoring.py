@@ -321,7 +321,8 @@ def score(
     if plot:
         from harmolab.lab.figures.style import write_figure
 
-        write_figure(lab.score_figure(scores, title=printable(clip.name), longest=LONGEST_PLOT), plot)
+        title, begin = printable(clip.name), max(clip.offset, 0.0)
+        write_figure(lab.score_figure(scores, title=title, longest=LONGEST_PLOT, begin=begin), plot)
         if music.duration > LONGEST_PLOT:
             note(f"{plot} shows the first {LONGEST_PLOT / 60:.0f} minutes")
     if as_json:

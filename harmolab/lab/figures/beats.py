@@ -246,7 +246,9 @@ def beat_strip(track: BeatTrack, *, longest: float = np.inf) -> Figure:
     return figure
 
 
-def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest: float = np.inf) -> Figure:
+def score_figure(
+    scores: Mapping[str, HarmonyScore], *, title: str = "", longest: float = np.inf, begin: float = 0.0
+) -> Figure:
     """The picture of a score, or of several scores of one dance: every music beat, and whether it was met.
 
     A score by hits shows hits and misses with their tolerance fields, the recommended score the rank of each beat's
@@ -261,6 +263,8 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
         Words above the first row.
     longest : float, seconds
         Time that is drawn at most.
+    begin : float, seconds
+        Moment of the music at which the scores begin: where the dance does.
 
     Returns
     -------
@@ -278,13 +282,13 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest
     if not isinstance(scores, Mapping) or {type(score) for score in scores.values()} != {HarmonyScore}:
         raise ValueError(f'scores by their modes are needed, such as {{"recommended": score}}, got {scores!r:.80}')
     duration = min(max(score.music.duration for score in scores.values()), longest)
-    rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
-    across = min(duration, ROW_SECONDS)
+    rows, across = max(int(np.ceil(duration / ROW_SECONDS)), 1), min(duration, ROW_SECONDS)
     with styled_axes((9.0, (1.25 * rows + 1.0) * len(scores) + 0.3), rows * len(scores)) as (figure, axes):
         for mode, (name, score) in enumerate(scores.items()):
             panels = axes[mode * rows : (mode + 1) * rows]
             for row, ax in enumerate(panels):
                 draw_score(ax, score).set(xlim=(row * across, (row + 1) * across), xlabel="")
+                ax.xaxis.set_major_formatter(lambda time, _: f"{round(begin + time, 2):g}")
                 if is_ranked(score):
                     ax.set_ylabel("fit (rank)")
             panels[0].set_title(f"{name}: {fill(claim(score), 95)}\n{headline(score)}", fontsize=10)
