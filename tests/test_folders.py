@@ -92,6 +92,17 @@ def test_recordings_that_are_links_are_found_and_none_twice(tmp_path: Path):
     assert [*find_recordings(root).folders] == folders == [Path(row.path) for row in check(root)]
 
 
+def test_recordings_that_lie_too_deep_are_found_by_a_link_that_leads_there(tmp_path: Path):
+    day = tmp_path / "by" / "year" / "month" / "day"
+    own(day / "clip_1")
+    assert not find_recordings(tmp_path).folders
+    for name in ("today", "twice"):
+        (tmp_path / name).symlink_to(day)
+    (day / "loop").symlink_to(day)
+    folders = [tmp_path / "today" / "clip_1"]
+    assert [*find_recordings(tmp_path).folders] == folders == [Path(row.path) for row in check(tmp_path)]
+
+
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()

@@ -102,11 +102,15 @@ def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
     refused(fault, load_motion, tmp_path / "gap.npz")
 
 
-def test_joints_of_no_skeleton_of_ours_name_the_frame_of_nan_and_no_unit(tmp_path: Path) -> None:
-    joints = np.random.default_rng(0).normal(size=(20, 23, 3))
-    joints[7, 4] = np.nan
+@cases("count, value, scale", (23, np.nan, None), (23, np.nan, 0.01), (23, np.inf, None), (22, np.nan, None))
+def test_nan_in_joints_without_names_is_named_by_frame_and_joint_and_no_unit(
+    tmp_path: Path, count: int, value: float, scale: float | None
+) -> None:
+    joints = np.random.default_rng(0).normal(size=(20, count, 3))
+    joints[7, 4] = value
     np.save(tmp_path / "dance.npy", joints)
-    refused(r"dance\.npy: NaN or infinity at frame 7; interpolate", load_motion, tmp_path / "dance.npy", fps=30)
+    fault = r"dance\.npy: NaN or infinity at frame 7, joint 4 \(joint_4\), 3 values in all; interpolate"
+    refused(fault, load_motion, tmp_path / "dance.npy", fps=30, scale=scale)
 
 
 @cases(

@@ -119,9 +119,9 @@ def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
 
 def _loose(root: Path, recordings: set[Path]) -> list[Path]:
     """Files that can be read below `root`, outside of the folders of recordings, and folders of frames."""
-    loose: list[Path] = []
+    loose, places = list[Path](), {recording.resolve() for recording in recordings}
     for folder, _, files in walk(root):
-        if folder in recordings:
+        if folder.resolve() in places:
             continue
         if any(file.endswith(FRAME_ENDS) for file in files):
             loose.append(folder)

@@ -352,9 +352,7 @@ def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list
     `closed` is called with the error of each folder that cannot be read.
     """
     folders = []
-    for folder, below, files in walk(root, closed):
-        if len(folder.relative_to(root).parts) >= _MAX_DEPTH:
-            below.clear()
+    for folder, _, files in walk(root, closed, _MAX_DEPTH):
         has_motion = any(Path(file).suffix.lower() in _OTHER_MOTIONS for file in files)
         has_sound = any(f"audio{end}" in files for end in SOUNDS)
         if not set(_PARTS).isdisjoint(files) or (has_motion and has_sound):
@@ -362,18 +360,26 @@ def _folders_with_parts(root: Path, closed: Callable[[OSError], object]) -> list
     return sorted(folders, key=natural)
 
 
-def walk(root: Path, closed: Callable[[OSError], object] | None = None) -> Iterator[tuple[Path, list[str], list[str]]]:
-    """`os.walk` through links as well, those last: no hidden folder, none twice, and none that holds `root`."""
-    starts, entered = [root], {*root.resolve().parents}
+def walk(
+    root: Path, closed: Callable[[OSError], object] | None = None, depth: float = np.inf
+) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """`os.walk` through links as well, those last: no hidden folder, none twice, and none that holds `root`.
+
+    Below a folder that lies `depth` folders deep none is entered, unless a link that is less deep leads there.
+    """
+    starts, entered, cut = [root], {*root.resolve().parents}, set[Path]()
     for start in starts:
         for name, below, files in os.walk(start, onerror=closed):
-            if (place := Path(name).resolve()) in entered:
+            folder, place = Path(name), Path(name).resolve()
+            is_done = place in entered and place not in cut
+            below[:] = [] if is_done else sorted(child for child in below if not child.startswith("."))
+            if place not in entered:
+                entered.add(place)
+                yield folder, below, files
+            if below and len(folder.relative_to(root).parts) >= depth:
+                cut.add(place)
                 below.clear()
-                continue
-            entered.add(place)
-            below[:] = sorted(child for child in below if not child.startswith("."))
-            yield Path(name), below, files
-            starts += filter(Path.is_symlink, (Path(name, child) for child in below))
+            starts += filter(Path.is_symlink, (folder / child for child in below))
 
 
 def natural(path: Path) -> list[tuple[int, str]]:

@@ -181,16 +181,20 @@ def checked_motion(
         raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got shape {array.shape}")
     check_joints(array.shape[1])
     skeleton = Skeleton.unnamed(array.shape[1]) if skeleton is None else skeleton
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
+    check_finite(array, skeleton)
+    motion = Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames
+    full = has_body(motion.positions)
+    return motion if full.all() else replace(motion, valid=motion.valid & full)
+
+
+def check_finite(positions: NDArray[Any], skeleton: Skeleton) -> None:
+    """ValueError for NaN or infinity in positions (T, J, D), by the first frame and joint and the number of values."""
+    if len(bad := np.argwhere(~np.isfinite(positions))):
         frame, joint = bad[0][:2]
         name = skeleton.joints[joint] if joint < len(skeleton.joints) else "?"
         raise ValueError(
             f"NaN or infinity at frame {frame}, joint {joint} ({name}), {len(bad)} values in all; interpolate or cut it"
         )
-    motion = Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames
-    full = has_body(motion.positions)
-    return motion if full.all() else replace(motion, valid=motion.valid & full)
 
 
 def has_body(positions: FloatArray) -> BoolArray:

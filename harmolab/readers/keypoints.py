@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from harmolab import files
 from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
-from harmolab.readers.arrays import SAVING, check_joints, checked_motion, has_body, number_array
+from harmolab.readers.arrays import SAVING, check_finite, check_joints, checked_motion, has_body, number_array
 from harmolab.types import BoolArray, FloatArray, Motion, bridged
 
 # JSON: layouts of many people, and MediaPipe's landmarks of one body
@@ -537,16 +537,15 @@ def filled_joints(joints: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     """`filled_body` of joints in space (T, J, 3): those that are 0 were lost.
 
     Not so a joint that is 0 most of the time, or near there before and after, as a path that begins at the origin.
-    ValueError names the first frame with NaN or infinity.
+    ValueError names the first frame and joint with NaN or infinity.
     """
-    if not np.isfinite(joints).all():
-        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(joints))[0][0]}; interpolate or cut it")
+    check_finite(joints, skeleton := Skeleton.unnamed(joints.shape[1]))
     lost = (joints == 0).all(axis=2)
     if not (lost.any() and np.abs(joints).max() < 1e15):  # what is out of all bounds is refused later
         return joints, np.ones(len(joints), bool)
     is_empty = ~has_body(joints)[:, None]
     lost &= (lost.mean(axis=0) <= 0.5) | is_empty
-    places, valid = filled_body(joints, ~lost, Skeleton.unnamed(joints.shape[1]))
+    places, valid = filled_body(joints, ~lost, skeleton)
     is_near = np.linalg.norm(places, axis=2) < np.median(np.ptp(places, axis=1).max(axis=1)) / 8
     return np.where((is_near & ~is_empty)[..., None], joints, places), valid
 
